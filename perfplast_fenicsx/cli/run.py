@@ -33,6 +33,7 @@ from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.discrete.drucker import drucker_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
+from perfplast_fenicsx.materials.nonassociated_flow import flow_words
 from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.problem.halved import halved
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
@@ -112,6 +113,8 @@ def run(
         whole = str(Path(output).parent) if prepared else output
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
             said = [*case.remarks]
+            if not case.loading.of_body:  # what bounds say of it stands beside them
+                said += flow_words(case.materials)
             if method == LimitMethod.INTERIOR_POINT:
                 said += case.loading.remarks(problem)
             else:

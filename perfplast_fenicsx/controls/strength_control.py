@@ -6,7 +6,8 @@ from typing import ClassVar
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.controls.interim import of_other_loads
-from perfplast_fenicsx.limit_analysis.body.safety_factor import check_stands, factor_of_safety
+from perfplast_fenicsx.limit_analysis.body.safety_factor import factor_of_safety
+from perfplast_fenicsx.limit_analysis.body.strength_reduction import check_stands
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 

@@ -11,7 +11,12 @@ from perfplast_fenicsx.materials.elastic import (
     require_positive,
 )
 from perfplast_fenicsx.materials.mohr_coulomb import MohrCoulombLaw, TrescaLaw
-from perfplast_fenicsx.materials.nonassociated_flow import check_dilatancy
+from perfplast_fenicsx.materials.nonassociated_flow import (
+    Stand,
+    associated,
+    check_dilatancy,
+    reduced,
+)
 
 
 @dataclass(frozen=True)
@@ -71,9 +76,12 @@ class MohrCoulomb:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
         cohesion: Stress, zero of clean sand.
-        friction_angle: Degrees, between 0 and 90; dilatancy is the same.
+        friction_angle: Degrees, between 0 and 90.
         expansion: Strain of a change of temperature by one degree (1/temperature).
-        dilatancy_angle: Degrees; none but that of friction, which it is where it is left out.
+        dilatancy_angle: Degrees, between 0 and that of friction, which it is where it is left out.
+        nonassociated: What is made of ground that dilates by less: ``"radenkovic"`` for bounds of
+            all that it may carry, ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` for associated
+            ground that stands for it, an estimate (:mod:`nonassociated_flow`).
 
     Raises:
         InputError: If a number is out of its range.
@@ -87,6 +95,7 @@ class MohrCoulomb:
     friction_angle: float
     expansion: float = 0.0
     dilatancy_angle: float | None = None
+    nonassociated: Stand | None = None
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
@@ -96,7 +105,7 @@ class MohrCoulomb:
                 f"friction_angle = {self.friction_angle} is not between 0 and 90 degrees; give the"
                 " angle of friction, or law = 'tresca' for ground without friction."
             )
-        check_dilatancy(self.dilatancy_angle, self.friction_angle, self.cohesion)
+        check_dilatancy(self)
 
     @property
     def bulk(self) -> float:
@@ -109,23 +118,18 @@ class MohrCoulomb:
         return Elastic(self.young, self.poisson).shear
 
     def reduced(self, factor: float) -> "MohrCoulomb":
-        """The same ground with c/F and tan φ/F.
+        """The same ground with c/F and tan φ/F, and ψ by what is made of it.
 
         Args:
             factor: F > 0.
         """
-        angle = math.degrees(math.atan(math.tan(math.radians(self.friction_angle)) / factor))
-        return replace(
-            self,
-            cohesion=self.cohesion / factor,
-            friction_angle=angle,
-            dilatancy_angle=None,
-        )
+        return reduced(self, factor)
 
     def parameters(self) -> dict[str, float]:
         """κ, μ, s and b of :class:`MohrCoulombLaw`."""
-        phi = math.radians(self.friction_angle)
-        strength = 2 * self.cohesion * math.cos(phi)
+        ground = associated(self)
+        phi = math.radians(ground.friction_angle)
+        strength = 2 * ground.cohesion * math.cos(phi)
         return {
             "bulk": self.bulk,
             "shear": self.shear,

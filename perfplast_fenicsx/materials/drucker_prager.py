@@ -16,7 +16,7 @@ tr ε ≥ √2 η‖dev ε‖, and dissipate (c/η) tr ε, whatever their deviat
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import ufl
@@ -26,7 +26,12 @@ from perfplast_fenicsx.materials.elastic import Elastic, require_not_negative
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
-from perfplast_fenicsx.materials.nonassociated_flow import check_dilatancy
+from perfplast_fenicsx.materials.nonassociated_flow import (
+    Stand,
+    associated,
+    check_dilatancy,
+    reduced,
+)
 from perfplast_fenicsx.materials.yield_set import Cone, axial_cone
 from perfplast_fenicsx.rounding import TINY
 
@@ -188,10 +193,13 @@ class DruckerPrager:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
         cohesion: Of Mohr and Coulomb (stress), zero of clean sand.
-        friction_angle: Of Mohr and Coulomb (degrees), between 0 and 90; dilatancy is the same.
+        friction_angle: Of Mohr and Coulomb (degrees), between 0 and 90.
         match: In which states of stress the cone has the strength of Mohr and Coulomb.
         expansion: Strain of a change of temperature by one degree (1/temperature).
-        dilatancy_angle: Degrees; none but that of friction, which it is where it is left out.
+        dilatancy_angle: Degrees, between 0 and that of friction, which it is where it is left out.
+        nonassociated: What is made of ground that dilates by less: ``"radenkovic"`` for bounds of
+            all that it may carry, ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` for associated
+            ground that stands for it, an estimate (:mod:`nonassociated_flow`).
 
     Raises:
         InputError: If a number is out of its range.
@@ -206,6 +214,7 @@ class DruckerPrager:
     match: Match
     expansion: float = 0.0
     dilatancy_angle: float | None = None
+    nonassociated: Stand | None = None
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
@@ -217,7 +226,7 @@ class DruckerPrager:
                 " yield_stress = √3 times its cohesion."
             )
         check_choice("match", self.match, ("plane-strain", "compression", "extension"))
-        check_dilatancy(self.dilatancy_angle, self.friction_angle, self.cohesion)
+        check_dilatancy(self)
 
     @property
     def bulk(self) -> float:
@@ -246,20 +255,14 @@ class DruckerPrager:
         return 6 * math.sin(phi) / size, 6 * self.cohesion * math.cos(phi) / size
 
     def reduced(self, factor: float) -> "DruckerPrager":
-        """The same ground with c/F and tan φ/F.
+        """The same ground with c/F and tan φ/F, and ψ by what is made of it.
 
         Args:
             factor: F > 0.
         """
-        angle = math.degrees(math.atan(math.tan(math.radians(self.friction_angle)) / factor))
-        return replace(
-            self,
-            cohesion=self.cohesion / factor,
-            friction_angle=angle,
-            dilatancy_angle=None,
-        )
+        return reduced(self, factor)
 
     def parameters(self) -> dict[str, float]:
         """κ, μ, η and c of :class:`DruckerPragerLaw`."""
-        slope, strength = self.cone
+        slope, strength = associated(self).cone
         return {"bulk": self.bulk, "shear": self.shear, "slope": slope, "strength": strength}

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.proof.body import Body
-from perfplast_fenicsx.proof.halves import differences, pair_of_drucker
+from perfplast_fenicsx.proof.halves import differences, pair_of_drucker, pair_of_radenkovic
 from perfplast_fenicsx.proof.lower import measure_stress
 from perfplast_fenicsx.proof.overlap import overlapping
 from perfplast_fenicsx.proof.plain_arrays import (
@@ -201,6 +201,12 @@ def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
     words = f"{words} {high - low:.3g} apart."
     if not faults and pair_of_drucker(lower.body, upper.body):
         words = f"{words} {DRUCKER}"
+    if not faults and not same and pair_of_radenkovic(lower.body, upper.body):
+        words = (
+            f"{words} Radenkovic's pair: cones that open by less from below, by the angle of"
+            " dilatancy, and by that of friction from above; ground of both lies between, whatever"
+            " it collapses at."
+        )
     return faults, words
 
 

@@ -1,49 +1,88 @@
 """Shapes of the cones of cells, and their strengths: cones are compared that differ in size."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.rings import normals_of
 
 
-def are_weaker(lower: Floats, upper: Floats) -> Flags:
+class Strengths(NamedTuple):
+    """Of the cone of each cell; shapes (num_cells,).
+
+    Attributes:
+        family: A number of MᵀM and the direction of q, for a matrix M of size 1, or of all cones of
+            principal stresses.
+        slope: |q|, or the sine.
+        bound: Of cones whose M has size 1.
+        axial: Whether M q = 0, or the cone is one of principal stresses: less of a slope and no
+            higher apex make it smaller.
+    """
+
+    family: Longs
+    slope: Floats
+    bound: Floats
+    axial: Flags
+
+    def of(self, cells: Longs) -> "Strengths":
+        """Of some cells."""
+        return Strengths(
+            self.family[cells], self.slope[cells], self.bound[cells], self.axial[cells]
+        )
+
+
+def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
     """Whether sets of cells are not known to hold those of others.
 
+    With slopes α < α' on one axis the set of α is in that of α' if its apex is no higher,
+    c/α ≤ c'/α': both are so at the apex, and below it the other one opens by more.
+
     Args:
-        lower: Shape and strength of cones (:func:`strengths_of`), shape (n, 2).
-        upper: The same of those that ought to hold them.
+        lower: Of cells, n of them.
+        upper: Of those that ought to hold them, as many.
     """
     rounding = 1e-12  # of a bound over the size of its matrix
-    holds = (lower[:, 0] == upper[:, 0]) & (lower[:, 1] <= upper[:, 1] * (1 + rounding))
+    digits = 1e-11  # that slopes of cones of size 1 are compared with
+    same = np.abs(lower.slope - upper.slope) <= digits
+    more = lower.bound <= upper.bound * (1 + rounding)
+    flatter = lower.axial & (0 < lower.slope) & (lower.slope < upper.slope)
+    with np.errstate(invalid="ignore"):  # ∞·0 of elastic cells, which is none of these
+        no_higher = lower.bound * upper.slope <= upper.bound * lower.slope * (1 + rounding)
+    holds = (lower.family == upper.family) & ((same & more) | (~same & flatter & no_higher))
     return np.asarray(~holds)
 
 
-def strengths_of(*bodies: Body) -> list[Floats]:
-    """Number of the shape of each cell's cone, and its strength; shape (num_cells, 2) each.
+def strengths_of(*bodies: Body) -> list[Strengths]:
+    """Strengths of the cells of each body.
 
-    A shape is MᵀM and q, for a matrix M of size 1, or s of principal stresses. Elastic cells are as
-    bodies of infinite strength that keep their volume.
+    Elastic cells are as bodies of infinite strength that keep their volume.
     """
     m, n = bodies[0].components, normals_of(bodies[0])
     plain = np.eye(m)
     plain[:n, :n] -= 1 / n
-    no_sine = -1.0  # in the place of s where no principal stresses are bounded
-    none: Floats = np.array([[*np.zeros(m), no_sine]])
-    shapes, bounds = [np.append(_shape(plain[None]), none, axis=1)], []
+    none: Floats = np.zeros((1, m + 1))
+    shapes, cones = [np.append(_shape(plain[None]), none, axis=1)], []
     for body in bodies:
         principal = body.cones.is_principal
         sizes = np.where(principal, 1.0, np.linalg.norm(body.cone_matrix, axis=(1, 2)))
         slopes = body.cone_slope / sizes[:, None]
-        sines = np.where(principal, body.cone_sine, no_sine)
+        steep = np.linalg.norm(slopes, axis=1)
+        along = np.divide(slopes, steep[:, None], out=0 * slopes, where=steep[:, None] > 0)
         matrices = np.where(principal[:, None, None], np.eye(m), body.cone_matrix)
-        shapes.append(np.column_stack([_shape(matrices), slopes, sines]))
-        bounds.append(np.append(body.cone_bound / sizes, np.inf)[body.cone])
+        lost = np.linalg.norm(np.einsum("cij,cj->ci", matrices, along), axis=1)
+        axial = principal | (lost <= 1e-11 * sizes)
+        along[principal] = 0.0
+        shapes.append(np.column_stack([_shape(matrices), along, principal]))
+        steep = np.where(principal, body.cone_sine, steep)
+        cones.append((steep, body.cone_bound / sizes, axial))
     numbers = _alike_rows(np.concatenate(shapes))
-    ends = np.cumsum([1, *(len(body.cone_bound) for body in bodies)])
-    found = []
-    for body, bound, first in zip(bodies, bounds, ends, strict=False):
-        mine = np.append(numbers[first : first + len(body.cone_bound)], numbers[0])
-        found.append(np.column_stack([mine[body.cone], bound]).astype(np.float64))
+    found, first = [], 1
+    for body, (steep, bound, axial) in zip(bodies, cones, strict=True):
+        family = np.append(numbers[first : first + len(bound)], numbers[0])
+        first += len(bound)
+        every = family, np.append(steep, 0.0), np.append(bound, np.inf), np.append(axial, False)
+        found.append(Strengths(*every).of(body.cone))
     return found
 
 

@@ -126,13 +126,16 @@ def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
     pulling = [pair for pair in kinds if any(of.body_force.any() for of in pair)]
     wet = any(of.pore_pressure.any() for pair in kinds for of in pair)
     rows = np.concatenate(
-        [np.hstack([one, *(pair[k].body_force for pair in kinds)]) for k, one in enumerate(strong)]
+        [
+            np.column_stack([*one, *(pair[k].body_force for pair in kinds)])
+            for k, one in enumerate(strong)
+        ]
     )
     if not wet and (rows == rows[0]).all():
         return np.zeros((0, lower.dim)), np.zeros((0, lower.dim))
 
     def weaker(a: Longs, b: Longs) -> Flags:
-        return are_weaker(strong[0][a], strong[1][b])
+        return are_weaker(strong[0].of(a), strong[1].of(b))
 
     def loaded(a: Longs, b: Longs) -> Flags:
         found = np.zeros(len(a), dtype=bool)
@@ -219,6 +222,14 @@ def _same_contacts(lower: Body, upper: Body) -> bool:
         if not (one[:, -2:] <= other[:, -2:]).all():
             return False
     return True
+
+
+def pair_of_radenkovic(lower: Body, upper: Body) -> bool:
+    """Whether any cone opens by less in the lower half than one like it in the upper half."""
+    less, more = strengths_of(lower, upper)
+    steepest = np.zeros(max(int(it.family.max(initial=0)) for it in (less, more)) + 1)
+    np.maximum.at(steepest, more.family, more.slope)
+    return bool((less.slope < (1 - SAME) * steepest[less.family]).any())
 
 
 def pair_of_drucker(lower: Body, upper: Body) -> bool:

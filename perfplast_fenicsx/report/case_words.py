@@ -11,7 +11,9 @@ Row = tuple[str, str]
 LAWS = {
     "von-mises": "elastic, perfectly plastic (von Mises)",
     "von-mises-hardening": "elastic, plastic with linear hardening (von Mises)",
-    "drucker-prager": "elastic, perfectly plastic (Drucker–Prager, associated)",
+    "drucker-prager": "elastic, perfectly plastic (Drucker–Prager)",
+    "mohr-coulomb": "elastic, perfectly plastic (Mohr–Coulomb)",
+    "tresca": "elastic, perfectly plastic (Tresca)",
     "hill": "elastic, perfectly plastic (Hill 1948)",
     "elastic": "elastic, never plastic",
 }
@@ -22,6 +24,8 @@ NUMBERS = {
     "yield_stress": ("yield stress", "stress"),
     "cohesion": ("cohesion", "stress"),
     "friction_angle": ("angle of friction in degrees", ""),
+    "dilatancy_angle": ("angle of dilatancy in degrees", ""),
+    "nonassociated": ("of ground that dilates by less", ""),
     "match": ("as strong as Mohr–Coulomb in", ""),
     "isotropic": ("isotropic hardening", "stress"),
     "kinematic": ("kinematic hardening", "stress"),

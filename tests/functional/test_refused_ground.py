@@ -1,6 +1,6 @@
 """Ground that cannot be, or not as it is asked for: one sentence each, and status 2."""
 
-import re
+import json
 from pathlib import Path
 
 from mpi4py import MPI
@@ -9,7 +9,6 @@ import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
-from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials import MohrCoulomb
 from tests.functional.test_command_line import one_line
 from tests.models import write_case
@@ -65,7 +64,7 @@ NUMBERS = [
     ("dilatancy_angle", 30.0, "= 30 is not between 0 and friction_angle = 25; leave it out"),
     ("dilatancy_angle", -5.0, "= -5 is not between 0 and friction_angle = 25; leave it out"),
     ("dilatancy_angle", float("nan"), "dilatancy_angle = nan is not between 0 and"),
-    ("dilatancy_angle", 5.0, "= 5 is less than friction_angle = 25, but flow is associated"),
+    ("dilatancy_angle", 5.0, "= 5 is less than friction_angle = 25, and no limit theorem"),
     ("dilatancy", 5.0, "did you mean 'dilatancy_angle'?"),
 ]
 
@@ -73,6 +72,14 @@ REFUSED = {
     "a cone without match": (
         changed(ground('law = "drucker-prager"\n')),
         "'match' is missing; give 'plane-strain', 'compression' or 'extension'",
+    ),
+    "levels of ground of which bounds are known": (
+        changed(ground(PYRAMID + 'nonassociated = "radenkovic"\n', dilatancy_angle=5.0)),
+        "the ground of 'lower' has nonassociated = 'radenkovic', which bounds its limit loads",
+    ),
+    "nothing dilates less": (
+        changed(ground(CONE + 'nonassociated = "davis-a"\n')),
+        "nonassociated = 'davis-a' is of ground that dilates by less",
     ),
     "friction of a law without": (changed(ground('law = "tresca"\n')), "no key 'friction_angle'"),
     "strength of elastic bodies": (changed(ELASTIC, GROWS, STAYS), "all bodies are elastic"),
@@ -114,13 +121,18 @@ def test_dilatancy_of_friction(
     assert same.reduced(1.2) == MohrCoulomb(3e4, 0.3, 10.0, 25.0).reduced(1.2)
 
 
-def test_davis() -> None:
-    """The numbers of the refusal are those of the A of his reductions (c 10, φ 35, ψ 5, F 1.2)."""
-    with pytest.raises(InputError) as refusal:
-        MohrCoulomb(3e4, 0.3, 10.0, 35.0, dilatancy_angle=5.0)
-    found = re.search(r"cohesion = ([\d.]+) and friction_angle = ([\d.]+)\.$", str(refusal.value))
-    assert found is not None
-    cohesion, angle = map(float, found.groups())
-    reduced = MohrCoulomb(3e4, 0.3, cohesion, angle).reduced(1.2)
-    assert reduced.cohesion == pytest.approx(7.158129, rel=1e-5)
-    assert reduced.friction_angle == pytest.approx(26.620835, rel=1e-5)
+def test_a_run_says_what_its_numbers_are_of(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Beside bounds, and where levels are solved."""
+    soil = ground(PYRAMID + 'nonassociated = "davis-c"\n', dilatancy_angle=5.0)
+    case = write_case(comm, shared_tmp_path / "case.toml", changed(soil))
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "levels")]) == SOLVED
+    told = "by Davis' C associated ground with cohesion 9.3739"
+    if comm.rank == 0:
+        assert told in capsys.readouterr().out
+    bounds = changed(soil, ("values = [1.0]", 'control = "bounds"'))
+    case = write_case(comm, shared_tmp_path / "case.toml", bounds)
+    assert main(["run", str(case), "-o", str(shared_tmp_path / "bounds")]) == SOLVED
+    verdict = json.loads((shared_tmp_path / "bounds" / "summary.json").read_text())["limit"]
+    assert told in verdict["verdict"]

@@ -37,6 +37,7 @@ from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
 from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
+from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import Initial, InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
@@ -130,6 +131,8 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         if stages := loading.in_turn():
             check_stages(stages, loads, initial, [*held, *rigid, *obstacles, *touching])
     with at(place):
+        if not loading.of_body:
+            check_flows(materials)
         elastic = all_elastic(materials.values())
         given = Given(loads, [*held, *rigid], obstacles, touching, strained, initial, elastic)
         loading.check(given)

@@ -85,7 +85,8 @@ def proofs(low: BodyBounds, high: BodyBounds) -> tuple[StressProof | None, Veloc
     stress = velocity = None
     if low.lower.strict and low.lower.value is not None and low.stress is not None:
         aside = 0.0 if low.static is None else low.static.aside
-        stress = StressProof(low.problem, low.lower.value, low.stress, low.question, aside)
+        of = low.weaker or low.problem
+        stress = StressProof(of, low.lower.value, low.stress, low.question, aside)
     if high.upper.strict and high.upper.value is not None and high.problem.degree == 2:
         flow = high.flow
         velocity = VelocityProof(flow.problem, high.upper.value, flow.velocity, high.question)

@@ -6,7 +6,11 @@ from dataclasses import dataclass, field
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.body.bound_words import least_words, proven_words
+from perfplast_fenicsx.limit_analysis.body.bound_words import (
+    least_words,
+    proven_words,
+    sentence,
+)
 from perfplast_fenicsx.limit_analysis.body.ring_results import VelocityOf
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
@@ -76,6 +80,8 @@ class BodyBounds:
         steps: Of the interior point method, for both bounds.
         factorisations: For both bounds.
         advice: What to change for better bounds, in clauses.
+        weaker: The bodies of the lower bound, where they are not those of ``problem``.
+        ground: What they say of ground that dilates by less than its friction, in clauses.
         question: Of which loads the factor is bounded: of the growing ones, or, where the constant
             ones were found to be too much on the mesh, of these (:class:`question.Question`).
     """
@@ -94,6 +100,8 @@ class BodyBounds:
     advice: tuple[str, ...] = ()
     question: Question = Question.LIMIT
     by_flux: VelocityOf | None = None
+    weaker: Problem | None = None
+    ground: tuple[str, ...] = ()
     least: LeastLoad | None = None
 
     @property
@@ -131,9 +139,10 @@ class BodyBounds:
             early.append(f" The upper one is not the best of its mesh: {self.mesh.reason}.")
         if self.static is not None and self.static.verdict is not Verdict.FOUND and lower:
             early.append(f" The lower one is not the best of its mesh: {self.static.reason}.")
-        early += [f" {words[0].upper()}{words[1:]}." for words in self.advice]
+        early += [f" {sentence(words)}." for words in self.advice]
         if self.friction is not None and (lower or upper):
             early.append(f" {self.friction}.")
+        early += [f" {sentence(words)}." for words in self.ground]
         proven = proven_words(self.lower, self.upper, self.question, self.why_not)
         if self.least_in_words:
             early.insert(0, f" {self.least_in_words}")

@@ -9,6 +9,11 @@ from perfplast_fenicsx.limit_analysis.statements.standing import Standing
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
+def sentence(words: str) -> str:
+    """A clause with a capital, without its full stop."""
+    return words[0].upper() + words[1:]
+
+
 def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequence[str]) -> str:
     """What is proven.
 
@@ -25,7 +30,7 @@ def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequen
         stands = Standing(*known)
         return f"{body} {stands.verdict}: {stands.in_words()}; this is strict{reasons}."
     if UNLIMITED in lower.why_not and UNLIMITED in upper.why_not:
-        return f"{UNLIMITED[0].upper()}{UNLIMITED[1:]}."
+        return f"{sentence(UNLIMITED)}."
     if upper.strict and upper.value is not None and upper.value < 0:
         body = f"Without load the constant loads are not carried. {body}"
     if lower.strict and upper.strict:
@@ -57,7 +62,7 @@ def least_words(carried: float | None, none_below: float | None, lower: float | 
     if not told:
         return "Nothing is proven of the least load factor that is carried."
     words = f"{' and '.join(told)}; this is strict."
-    words = words[0].upper() + words[1:]
+    words = sentence(words)
     if none_below is not None and none_below > 0:
         return f"{words} Without load the constant loads are not carried."
     if carried is None or (carried > 0 and (lower is None or lower > 0)):

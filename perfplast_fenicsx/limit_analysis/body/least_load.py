@@ -12,6 +12,7 @@ from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, LeastLoad
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import admitted, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.stress.static_bound import strict_lower_bound
@@ -70,7 +71,8 @@ def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = No
         return False
     if body.upper.strict and body.upper.value is not None and body.upper.value < 0:
         return True
-    found = strict_lower_bound(admitted(_turned(problem), roughly), roughly, steps).bound
+    below, _ = weaker_and_stronger(admitted(_turned(problem), roughly))
+    found = strict_lower_bound(below, roughly, steps).bound
     return found.value is None or found.value < 0
 
 

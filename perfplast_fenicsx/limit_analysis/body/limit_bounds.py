@@ -11,6 +11,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.parts_of_cells import of_parents, on_parts
+from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.body.ring_results import of_displacements
 from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
@@ -50,7 +51,8 @@ from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
 )
 from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import let_rest
 from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
-from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
+from perfplast_fenicsx.materials.nonassociated_flow import flow_words
+from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.judged.certificate import contact_forces
@@ -82,11 +84,13 @@ def limit_bounds(
             computed).
     """
     problem = admitted(problem, rtol)
+    below, above = weaker_and_stronger(problem)
     with ExitStack() as made:
-        form = form_that_fits(problem)
+        form = form_that_fits(below)
         if form is not None:
             made.callback(form.destroy)
-        return _bounds(problem, form, rtol, monitor)
+        bounds = _bounds(below, above, form, rtol, monitor)
+    return replace(bounds, ground=tuple(flow_words(problem.given.materials)))
 
 
 def admitted(problem: Problem, rtol: float) -> Problem:
@@ -106,23 +110,28 @@ def admitted(problem: Problem, rtol: float) -> Problem:
         )
     for load in problem.given.loads:
         check_bounded(load)
-    check_bodies_have_limits(problem)
+    below, above = weaker_and_stronger(problem)
+    check_bodies_have_limits(above)
     check_tolerance(rtol)
     if problem.tagged_mesh.axisymmetric:
-        problem = without_pores(problem, body_cones(problem).dilates)
+        problem = without_pores(problem, body_cones(above).dilates)
     check_loads(problem)
-    check_cohesion(problem)
+    check_cohesion(below)
     return with_room_for_stress(problem)
 
 
 def _bounds(
-    problem: Problem,
+    below: Problem,
+    above: Problem,
     form: StaticForm | None,
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
 ) -> BodyBounds:
-    """Both bounds of a problem whose stresses have a form. Collective."""
-    given, split = problem, None
+    """A lower bound of one problem, whose stresses have a form, and an upper one of the other.
+
+    Both are on one mesh, and mostly the same. Collective.
+    """
+    problem, given, split = above, above, None
     tagged_mesh = problem.tagged_mesh
     straight = problem.degree == 2 and not has_curved_cells(tagged_mesh.mesh)
     if problem.bodies.gdim == 3 and straight:
@@ -140,8 +149,8 @@ def _bounds(
         limit = replace(limit, contact_forces=contact_forces(problem, limit.stress, limit.lower))
     bounds, rates = _of_mesh(problem, limit)
     log.info("lower bound: a stress on the same cells")
-    static = strict_lower_bound(given, rtol, monitor, bounds.question, form)
-    static = with_standing_stress(given, static, rtol, monitor, bounds.question, form)
+    static = strict_lower_bound(below, rtol, monitor, bounds.question, form)
+    static = with_standing_stress(below, static, rtol, monitor, bounds.question, form)
     lower, certificates = static.bound, {}
     if static.certificate is not None:
         certificates = vars(static.certificate)
@@ -169,10 +178,16 @@ def _bounds(
         static=static,
         stress=stress,
         shares=shares,
+        weaker=None if below is above else _split(below, split),
         certificates={**bounds.certificates, **certificates},
         steps=bounds.steps + len(static.steps),
         factorisations=bounds.factorisations + static.factorisations,
     )
+
+
+def _split(problem: Problem, split: AlfeldSplit | None) -> Problem:
+    """The problem on cells that are split, if they are. Collective."""
+    return problem if split is None else problem.on(split)
 
 
 def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:

@@ -9,20 +9,22 @@ over ln F.
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.bound_words import sentence
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
+from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
+from perfplast_fenicsx.limit_analysis.body.strength_reduction import check_stands, weakened
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.materials.elastic import all_elastic
-from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.materials.nonassociated_flow import flow_words
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -49,6 +51,7 @@ class FactorOfSafety:
         curve: Factors with the strict bounds of how many times the loads are carried; None of one
             that is missing.
         searches: Bounds that were computed, of meshes before the last one too.
+        ground: What they say of ground that dilates by less than its friction, in clauses.
     """
 
     lower: float | None
@@ -58,6 +61,7 @@ class FactorOfSafety:
     last: BodyBounds
     curve: tuple[tuple[float, float | None, float | None], ...]
     searches: int
+    ground: tuple[str, ...] = ()
 
     def table(self) -> dict[str, Any]:
         """What ``summary.json`` says of it."""
@@ -74,7 +78,8 @@ class FactorOfSafety:
             sides.append(f"falls at F = {rounded_up(self.upper)} at the latest")
         if not sides:
             return "Nothing is proven of the factor of safety."
-        return f"The body {', and '.join(sides)}, if all strengths are divided by F."
+        told = "".join(f" {sentence(words)}." for words in self.ground)
+        return f"The body {', and '.join(sides)}, if all strengths are divided by F.{told}"
 
 
 def factor_of_safety(
@@ -115,6 +120,7 @@ def factor_of_safety(
         last=list(above.found.values())[-1],
         curve=tuple(sorted((factor, *sides) for factor, sides in rows.items())),
         searches=above.searches + (0 if below is above else below.searches),
+        ground=tuple(flow_words(problem.given.materials)),
     )
 
 
@@ -143,48 +149,6 @@ def _better_of(
         [it for it in pair if it is not None] for pair in zip(one, other, strict=True)
     )
     return max(lowers, default=None), min(uppers, default=None)
-
-
-def weakened(problem: Problem, factor: float) -> Problem:
-    """The same problem with strengths divided by a factor. Collective.
-
-    Raises:
-        InputError: If a body has no reduced strength.
-    """
-    given = problem.given
-    materials = {}
-    for name, material in given.materials.items():
-        reduced = getattr(material, "reduced", None)
-        if reduced is None:
-            raise InputError(
-                f"the material of '{name}' ({type(material).__name__}) has no reduced strength; a"
-                " factor of safety is of materials that have one, such as those of case files."
-            )
-        materials[name] = reduced(factor)
-    return variant(problem, materials=materials)
-
-
-def check_stands(loads: Sequence[Load], elastic: bool) -> None:
-    """Refuse loads that grow, and bodies of which none can yield.
-
-    Args:
-        loads: Of the bodies.
-        elastic: Whether none of them can yield.
-
-    Raises:
-        InputError: Naming the first one that grows.
-    """
-    if elastic:
-        raise InputError(
-            "all bodies are elastic, and have no strength that could fall; give those that may"
-            " yield another law."
-        )
-    for load in loads:
-        if not load.constant:
-            raise InputError(
-                f"the load on '{load.on}' grows, and a factor of safety is that of loads that stay;"
-                " make it constant, or seek its limit load."
-            )
 
 
 def _curves(
@@ -228,7 +192,7 @@ class _Curve:
         known: dict[float, float] = {}
         factor = 1.0
         for _ in range(MOST_SEARCHES):
-            other = weakened(self.problem, factor)
+            _, other = weaker_and_stronger(weakened(self.problem, factor))
             found = interior_point(other, 10 * self.tolerance, self.steps).standing
             times = None if found is None else found.lower
             if times is None or not times > 0:

@@ -2,6 +2,7 @@
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import carries_any_load
+from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.loads import PorePressure
 from perfplast_fenicsx.problem.judged.slip import check_slip_is_true
 from perfplast_fenicsx.problem.problem import Problem
@@ -34,11 +35,12 @@ def check_friction_has_limits(problem: Problem) -> None:
 
 
 def check_bodies_have_limits(problem: Problem) -> None:
-    """Refuse bodies that carry any load.
+    """Refuse bodies that carry any load, or of whose limit loads bounds alone are known.
 
     Raises:
-        InputError: If one of them hardens.
+        InputError: If one of them hardens, or is ground that stands for a pair.
     """
+    check_flows(problem.given.materials)
     for name, material in problem.given.materials.items():
         if carries_any_load(material):
             raise InputError(

@@ -1,0 +1,185 @@
+"""Ground that dilates by less than its friction: Radenkovic's pair, and Davis' estimates."""
+
+import math
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from meshes.platens import write_platens
+from meshes.strip_footing import write_strip_footing
+from perfplast_fenicsx import (
+    DruckerPrager,
+    InputError,
+    MohrCoulomb,
+    Newton,
+    Pressure,
+    Problem,
+    Support,
+    Tie,
+    factor_of_safety,
+    limit_bounds,
+    stacked_blocks,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis import BodyBounds
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
+from perfplast_fenicsx.materials.nonassociated_flow import associated, weaker
+from perfplast_fenicsx.proof.checker import check
+from tests.conftest import Read
+
+COMM = MPI.COMM_WORLD
+C, PHI, PSI = 10.0, 35.0, 10.0
+
+
+def ground(stand: str | None, psi: float = PSI) -> MohrCoulomb:
+    """With an angle of dilatancy."""
+    return MohrCoulomb(1e4, 0.3, C, PHI, dilatancy_angle=psi, nonassociated=stand)
+
+
+def strength(of: MohrCoulomb) -> float:
+    """Uniaxial compression of associated ground, 2c tan(45° + φ/2)."""
+    return 2 * of.cohesion * math.tan(math.radians(45 + of.friction_angle / 2))
+
+
+def column(of: MohrCoulomb, pressure: Pressure) -> Problem:
+    """A free block of it, of two that are glued."""
+    return Problem(
+        stacked_blocks(COMM, 1),
+        {"lower": of, "upper": of},
+        [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
+        [pressure],
+        ties=[Tie("lower_top", "upper_bottom")],
+        degree=2,
+    )
+
+
+def proven(bounds: BodyBounds, path: Path) -> None:
+    """By the checker, from the file, which says what pair it is. Collective."""
+    folder = ResultFolder(COMM, COMM.bcast(path))
+    write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
+    if COMM.rank == 0:
+        checked = check(folder.file("bounds.h5"))
+        assert not any(half.faults for half in checked.values())
+        assert any(
+            "Radenkovic's pair" in words for half in checked.values() for words in half.words
+        )
+    COMM.barrier()
+
+
+def test_a_block_by_radenkovic(tmp_path: Path) -> None:
+    of = ground("radenkovic")
+    bounds = limit_bounds(column(of, Pressure("top", 1.0)))
+    assert bounds.strict
+    low, high = strength(weaker(of)), strength(associated(of))
+    assert bounds.lower.value == pytest.approx(low, rel=2e-4)
+    assert bounds.upper.value == pytest.approx(high, rel=2e-4)
+    assert bounds.lower.value <= low < high <= bounds.upper.value
+    assert "Radenkovic's pair" in bounds.in_words()
+    proven(bounds, tmp_path)
+
+
+def test_a_footing_by_radenkovic(read: Read, tmp_path: Path) -> None:
+    """N_c = 14.8347 c of φ = 20° above, 8.344926 c tan ψ/tan φ of ψ = 10° below."""
+    soil = DruckerPrager(
+        1e3, 0.3, 1.0, 20.0, "plane-strain", dilatancy_angle=10.0, nonassociated="radenkovic"
+    )
+    footing = Problem(
+        read(write_strip_footing, size=1.0),
+        {"ground": soil},
+        [Support("bottom"), Support("x0", "x"), Support("side", "x")],
+        [Pressure("footing", 1.0)],
+        degree=2,
+    )
+    bounds = limit_bounds(footing)
+    assert bounds.strict
+    low = 8.344926 * math.tan(math.radians(10)) / math.tan(math.radians(20))
+    assert 0.6 * low < bounds.lower.value < low
+    assert 14.834712 < bounds.upper.value < 1.2 * 14.834712
+    proven(bounds, tmp_path)
+
+
+@pytest.mark.parametrize("stand", ["radenkovic", "davis-b"])
+def test_factors_of_safety(stand: str, read: Read) -> None:
+    """A free block whose strength F falls to a pressure that stays."""
+    of, stays = ground(stand), 20.0
+    block = Problem(
+        read(write_platens, size=1.0, grading=1.0),
+        {"block": of},
+        [Support("x0", "x"), Support("y0", "y")],
+        [Pressure("top", stays, constant=True)],
+        degree=2,
+    )
+    found = factor_of_safety(block, 1e-4)
+    least = weaker if stand == "radenkovic" else associated
+    sides = (found.lower, least, -1), (found.upper, associated, 1)
+    for value, stands, sign in sides:
+        assert value is not None
+        assert strength(stands(of.reduced(value))) == pytest.approx(stays, rel=1e-3)
+        assert sign * (stays - strength(stands(of.reduced(value)))) >= -1e-9 * stays
+    name = "Radenkovic's pair" if stand == "radenkovic" else f"Davis' {stand[-1].upper()}"
+    assert name in found.in_words()
+
+
+def test_what_davis_reduces() -> None:
+    """A by β of the ground as it is, B and C by that of the reduced one."""
+    factor, tan = 1.4, lambda angle: math.tan(math.radians(angle))
+
+    def beta(phi: float, psi: float) -> float:
+        phi, psi = math.radians(phi), math.radians(psi)
+        return math.cos(phi) * math.cos(psi) / (1 - math.sin(phi) * math.sin(psi))
+
+    phi = math.degrees(math.atan(tan(PHI) / factor))
+    psi = math.degrees(math.atan(tan(PSI) / factor))
+    for stand, by in (
+        ("davis-a", beta(PHI, PSI)),
+        ("davis-b", beta(phi, psi)),
+        ("davis-c", beta(phi, PSI)),
+    ):
+        found = associated(ground(stand).reduced(factor))
+        assert found.cohesion == pytest.approx(by * C / factor)
+        assert tan(found.friction_angle) == pytest.approx(by * tan(PHI) / factor)
+    first, second = (associated(ground(f"davis-{it}", 0.0).reduced(1.2)) for it in "bc")
+    assert first.cohesion == pytest.approx(second.cohesion)
+    assert associated(ground("davis-a", PHI)).cohesion == pytest.approx(C)
+    published = associated(ground("davis-a", 5.0).reduced(1.2))
+    assert published.cohesion == pytest.approx(7.158129, rel=1e-6)
+    assert published.friction_angle == pytest.approx(26.620835, rel=1e-6)
+
+
+def test_why_the_weaker_ground_is_one() -> None:
+    """σ:ε ≥ c cot φ tr ε for σ that yields by φ and ε of the potential of ψ, at 10⁴ points."""
+    rng, n = np.random.default_rng(7), 10_000
+    sine, apex = math.sin(math.radians(PHI)), C / math.tan(math.radians(PHI))
+    dilation = math.sin(math.radians(PSI))
+    below = rng.uniform(0, 5 * C, n)  # −σ₁ from the apex
+    first = -below
+    third = first * (1 + sine) / (1 - sine)
+    middle = third + (first - third) * rng.uniform(0, 1, n)
+    at_edge = rng.choice(3, n)
+    middle = np.choose(at_edge, [middle, first, third])
+    stress = np.column_stack([first, middle, third]) + apex
+    shares = rng.uniform(0, 1, (2, n)) * [at_edge == 1, at_edge == 2]
+    rate = np.column_stack([1 + dilation + 0 * first, 0 * first, dilation - 1 + 0 * first])
+    for share, flow in zip(
+        shares, ([0, 1 + dilation, dilation - 1], [1 + dilation, dilation - 1, 0]), strict=True
+    ):
+        rate += share[:, None] * np.array(flow)
+    power, least = (stress * rate).sum(axis=1), apex * rate.sum(axis=1)
+    assert (power >= least - 1e-12 * np.abs(power)).all()
+
+
+def test_nothing_else_is_known_of_it() -> None:
+    problem = column(ground("radenkovic"), Pressure("top", 1.0))
+    for asks in (Newton, interior_point):
+        with pytest.raises(InputError, match="the ground of 'lower' has nonassociated ="):
+            asks(problem)
+    with pytest.raises(InputError, match="dilatancy_angle = 0 has no lower bound by Radenkovic"):
+        ground("radenkovic", 0.0)
+    with pytest.raises(InputError, match="give dilatancy_angle, or leave it out"):
+        MohrCoulomb(1e4, 0.3, C, PHI, nonassociated="davis-a")
+    with pytest.raises(InputError, match="nonassociated = 'davis' is unknown"):
+        ground("davis")
