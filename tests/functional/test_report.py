@@ -161,8 +161,12 @@ def test_in_a_browser(results: Path, browser: Any) -> None:
     page.part("all").click()
     page.changed(hidden)
     page.choose("field", "stress")
+    page.part("reset").click()
+    shown = page.changed(page.pixels() * 0)
     ActionChains(browser).move_to_element(page.part("canvas")).click().perform()
     page.wait(f"/^(base|punch): von Mises stress [0-9.]+ MPa$/.test({told})")
+    named = np.abs(page.pixels() - shown).max(axis=2)
+    assert 0 < (named > 20).mean() < 0.2  # its edges, and no colours of the legend
 
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",

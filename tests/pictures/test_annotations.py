@@ -1,5 +1,7 @@
 """Arrows of loads, and rigid obstacles around the bodies."""
 
+from dataclasses import replace
+
 from mpi4py import MPI
 
 import numpy as np
@@ -45,6 +47,17 @@ def test_arrows_end_on_their_surface_or_pull_at_it(plane: bool) -> None:
         touching = arrows.starts + arrows.vectors * pushes
         assert np.allclose(touching[:, axis], end)
         assert len(np.unique(np.round(touching, 9), axis=0)) == len(touching)
+
+
+def test_a_strip_of_a_large_body_has_three_arrows() -> None:
+    """Of an eighth of its size, so long as they are not on each other."""
+    surface = skin(square(MPI.COMM_SELF), Scene("", [Traction("side", (-1.0, 0.0))]))
+    narrow = surface.points.copy()
+    narrow[:, 1] *= 0.12
+    narrow[np.argmin(surface.points[:, 0] + surface.points[:, 1]), 1] = -1.0
+    strip = replace(surface, points=narrow)
+    arrows = load_arrows(strip, narrow, [Traction("side", (-1.0, 0.0))])
+    assert len(arrows.starts) == 3
 
 
 def test_no_arrows_of_a_load_that_is_zero() -> None:

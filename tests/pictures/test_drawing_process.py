@@ -81,6 +81,22 @@ def test_draw(comm: MPI.Intracomm, shared_tmp_path: Path, where: str, limit: boo
 
 
 @needs_xvfb
+@pytest.mark.serial
+def test_loads_that_bodies_hide_are_seen(tmp_path: Path) -> None:
+    """Along an end that is not seen from the front: arrows darken the bodies before them."""
+    image = pytest.importorskip("matplotlib.image")
+    folder = results(MPI.COMM_SELF, tmp_path / "results", "space")
+    tagged_mesh, pictures = build(MPI.COMM_SELF, "two_blocks", n=1), []
+    for loads in ([], [Traction("left", (0.0, 1.0, 0.0))]):
+        write_scene(Scene("hidden", loads), tagged_mesh, folder.file("scene.json"))
+        assert draw(folder)
+        pictures.append(image.imread(folder.file("fields.png"))[..., :3].min(axis=2))
+    bare, loaded = pictures
+    darker = (bare < 0.99) & (loaded < bare - 0.05)
+    assert darker.sum() > 200
+
+
+@needs_xvfb
 def test_half_a_section_is_drawn_with_its_axis(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     drawn = []
     for turned in (False, True):

@@ -33,7 +33,10 @@ def triangles(names: list[str], ratios: list[float]) -> Surface:
 
 
 def labels_of(names: list[str]) -> list[str]:
-    """The words below the stress, once it is made sure that no words of a picture overlap."""
+    """The words below the stress, once it is made sure that no words of a picture overlap.
+
+    The axes of the space are named as well.
+    """
     surface = triangles(names, [0.5] * len(names))
     shown = figure_panels.panels([surface], Units("mm", "MPa"))
     blank = np.zeros((8, 10, 3), dtype=np.uint8)
@@ -47,7 +50,21 @@ def labels_of(names: list[str]) -> list[str]:
         assert all(a.x1 < b.x0 for a, b in pairwise(boxes))
         assert 0 <= boxes[0].x0
         assert boxes[-1].x1 <= figure.bbox.x1
+    assert {"x", "y", "z"} <= {text.get_text() for axes in figure.axes for text in axes.texts}
     return [text.get_text() for text in words[:-2]]
+
+
+def test_names_of_letters_that_the_font_lacks() -> None:
+    assert labels_of(["梁_1", "a$b$"]) == ["?_1", "a$b$"]
+
+
+def test_pressures_of_a_limit_load_are_said_to_be_arbitrary() -> None:
+    for unique in (True, False):
+        shown = figure_panels.panels([triangles(["a"], [0.5])], Units(), unique=unique)
+        labels = [label for panel in shown for *_, label in panel.bars]
+        said = [label for label in labels if "arbitrary where nothing flows" in label]
+        assert bool(said) != unique
+        assert all("pressure" in label for label in said)
 
 
 @pytest.mark.parametrize(

@@ -181,6 +181,7 @@ def test_a_curve_that_goes_far_is_shown_near_its_start() -> None:
     assert curve is not None
     x = [float(a) for a in re.findall(r'cx="([\d.]+)"', to_svg(curve))]
     assert x[1] - x[0] > 0.1 * (x[-1] - x[0])
+    assert curve.x_label.endswith(", logarithmic axis")
     assert far_ticks(1.0, 1000.0) == pytest.approx([0, 1, 10, 100, 1000])
     assert far_ticks(0.03, 0.9) == pytest.approx([0, 0.05, 0.1, 0.2, 0.5])
 

@@ -92,14 +92,16 @@ class Drawing {
     this.uniform("1i", "mode", picking ? 3 : look.field ? 1 : 0);
     this.bodies(gl.TRIANGLES, 3, mesh.triangleStarts, look, (body) => {
       this.uniform("3fv", "colour", bodyColour(body).map((a) => a / 255));
-      this.uniform("1f", "glow", body === look.picked ? 0.25 : 0);
+      this.uniform("1f", "glow", body === look.picked && !look.field ? 0.25 : 0);
     });
     if (picking) return;
     gl.bindVertexArray(this.edges.array);
     this.uniform("1f", "nearer", 2e-4);
     this.uniform("1i", "mode", 2);
-    this.uniform("3f", "colour", 0.12, 0.13, 0.15);
-    this.bodies(gl.LINES, 2, mesh.lineStarts, look, () => {});
+    this.bodies(gl.LINES, 2, mesh.lineStarts, look, (body) => {
+      // Colours of a field stay those of the legend: the edges tell which body is picked.
+      this.uniform("3fv", "colour", body === look.picked ? [0.8, 0.05, 0.4] : [0.12, 0.13, 0.15]);
+    });
     if (look.outlined) {
       this.uniform("1f", "amount", 0);
       this.uniform("3f", "colour", 0.5, 0.52, 0.56);
