@@ -114,7 +114,7 @@ def first_case(
         loading=loading_for(survey, options),
         system=_quoted(TABLE),
     )
-    text += "# Free faces, with their areas and places:\n"
+    text += "# Free faces, with their areas and centres:\n"
     return text + "".join(_face(face) for face in survey.faces)
 
 
@@ -157,7 +157,7 @@ def _joint(joint: Joint, glued: Glued, options: MeshingOptions) -> str:
 def _face(face: Face) -> str:
     place = ", ".join(f"{x:.5g}" for x in face.centre)
     shape = f"{face.shape} ({face.round_of})" if face.round_of else face.shape
-    return f"#   {face.name:32} {shape}, {face.area:.5g}, about ({place})\n"
+    return f"#   {face.name:32} {shape}, {face.area:.5g}, centre ({place})\n"
 
 
 def _quoted(text: str | list[str]) -> str:
