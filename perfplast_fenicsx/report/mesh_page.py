@@ -90,7 +90,7 @@ def _table(faces: Sequence[FaceRow]) -> str:
     heads = "".join(f'<th scope="col">{head}</th>' for head in titles)
     rows = "".join(
         f'<tr data-face="{face.number}"><td>{face.number}</td>'
-        f'<th scope="row">{escape(face.name)}</th>'
+        f'<th scope="row"><button type="button">{escape(face.name)}</button></th>'
         f"<td>{escape(face.shape)}</td><td>{escape(face.area)}</td>"
         f"<td>{escape(face.centre)}</td></tr>"
         for face in faces

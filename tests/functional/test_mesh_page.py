@@ -32,13 +32,13 @@ def test_all_faces_are_on_the_page(made: Path) -> None:
     text = made.read_text(encoding="utf-8")
     for end in ("y_low", "y_high", "z_low", "z_high"):
         for body in ("part_1", "part_2"):
-            assert f'<th scope="row">{body}_{end}</th>' in text
+            assert f'<th scope="row"><button type="button">{body}_{end}</button></th>' in text
     assert "two &lt;b&gt;" in text
     assert "<b>.brep" not in text
 
 
 def test_a_click_tells_the_name_of_a_face(made: Path, browser: Any) -> None:
-    from selenium.webdriver import ActionChains
+    from selenium.webdriver import ActionChains, Keys
 
     page = Page(browser, made)
     before = page.pixels()
@@ -52,4 +52,7 @@ def test_a_click_tells_the_name_of_a_face(made: Path, browser: Any) -> None:
     assert len(lit)
     browser.execute_script("document.querySelector('[data-face=\"1\"]').click()")
     assert page(told).startswith("part_1_")
+    name = browser.find_element("css selector", '[data-face="2"] button')
+    name.send_keys(Keys.ENTER)
+    page.wait(f"{told}.startsWith('{name.text}: ')")
     assert [line["message"] for line in browser.get_log("browser")] == []
