@@ -115,6 +115,8 @@ def test_bodies_apart(shared_tmp_path: Path) -> None:
     found = survey_of(step, shared_tmp_path / "apart.msh", MeshingOptions(size=10.0))
     assert {near.bodies for near in found.near} == {("part_1", "part_4"), ("part_3", "part_4")}
     assert [near.gap for near in found.near] == pytest.approx([0.05, 0.05])
+    case = first_case(found, "apart", "apart.step")
+    assert "# part_1 and part_4 are 0.05 apart, and free of each other. If they are to" in case
 
 
 def test_command(shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,39 @@
+"""From where bodies are seen: pictures of meshes and of results from the same side."""
+
+import dataclasses
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.io.case.scene import Scene
+from perfplast_fenicsx.mesh.sample_meshes import build
+from perfplast_fenicsx.pictures.views import BACK, FRONT, LEFT, PLANE, RIGHT, view_of
+from tests.pictures.skins import skin, square
+
+pytestmark = pytest.mark.serial
+
+
+def test_results_are_seen_from_the_side_of_the_first_picture_of_bodies() -> None:
+    """Whatever is stressed alike; from behind where that alone shows it."""
+    surface = skin(build(MPI.COMM_SELF, "two_blocks", n=1), Scene(""))
+    marks = surface.marks | {"contact": np.zeros(len(surface.facets), dtype=bool)}
+
+    def seen(ratios: np.ndarray) -> object:
+        at_cells = {"yield_ratio": ratios}
+        return view_of(dataclasses.replace(surface, at_cells=at_cells, marks=marks), False)
+
+    assert seen(np.ones(len(surface.triangles))) is FRONT
+    assert seen((surface.normals @ BACK.towards > 0).astype(float)) is BACK
+    plane = skin(square(MPI.COMM_SELF), Scene(""))
+    assert view_of(plane, axisymmetric=False) is PLANE
+
+
+def test_each_face_is_seen_from_one_of_each_pair() -> None:
+    for one, other in ((FRONT, BACK), (LEFT, RIGHT)):
+        assert np.allclose(np.add(one.towards, other.towards), 0.0)
+    right, up, out = FRONT.frame
+    assert np.linalg.det(FRONT.frame) == pytest.approx(1.0)
+    assert up @ [0.0, 0.0, 1.0] > 0
+    assert right @ out == pytest.approx(0.0)
