@@ -17,7 +17,9 @@ BOUNDS = """\
 control = "bounds"              # what the bodies carry, and what they do not, for certain
 """
 
-ADAPT = """
+ADAPT = """\
+limit_tolerance = 1e-3          # of each bound, beside their distance below
+
 [mesh]                          # finer ones until bounds are {percent:.0f} % apart, or so fine
 adapt = {{ until = {until}, cells = {cells} }}
 """
@@ -46,10 +48,10 @@ def loading_for(survey: Survey, options: MeshingOptions) -> str:
     why = next(_against_adapting(survey), None)
     if why is not None:
         return BOUNDS + ONE_MESH.format(why=why)
-    growth = 2.0  # how many times the cells of the first mesh the last one may have
-    cells = round(growth * _cells(survey) + 500, -3)
+    growth = 2.0  # how many times the most cells of the first mesh the last one may have
+    cells = round(growth * _most(survey, ADAPTED))
     until = 0.1  # distance of the bounds, relative, at which the meshes end
-    return BOUNDS + ADAPT.format(percent=100 * until, until=until, cells=int(cells))
+    return BOUNDS + ADAPT.format(percent=100 * until, until=until, cells=cells)
 
 
 def _against(survey: Survey, options: MeshingOptions) -> Iterator[str]:

@@ -25,8 +25,8 @@ def asked(found: Survey, apart: bool = False) -> tuple[dict, str]:
 
 def test_bounds_on_finer_meshes() -> None:
     case, _ = asked(survey(4213))
-    assert case["loading"] == {"control": "bounds"}
-    assert case["mesh"]["adapt"] == {"until": 0.1, "cells": 9000}
+    assert case["loading"] == {"control": "bounds", "limit_tolerance": 1e-3}
+    assert case["mesh"]["adapt"] == {"until": 0.1, "cells": 12000}
 
 
 def test_bounds_on_one_mesh() -> None:
@@ -51,13 +51,13 @@ def test_estimates_say_why(found: Survey, apart: bool, why: str) -> None:
 
 def test_curved_faces_are_as_good_as_flat_ones() -> None:
     case, _ = asked(survey(4213, shape="cylindrical"))
-    assert case["loading"] == {"control": "bounds"}
-    assert case["mesh"]["adapt"] == {"until": 0.1, "cells": 9000}
+    assert case["loading"] == {"control": "bounds", "limit_tolerance": 1e-3}
+    assert case["mesh"]["adapt"] == {"until": 0.1, "cells": 12000}
 
 
 def test_plane_bodies_that_are_meshed_apart() -> None:
     flat = survey(4213, dim=2, shape="straight")
-    assert asked(flat, True)[0]["loading"] == {"control": "bounds"}
+    assert asked(flat, True)[0]["loading"]["control"] == "bounds"
     round_ = survey(4213, dim=2, shape="circular")
     assert "do not match" in asked(round_, True)[1]
 

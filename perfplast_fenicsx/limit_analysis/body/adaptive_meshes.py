@@ -18,7 +18,7 @@ from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
-from perfplast_fenicsx.limit_analysis.body.marking import largest_shares
+from perfplast_fenicsx.limit_analysis.body.marking import largest_shares, to_refine
 from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
 from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
@@ -214,7 +214,7 @@ def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
         return too_many
     if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
         part = 1.0  # what carries nothing has no shares: cells are too large anywhere
-    marked = _marked(problem, found, part)
+    marked = to_refine(problem, found, part)
     if not problem.comm.allreduce(int(marked.sum())):
         return "nothing was found that says where to refine"
     largest = refined(problem, marked, found)
@@ -222,7 +222,7 @@ def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
     if _count(largest) > cells:
         for _ in range(halvings):
             part = (fits + exceeds) / 2
-            finer = refined(problem, _marked(problem, found, part), found)
+            finer = refined(problem, to_refine(problem, found, part), found)
             if _count(finer) > cells:
                 exceeds = part
             else:
@@ -230,17 +230,6 @@ def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
         if not worth_while * now <= _count(largest) <= cells:
             return too_many
     return largest
-
-
-def _marked(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:
-    """Cells with a part of the gap or of the dissipation of the multipliers. Collective."""
-    dissipation = None if found.static is None else found.static.dissipation
-    topology = problem.tagged_mesh.mesh.topology
-    marked = np.full(topology.index_map(topology.dim).size_local, part >= 1.0)
-    for shares in (found.shares, dissipation):
-        if shares is not None:
-            marked |= largest_shares(problem.comm, shares, part)
-    return marked
 
 
 def refined(
@@ -280,7 +269,7 @@ def _with_fans(
     """
     comm, given, tagged_mesh = problem.comm, problem.given, problem.tagged_mesh
     most = 0.5  # of the dissipation of the multipliers, which often is that of a few cells,
-    nearly = 0.9  # and of theirs, which has to be at such edges: else size matters as well
+    nearly = 0.5  # and of theirs, which has to be at such edges: else size matters as well
     valence = 12  # around edges; each costs as many cells as the edge has
     few = largest_shares(comm, dissipation, most)
     edges = singular_edges(tagged_mesh, given, valence) & few[:, None]

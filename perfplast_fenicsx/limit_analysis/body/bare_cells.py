@@ -6,6 +6,7 @@ import numpy as np
 from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.limit_analysis.body.sheared_edges import with_sheared_edges_divided
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.facets.bare_vertices import bare_vertices
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
@@ -24,7 +25,8 @@ def with_room_for_stress(problem: Problem) -> Problem:
     Args:
         problem: The bodies with their loads.
     """
-    return with_divided_bare_cells(with_divided_corners(with_matching_facets(problem)))
+    problem = with_sheared_edges_divided(with_divided_corners(with_matching_facets(problem)))
+    return with_divided_bare_cells(problem)
 
 
 def with_divided_bare_cells(problem: Problem) -> Problem:

@@ -43,7 +43,7 @@ def singular_edges(tagged_mesh: TaggedMesh, given: Given, valence: int) -> npt.N
     edges = topology.index_map(1)
     sums = la.vector(edges, 5, dtype=np.float64)
     table = sums.array.reshape(edges.size_local + edges.num_ghosts, 5)
-    angle = _angles(points[cells]).ravel()
+    angle = angles_at_edges(points[cells]).ravel()
     np.add.at(table[:, :2], of_cell.ravel(), np.column_stack([angle, np.ones(angle.size)]))
     np.add.at(table[:, 2:], sides.ravel(), np.column_stack([np.ones(kind.size), kind, kind**2]))
     sums.scatter_reverse(la.InsertMode.add)
@@ -54,7 +54,7 @@ def singular_edges(tagged_mesh: TaggedMesh, given: Given, valence: int) -> npt.N
     return wanting
 
 
-def _angles(x: Floats) -> Floats:
+def angles_at_edges(x: Floats) -> Floats:
     """Angles between the two faces at each edge.
 
     Args:
