@@ -257,6 +257,21 @@ def test_every_control_is_reached_by_keys(results: Path, browser: Any) -> None:
 
 
 @alone
+def test_a_mechanism_has_the_colours_of_its_flow(tmp_path: Path, browser: Any) -> None:
+    """And not of stresses that are arbitrary where nothing flows, of which the page says so."""
+    limit = 'control = "work"\nuntil = "limit"'
+    text = CASE.replace("values = [50.0, 80.0]", limit)
+    case, folder = write(MPI.COMM_WORLD, tmp_path, text), tmp_path / "results"
+    assert main(["run", str(case), "-o", str(folder), "--report", "--quiet"]) == SOLVED
+    page = Page(browser, folder / "report.html")
+    assert page("document.getElementById('field').value") == "dissipation"
+    assert "Where nothing flows" in page("document.getElementById('bodies').textContent")
+    before = page.pixels()
+    page.choose("field", "stress")
+    page.changed(before)
+
+
+@alone
 def test_the_bodies_from_four_sides(results: Path, browser: Any) -> None:
     """All different; they follow what is shown, and turn the large picture."""
     page = Page(browser, results / "report.html")

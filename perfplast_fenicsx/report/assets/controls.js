@@ -166,7 +166,10 @@ function connect(viewer) {
     ",": () => step(-1), ".": () => step(1), p: play, h: hide, a: all,
   });
   const first = states.findIndex((state) => state.mechanism);
-  viewer.field = fields.find((field) => field.name in data.states.at(-1).fields) ?? null;
+  const known = fields.filter((field) => field.name in data.states.at(-1).fields);
+  // Stresses of a limit load are one choice of many where nothing flows: its flow is the result.
+  const flow = known.find((field) => field.name === "dissipation");
+  viewer.field = (data.states.at(-1).mechanism && flow) || known[0] || null;
   part("field").value = viewer.field?.name ?? "";
   say(`Click a ${data.faces ? "face" : "body"} to see its name.`);
   return go(first < 0 ? states.length - 1 : first).then(() => canvas.setAttribute("data-ready", ""));
