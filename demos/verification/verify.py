@@ -40,6 +40,7 @@ CASES = (
     "assemblies",
     "body_bounds",
     "bounds_in_space",
+    "ring_bounds",
     "bound_costs",
     "dead_loads",
     "joints",

@@ -26,7 +26,8 @@ ON_AXIS = 1e-10
 class Kinematics(Protocol):
     """What is asked of the meaning of coordinates.
 
-    :meth:`measure`, :meth:`around` and :meth:`held` are here as Cartesian coordinates have them.
+    :meth:`measure`, :meth:`around`, :meth:`carried` and :meth:`held` are here as Cartesian
+    coordinates have them.
 
     Attributes:
         name: As ``kind`` of ``[model]`` has it.
@@ -56,6 +57,17 @@ class Kinematics(Protocol):
 
     def around(self, x: Floats) -> Floats:
         """What a point stands for out of the mesh's plane: its ring 2πr (length), or 1.
+
+        Args:
+            x: Points, shape (..., gdim).
+
+        Returns:
+            Shape (...,).
+        """
+        return np.ones(x.shape[:-1])
+
+    def carried(self, x: Floats) -> Floats:
+        """What the unknown displacements of points are where these move by 1.
 
         Args:
             x: Points, shape (..., gdim).
@@ -213,6 +225,11 @@ class RingFlux(Axisymmetric):
     def around(self, x: Floats) -> Floats:
         """See :meth:`Kinematics.around`."""
         return np.full(x.shape[:-1], 2 * math.pi)
+
+    def carried(self, x: Floats) -> Floats:
+        """See :meth:`Kinematics.carried`."""
+        radius: Floats = x[..., 0]
+        return radius
 
     def rigid_modes(self, r: Floats) -> Floats:
         """See :meth:`Kinematics.rigid_modes`; r is measured from the bodies' centre."""

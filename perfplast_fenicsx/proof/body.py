@@ -132,7 +132,7 @@ class Body:
         check_cells(places, self.volumes, lambda: self.gradients)
         if self.is_revolved:
             pores = [loads.pore_pressure for loads in kinds.values()]
-            check_sections(places, pores, rigid=rigid > 0, loose=self.loose)
+            check_sections(places, pores, self.rigid_held, loose=self.loose)
         self._check_facets()
 
     @classmethod

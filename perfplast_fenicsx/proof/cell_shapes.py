@@ -36,13 +36,15 @@ def check_cells(places: Floats, volumes: Floats, gradients: Callable[[], Floats]
         raise ProofError("cells are too small or too large to compute with.")
 
 
-def check_sections(places: Floats, pores: Iterable[Floats], rigid: bool, loose: bool) -> None:
+def check_sections(
+    places: Floats, pores: Iterable[Floats], held: npt.NDArray[np.bool_], loose: bool
+) -> None:
     """Make sure that cells can be sections of rings, and of what is known of these.
 
     Args:
         places: Of the cells' vertices.
         pores: Pressures in pores of each kind of loads, which may cancel.
-        rigid: Whether a surface is rigid.
+        held: Components of rigid surfaces that cannot move, shape (num_rigid, 2).
         loose: Whether a cone has no bound.
 
     Raises:
@@ -50,8 +52,8 @@ def check_sections(places: Floats, pores: Iterable[Floats], rigid: bool, loose: 
     """
     if places.shape[2] != 2 or places[..., 0].min() < 0:
         raise ProofError("bodies of revolution reach to negative radii, or are no sections.")
-    if rigid:
-        raise ProofError("rigid surfaces are not known of bodies of revolution.")
+    if not (held == [True, False]).all():
+        raise ProofError("a rigid surface of a body of revolution moves otherwise than along it.")
     if loose:
         raise ProofError("a cone has no bound, which is told of no body of revolution.")
     if any(pressure.any() for pressure in pores):

@@ -2,7 +2,8 @@
 
 Of what the plate pushes with nothing is known but force and moment on it, which are those of the
 tractions; a surface that is held along some axes does not turn, and has but the force along the
-others. Its velocity is a + ω × (x − c) with the centre c of the surface.
+others. Its velocity is a + ω × (x − c) with the centre c of the surface. Of bodies of revolution it
+moves along the axis, and of stresses S = rσ and velocities v = ru it is said over 2π.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,8 @@ class Rigid:
         free: Which of the components of force and moment count, shape (3 or 6,).
         middle: c.
         extent: The largest distance from it.
-        area: Of the surface.
+        area: Of the surface; of a body of revolution over 2π.
+        turn: What forces on file are over: 2π of bodies of revolution, else 1.
     """
 
     number: int
@@ -32,22 +34,27 @@ class Rigid:
     middle: Floats
     extent: float
     area: float
+    turn: float
 
     def wanted(self, loads: Loads) -> Floats:
         """Force and moment about c over the extent, of loads; zero where the surface is held."""
         force, moment = loads.rigid_force[self.number], loads.rigid_moment[self.number]
         about = moment - moments(self.middle[None], force[None])[0]
-        return np.append(force, about / self.extent) * self.free
+        found: Floats = np.append(force, about / self.extent) * self.free / self.turn
+        return found
 
     def resultant(self, body: Body, tractions: Floats) -> Floats:
         """The same of tractions at the facets' vertices, linear between; exact.
 
         Args:
             body: The bodies.
-            tractions: Of all facets, shape (num_facets, d, d).
+            tractions: Of all facets, shape (num_facets, d, d); of bodies of revolution coefficients
+                of r times these, shape (num_facets, 3, 2).
         """
         d, here = body.dim, tractions[self.facets]
         areas = body.areas[self.facets]
+        if body.is_revolved:
+            return np.append(areas @ here.mean(axis=1), 0.0) * self.free
         places = body.vertices[body.facets[self.facets]]
         arms = np.reshape((places - self.middle) / self.extent, (-1, d))
         means = (np.eye(d) + 1) / (d * (d + 1))  # of products of barycentric coordinates
@@ -71,6 +78,8 @@ class Rigid:
         turns = [turned(axis, arms) for axis in np.eye(2 * d - 3)]
         shifts = [np.broadcast_to(axis, x.shape) for axis in np.eye(d)]
         every = np.stack([*shifts, *turns], axis=2) * self.free
+        if self.turn != 1:
+            every = every * x[:, :1, None]  # of v = ru
         found = np.linalg.lstsq(every.reshape(-1, every.shape[2]), v.ravel(), rcond=None)[0]
         motion: Floats = found * self.free
         return motion, float(np.abs(v - every @ motion).max(initial=0))
@@ -86,7 +95,9 @@ def rigid_of(body: Body) -> list[Rigid]:
         middle = areas @ x.mean(axis=1) / areas.sum()
         free = np.append(~held, np.full(2 * body.dim - 3, not held.any()))
         extent = float(np.linalg.norm(x - middle, axis=2).max())
-        found.append(Rigid(number, facets, free, middle, extent, float(areas.sum())))
+        turn = 2 * np.pi if body.is_revolved else 1.0
+        area = float(areas @ x[..., 0].mean(axis=1) if body.is_revolved else areas.sum())
+        found.append(Rigid(number, facets, free, middle, extent, area, turn))
     return found
 
 

@@ -170,7 +170,8 @@ def _motions(
         x, v = every[surface.facets], at_facets[surface.facets]
         motion, off = surface.motion(x.reshape(-1, body.dim), v.reshape(-1, body.dim))
         motions.append(motion)
-        largest, volume = max(largest, off), volume + off * surface.area
+        largest = max(largest, off)
+        volume += off * float(body.areas[surface.facets].sum())
     return motions, largest, volume
 
 

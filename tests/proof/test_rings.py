@@ -143,7 +143,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         "does not fit",
     ),
     "a stronger lower half": (low(times("cone_bound", 2.0)), "weaker"),
-    "a rigid surface": (both(rigid_surface), "rigid surfaces"),
+    "a rigid surface that turns": (both(rigid_surface), "otherwise than along it"),
     "pores that cancel": (both(pores_that_cancel), "pore|pressure"),
     "volume that changes": (high(lambda it: swell(it)), "volume change"),
     "cones without a bound": (both(lambda it: loosen(it)), "no bound"),

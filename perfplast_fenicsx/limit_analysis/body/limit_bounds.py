@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.parts_of_cells import of_parents, on_parts
@@ -101,13 +100,6 @@ def admitted(problem: Problem, rtol: float) -> Problem:
     Raises:
         InputError: As :func:`limit_bounds`.
     """
-    if problem.tagged_mesh.axisymmetric and problem.given.rigid:
-        raise InputError(
-            f"the surface '{problem.given.rigid[0].on}' is rigid, beside which bodies of revolution"
-            " have no strict bounds; mesh the plate as a body with law = 'elastic', which is rigid"
-            " at collapse, or give control = 'work' and until = 'limit', for the limit load of the"
-            " mesh."
-        )
     for load in problem.given.loads:
         check_bounded(load)
     below, above = weaker_and_stronger(problem)

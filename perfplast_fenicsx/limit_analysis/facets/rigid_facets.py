@@ -34,7 +34,7 @@ class RigidFacets:
         free: Which of the unknowns there are, shape (num_surfaces, 3 or 6).
         middle: c, shape (num_surfaces, d).
         extent: Length that rotations are taken over.
-        area: Of each surface.
+        area: Of each surface; around an axis of the full turn.
     """
 
     names: tuple[str, ...]
@@ -82,7 +82,7 @@ class RigidFacets:
             comm: The ranks.
             numbers: Of the facets.
             vertices: Of the owned cells, shape (num_cells, d + 1, d).
-            nodes: Of a facet; more than its vertices where no surface is rigid.
+            nodes: Of a facet; more than its vertices around an axis, where none turns.
         """
         d, (count, unknowns) = vertices.shape[2], self.free.shape
         others = np.array([[b for b in range(d + 1) if b != a] for a in range(d + 1)])
@@ -94,7 +94,8 @@ class RigidFacets:
             x = vertices[cells[at][:, None], others[side]]
             # a vertex stands for area/d of its traction: where that is as ∫ of its linear function
             x = (x + x.sum(axis=1, keepdims=True)) / (d + 1)
-            follow = self.follow(number, x.reshape(-1, d)).reshape(-1, d, d, unknowns)
+            x = np.concatenate([x, np.tile(x.mean(axis=1, keepdims=True), (nodes - d, 1))], axis=1)
+            follow = self.follow(number, x.reshape(-1, d)).reshape(-1, nodes, d, unknowns)
             shares[at, side, :, :, number] = follow
         keep = np.repeat(of_cells[cells] < 0, nodes * d, axis=1).astype(np.float64)
         flat: Floats = shares.reshape(len(cells), keep.shape[1], count * unknowns)
@@ -117,7 +118,7 @@ def rigid_facets(problem: Problem, facets: FacetGeometry) -> RigidFacets:
         on = facets.of(problem, surface.on)
         number[on] = i
         x = facets.corners(on)
-        areas = facets.areas(on)
+        areas = facets.areas(on) * problem.kinematics.around(x.mean(axis=1))
         sums[i] = areas.sum(), *(areas @ x.mean(axis=1))
         if len(on):
             lead[i] = facets.index_map.local_to_global(on).min()

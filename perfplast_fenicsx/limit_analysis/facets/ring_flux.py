@@ -17,7 +17,7 @@ from dolfinx import fem, la
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.mesh.kinematics import RingFlux
+from perfplast_fenicsx.mesh.kinematics import ON_AXIS, RingFlux
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
 from perfplast_fenicsx.problem.declared.loads import PorePressure
@@ -29,7 +29,7 @@ def by_flux(problem: Problem) -> Problem:
     """The same bodies, supports at rest, loads and contact, with v as displacement. Collective.
 
     Args:
-        problem: Around an axis, quadratic, on straight cells, without rigid surfaces.
+        problem: Around an axis, quadratic, on straight cells.
 
     Raises:
         InputError: If surfaces in contact are apart from each other across the axis.
@@ -45,6 +45,7 @@ def by_flux(problem: Problem) -> Problem:
         given.obstacles,
         degree=given.degree,
         ties=given.ties,
+        rigid=given.rigid,
     )
     _check_rings_meet(found)
     return found
@@ -115,8 +116,8 @@ def nodal_velocity(problem: Problem, flux: fem.Function) -> fem.Function:
     V = problem.V
     found = fem.Function(V, name=flux.name)
     r, v = V.tabulate_dof_coordinates()[:, :1], flux.x.array.reshape(-1, 2)
-    off = r[:, 0] > 0
-    u = np.divide(v, r, out=np.zeros_like(v), where=r > 0)
+    off = r[:, 0] > ON_AXIS * problem.bodies.size
+    u = np.divide(v, r, out=np.zeros_like(v), where=off[:, None])
     layout, cells = V.dofmap.dof_layout, V.dofmap.list
     sums = la.vector(V.dofmap.index_map, 2)
     at = sums.array.reshape(-1, 2)

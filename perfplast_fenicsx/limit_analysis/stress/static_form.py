@@ -134,7 +134,7 @@ def static_form(problem: Problem) -> StaticForm:
         return load
 
     areas = form.measures[:num_owned].copy()
-    areas[lead] = at.rigid.area[mine, None] / tdim
+    areas[lead] = at.rigid.area[mine, None] / form.nodes
     return StaticForm(
         comm=problem.comm,
         body=at,

@@ -103,6 +103,7 @@ def _add(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, load: Force, work: PETSc
     moment = fitting(f"moment {what}", load.moment, 2 * gdim - 3)
     leaders = find_leaders(V, tagged_mesh, load.on)
     forces = leaders.forces(value, moment, fitting(f"point {what}", point, gdim))
+    forces = forces / tagged_mesh.kinematics.carried(leaders.x)[:, None]
     at_nodes = work.array.reshape(-1, gdim)
     mine = (leaders.number >= first) & (leaders.number < last)
     at_nodes[leaders.number[mine] - first] += forces[mine]

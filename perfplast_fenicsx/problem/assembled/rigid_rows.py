@@ -7,7 +7,7 @@ is linear in them:
     u(x) = u_a + ω × (x − a)   with   ω = W (u_a, u_b, u_c)
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -19,6 +19,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
 from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.mesh.kinematics import ON_AXIS
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, turned
 from perfplast_fenicsx.problem.declared.supports import AXES
@@ -139,10 +140,13 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
 
 
 def surface_nodes_of(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> Ints:
-    """Local block dofs of the nodes that this rank owns. Collective."""
+    """Local block dofs of the nodes that this rank owns and that can move. Collective."""
     fdim = tagged_mesh.mesh.topology.dim - 1
     nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(surface))
-    return np.asarray(nodes[nodes < V.dofmap.index_map.size_local])
+    nodes = nodes[nodes < V.dofmap.index_map.size_local]
+    carried = tagged_mesh.kinematics.carried(V.tabulate_dof_coordinates()[nodes])
+    most = V.mesh.comm.allreduce(float(carried.max(initial=0.0)), MPI.MAX)
+    return np.asarray(nodes[carried > ON_AXIS * most])
 
 
 def rigid_rows(
@@ -192,7 +196,8 @@ def rigid_rows(
         )
         taken[fem.locate_dofs_topological(V, gdim - 1, tagged_mesh.facets(surface.on))] = True
         if known:
-            parts.append(_rows_of_slide(V, leaders.number[0], nodes, free, len(parts)))
+            carried = tagged_mesh.kinematics.carried
+            parts.append(_rows_of_slide(V, leaders, carried, nodes, free, len(parts)))
         else:
             parts.append(_rows(V, leaders, nodes, len(parts)))
     return parts
@@ -227,16 +232,23 @@ def _rows(V: fem.FunctionSpace, leaders: Leaders, nodes: Ints, number: int) -> C
 
 
 def _rows_of_slide(
-    V: fem.FunctionSpace, leader: np.int64, nodes: Ints, free: Sequence[int], number: int
+    V: fem.FunctionSpace,
+    leaders: Leaders,
+    carried: Callable[[Floats], Floats],
+    nodes: Ints,
+    free: Sequence[int],
+    number: int,
 ) -> Constraints:
-    """Of each node its components that are free: they are those of one leader. Collective."""
-    gdim = V.mesh.geometry.dim
+    """Of each node its components that are free: they follow those of one leader. Collective."""
+    gdim, leader = V.mesh.geometry.dim, leaders.number[0]
     numbers = V.dofmap.index_map.local_to_global(nodes)
     others = np.flatnonzero(numbers != leader)
     of_node = np.repeat(others, len(free))
     along = np.tile(np.eye(gdim)[list(free)], (len(others), 1))
     every = np.arange(len(of_node))
-    terms = [(every, numbers[of_node], along), (every, np.full(len(every), leader), -along)]
+    x = V.tabulate_dof_coordinates()[nodes[of_node], :gdim]
+    led = carried(x)[:, None] / carried(leaders.x[:1]) * along
+    terms = [(every, numbers[of_node], along), (every, np.full(len(every), leader), -led)]
     host = nodes[of_node].astype(np.int32)
     surface = np.full(len(host), number, dtype=np.int32)
     return make_constraints(V, host, np.zeros(len(host)), along, surface, terms)

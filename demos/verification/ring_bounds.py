@@ -1,0 +1,101 @@
+# %% [markdown]
+# # Bounds of bodies of revolution
+#
+# By half a section, from both sides, of von Mises' bodies with the yield stress 1: a tube between
+# smooth planes, p = (2/√3) ln(b/a), a sphere, p = 2 ln(b/a), whose section is a polygon, and
+# circular footings. No exact load of these is known. They lie between those of two Tresca
+# materials, 2.845 and 3.285 of a smooth footing and 3.025 and 3.493 of a rough one
+# (R. T. Shield, Proc. R. Soc. A 233, 1955; G. Eason, R. T. Shield, ZAMP 11, 1960).
+#
+# - The smooth one is a uniform pressure, under which the ground may sink as it likes.
+# - The rough one is a rigid surface: its tractions are any that have the force, and it moves along
+#   the axis and no otherwise.
+#
+#     ./fenicsx python3 demos/verification/ring_bounds.py
+
+# %%
+import math
+import time
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+from demos.verification.bounded_bodies import HELD_GROUND, WIDE, of_shear
+from demos.verification.published import at_most, ends, show_bounds
+from demos.verification.slip import subfolder
+from demos.verification.study import Row, mesh, run
+from meshes.ring import write_ring
+from meshes.strip_footing import write_strip_footing
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import (
+    Adaptation,
+    Force,
+    Pressure,
+    Problem,
+    RigidSurface,
+    Support,
+    adaptive_bounds,
+)
+from perfplast_fenicsx.io import ResultFolder
+
+TITLE = "Bounds of bodies of revolution"
+GROUND = of_shear(1 / math.sqrt(3))
+SMOOTH, ROUGH = (5.69 / 2, 5.69 / math.sqrt(3)), (6.05 / 2, 6.05 / math.sqrt(3))
+BELOW, ABOVE, GAP, QUICK = 0.005, 0.01, 0.01, 0.1
+"""How far bounds may be from exact loads and from each other, and that for a quick look."""
+CELLS = 4000
+
+
+# %%
+def problems(folder: ResultFolder, coarse: bool) -> dict[str, tuple[Problem, float | None]]:
+    """The bodies, and their exact loads where these are known. Collective."""
+    inner, log = [Pressure("inner", 1.0)], math.log(2.0)
+    ring = mesh(folder, write_ring, inner=1.0, outer=2.0, height=0.4, size=0.2).turned()
+    size = 0.3 if coarse else 0.05
+    sphere = mesh(folder, write_thick_tube, outer=2.0, size=size).turned()
+    ground = mesh(folder, write_strip_footing, **WIDE).turned()
+    planes = [Support("bottom", "y"), Support("top", "y")]
+    side = [one for one in HELD_GROUND if one.on != "x0"]
+    plate, force = RigidSurface("footing", held="x"), Force("footing", [0.0, -math.pi])
+    of_ground, press = {"ground": GROUND}, [Pressure("footing", 1.0)]
+    return {
+        "tube": (Problem(ring, {"ring": GROUND}, planes, inner, degree=2), 2 / math.sqrt(3) * log),
+        "sphere": (
+            Problem(sphere, {"tube": GROUND}, [Support("y0", "y")], inner, degree=2),
+            2 * log,
+        ),
+        "smooth footing": (Problem(ground, of_ground, side, press, degree=2), None),
+        "rough footing": (
+            Problem(ground, of_ground, side, [force], degree=2, rigid=[plate]),
+            None,
+        ),
+    }
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Strict brackets on adapted meshes. Collective."""
+    gap, rows = QUICK if coarse else GAP, list[Row]()
+    for name, (problem, exact) in problems(folder, coarse).items():
+        began = time.perf_counter()
+        bounds = adaptive_bounds(problem, Adaptation(gap / 2 if exact else gap, CELLS))
+        low, high = ends(bounds)
+        told = [("gap in %", 100 * (high / low - 1), 100 * gap)]
+        if exact is not None and not coarse:
+            told += [("below", (1 - BELOW) * exact, low), ("above", high, (1 + ABOVE) * exact)]
+        elif exact is None:
+            least, most = SMOOTH if name.startswith("smooth") else ROUGH
+            told += [("Tresca's, above", least, high), ("below, Tresca's", low, most)]
+        rows += at_most(name, bounds, time.perf_counter() - began, told)
+        if exact is None:
+            show_bounds(subfolder(folder, name.replace(" ", "_")), name.capitalize(), bounds)
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
