@@ -16,8 +16,8 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_toler
 class StrengthControl(OfBody):
     """No loading: bounds of the factor by which strengths may fall until the bodies fall.
 
-    Yield stresses, cohesions and slopes of friction are divided by it alike; the loads stay, and
-    all of them are constant.
+    Yield stresses, cohesions and slopes of friction, those of contacts and obstacles too, are
+    divided by it alike; the loads stay, and all of them are constant.
 
     Args:
         limit_tolerance: How near each factor comes to the root of its bound, relative, between 0

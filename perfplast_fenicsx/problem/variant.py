@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.contact.rows.constraints import Constraints
 from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.contact.rows.jump_basis import JumpBasis
@@ -30,6 +32,7 @@ def variant(
     basis: JumpBasis | None = None,
     friction: Friction | None = None,
     loads: Sequence[Load] | None = None,
+    rubbing: tuple[Sequence[Contact], Sequence[Obstacle]] | None = None,
 ) -> Problem:
     """The same bodies with other data, those that are None as they were. Collective.
 
@@ -46,6 +49,8 @@ def variant(
         basis: The basis in which they are bounds; rows that are no pairs in it are glued.
         friction: What resists slip, with rows as of the problem's.
         loads: What acts, as of a new problem.
+        rubbing: Contacts and obstacles, with other friction than the problem's wherever that has
+            any, and in all else the same.
 
     Raises:
         InputError: If materials or loads do not fit.
@@ -73,6 +78,8 @@ def variant(
     other.prescribed = problem.prescribed.copy()
     if loads is not None:
         _load(other, loads)
+    if rubbing is not None:
+        _rub(other, *rubbing)
     return other
 
 
@@ -86,3 +93,23 @@ def _load(problem: Problem, loads: Sequence[Load]) -> None:
     told = (problem.bcs, rigid, problem.motion.driven, stays)
     problem.loads = problem.declared = declared_loads(problem.V, tagged_mesh, found, *told)
     problem.free.check([problem.loads.dead, problem.loads.live])
+
+
+def _rub(problem: Problem, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
+    """Put other friction in the place of a problem's. Not collective."""
+    problem.given = replace(problem.given, contacts=contacts, obstacles=obstacles)
+    rows, terms = problem.constraints, [*contacts, *obstacles]
+    sources = [
+        replace(source, tresca=it.tresca, coulomb=it.coulomb)
+        for source, it in zip(rows.sources, terms, strict=False)  # ties have sources as well
+    ]
+    sources += rows.sources[len(sources) :]
+    problem.constraints = replace(rows, sources=tuple(sources))
+    friction = problem.friction
+    tresca, coulomb = (
+        np.array([getattr(it, key) or 0.0 for it in sources])[rows.surface[friction.pair]]
+        for key in ("tresca", "coulomb")
+    )
+    adhesion = tresca * friction.area
+    bound = adhesion.copy()
+    problem.friction = replace(friction, coulomb=coulomb, adhesion=adhesion, bound=bound)

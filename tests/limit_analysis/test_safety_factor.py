@@ -3,6 +3,7 @@
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from meshes.slope import write_slope
@@ -13,6 +14,7 @@ from perfplast_fenicsx import (
     Elastic,
     Flow,
     InputError,
+    Pressure,
     Problem,
     Support,
     VonMises,
@@ -22,6 +24,8 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.limit_analysis.body.strength_reduction import weakened
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.materials import Material
+from perfplast_fenicsx.problem.variant import variant
+from tests.limit_analysis.test_associated_joints import COSINE, SINE, cut_column
 from tests.models import Read
 
 SUPPORTS = [Support("bottom"), Support("left", "x")]
@@ -88,3 +92,24 @@ def test_what_is_refused(read: Read) -> None:
         factor_of_safety(slope(read, Elastic(1e3, 0.3)))
     with pytest.raises(InputError, match="Flow\\) has no reduced strength"):
         weakened(slope(read, Flow(ground)), 1.1)
+
+
+def test_joints_are_reduced_as_bodies_are() -> None:
+    """F q sin cos = c + μ q cos² on the cut of a column under a dead pressure q."""
+    mu, c, q = 0.4, 1.0, 2.0
+    problem = cut_column(mu, c)
+    found = factor_of_safety(variant(problem, loads=[Pressure("top", q, constant=True)]), 1e-5)
+    exact = (c + mu * q * COSINE**2) / (q * SINE * COSINE)
+    assert found.lower == pytest.approx(exact, rel=1e-4)
+    assert found.upper == pytest.approx(exact, rel=1e-4)
+    assert (found.lower or 0.0) <= exact * (1 + 1e-9)
+    assert (found.upper or 0.0) >= exact * (1 - 1e-9)
+
+
+def test_friction_of_a_reduced_problem_is_that_of_a_new_one() -> None:
+    weaker, other = weakened(cut_column(0.4, 1.0), 1.6), cut_column(0.4 / 1.6, 1.0 / 1.6)
+    for key in ("coulomb", "adhesion", "bound"):
+        found, expected = getattr(weaker.friction, key), getattr(other.friction, key)
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+    assert [it.coulomb for it in weaker.constraints.sources] == [0.25]
+    assert [it.coulomb for it in weaker.given.contacts] == [0.25]

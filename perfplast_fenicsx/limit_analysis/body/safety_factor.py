@@ -21,6 +21,8 @@ from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.body.strength_reduction import check_stands, weakened
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
+from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_associated_slip
+from perfplast_fenicsx.limit_analysis.facets.entering import without_entering
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.materials.elastic import all_elastic
@@ -169,7 +171,9 @@ def _curves(
     curves: list[_Curve] = []
     for source, bounds in zip(adapted.sources, (adapted.low, adapted.high), strict=True):
         if not curves or bounds is not adapted.low:
-            source = variant(source, materials=problem.given.materials)
+            given = problem.given
+            rubbing = given.contacts, given.obstacles
+            source = variant(source, materials=given.materials, rubbing=rubbing)
             curves.append(_Curve(source, tolerance, monitor, steps))
             curves[-1].keep(first, bounds)
     curves[0].searches += len(adapted.rounds)
@@ -193,7 +197,8 @@ class _Curve:
         factor = 1.0
         for _ in range(MOST_SEARCHES):
             _, other = weaker_and_stronger(weakened(self.problem, factor))
-            found = interior_point(other, 10 * self.tolerance, self.steps).standing
+            searched = with_associated_slip(without_entering(other) or other)
+            found = interior_point(searched, 10 * self.tolerance, self.steps).standing
             times = None if found is None else found.lower
             if times is None or not times > 0:
                 factor /= STEP
