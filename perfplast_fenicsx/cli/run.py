@@ -237,7 +237,9 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
         with results.timed("pictures"):
             draw(context.folder)
     if recorder.last is not None:
-        context.terminal.reactions(recorder.last.report, context.problem, case.units)
+        told = (results.summary.limit or {}).get("forces") or {}
+        if told.get("zeta") != recorder.last.report.zeta:
+            context.terminal.reactions(recorder.last.report, context.problem, case.units)
         unit = case.units.table(context.problem.kinematics.whole)["force"]
         for line in bolt_lines(results.reports, unit):
             context.terminal.say(line)

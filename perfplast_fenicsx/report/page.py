@@ -131,6 +131,8 @@ def _reactions(reader: ResultReader) -> str:
     if not steps or not steps[-1]["reactions"]:
         return ""
     last, model = steps[-1], reader.summary.model
+    if ((reader.summary.limit or {}).get("forces") or {}).get("zeta") == last["zeta"]:
+        return ""  # told with the limit load
     table = reaction_table(last["reactions"], model["axes"], reader.summary.units.get("force", ""))
     of = f", {model['forces']}" if model["forces"] else ""
     note = f"<p>At the last solved step, ζ = {last['zeta']:.6g}{escape(of)}.</p>"

@@ -16,6 +16,7 @@ from perfplast_fenicsx import (
     Support,
     Traction,
     limit_bounds,
+    limit_load,
     two_blocks,
 )
 from perfplast_fenicsx.limit_analysis.body.limit_forces import LimitForces, limit_forces
@@ -165,6 +166,16 @@ def test_statics_of_a_lower_bound(name: str) -> None:
     assert_static(problem, found)
     assert found is not None
     assert found.strict
+
+
+def test_statics_of_a_path() -> None:
+    """Of its last level, which is next to the limit load, as good as that level is solved."""
+    problem = touching_blocks(degree=2)
+    limit = limit_load(problem, 1e-2, method="path")
+    found = limit_forces(problem, limit)
+    assert_static(problem, found)
+    assert found is not None
+    assert found.zeta == pytest.approx(limit.lower, rel=1e-12)
 
 
 def test_statics_of_the_full_turn() -> None:

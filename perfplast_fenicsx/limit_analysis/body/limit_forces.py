@@ -21,7 +21,7 @@ class LimitForces:
     Attributes:
         zeta: Load factor that the stress carries.
         strict: Whether that is the strict lower bound of the body; else it is the static side of
-            the limit load of the mesh, an estimate.
+            the limit load of the mesh, an estimate, or the last level of a path to it.
         reactions: As of a level (:class:`resultants.Resultants`). Where supports or contacts can
             share a force in several ways, these are one of them.
         moments: Of the loads and of supports about the origin.
@@ -50,9 +50,12 @@ def limit_forces(
     """
     if body is not None and (found := _of_bound(body)) is not None:
         return found
-    if limit.stress is None or limit.lower == 0 or not math.isfinite(limit.lower):
+    stress, zeta = limit.stress, limit.lower
+    if stress is None and limit.theorem and limit.levels:  # of a path
+        stress, zeta = limit.levels[-1].stress, limit.levels[-1].state.zeta
+    if stress is None or zeta == 0 or not math.isfinite(zeta):
         return None
-    return _forces(problem, limit.stress, limit.lower)
+    return _forces(problem, stress, zeta)
 
 
 def _of_bound(body: BodyBounds) -> LimitForces | None:
