@@ -259,12 +259,17 @@ def _work(body: Body, loads: Loads, v: Floats, at_facets: Floats) -> float:
 
 def _most_work(body: Body, loads: Loads, v: Floats, at_facets: Floats) -> float:
     """What tractions, forces and pressures in pores could do with velocities as large as there."""
+    # Of the largest at least: at rest all is rounding, and the factor that it allows is told.
+    slowest = 0.1
     pushes = np.linalg.norm(loads.traction * ~body.held[:, None], axis=2).mean(axis=1)
-    quick = np.linalg.norm(at_facets, axis=2).max(axis=1)
+    speeds = np.linalg.norm(v, axis=2).max(axis=1)
+    least = slowest * speeds.max(initial=0)
+    quick = np.maximum(np.linalg.norm(at_facets, axis=2).max(axis=1), least)
     total = float((body.areas * pushes) @ quick)
-    quick = np.linalg.norm(v, axis=2).max(axis=1)
+    quick = np.maximum(speeds, least)
     total += float((body.volumes * np.linalg.norm(loads.body_force, axis=1)) @ quick)
     strains = np.linalg.norm(strain_rates(body, v), axis=(2, 3)).max(axis=1)
+    strains = np.maximum(strains, slowest * strains.max(initial=0))
     pressures = np.abs(loads.pore_pressure).max(axis=1)
     return total + float((body.volumes * pressures) @ strains) * float(np.sqrt(body.dim))
 

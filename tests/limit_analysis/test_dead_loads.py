@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from meshes.vertical_cut import write_vertical_cut
 from perfplast_fenicsx import (
     Adaptation,
     BodyForce,
@@ -28,7 +29,7 @@ from perfplast_fenicsx.proof import Checked, check
 from perfplast_fenicsx.proof.checker import check_lower, check_upper
 from perfplast_fenicsx.proof.plain_arrays import stored_arrays
 from tests.limit_analysis.test_static_bound import rectangle
-from tests.models import touching_blocks
+from tests.models import Read, touching_blocks
 
 K = 1.0
 """Yield stress in shear."""
@@ -178,6 +179,22 @@ def test_constant_loads_that_are_too_much(shared_tmp_path: Path, live: tuple[flo
     assert mesh.standing.falls
     assert mesh.collapses
     assert np.isinf(mesh.lower)
+
+
+def test_a_growing_load_where_nothing_moves(shared_tmp_path: Path, read: Read) -> None:
+    """Weight that a cut does not bear, beside a pressure on ground that rests when it falls."""
+    ground = read(write_vertical_cut, size=0.2, width=1.5, depth=0.5)
+    weight = BodyForce("ground", (0.0, -4.4 * K), constant=True)
+    held = [Support("sides"), Support("bottom")]
+    found = limit_bounds(
+        Problem(ground, {"ground": SOIL}, held, [Pressure("floor", 1.0), weight], degree=2)
+    )
+    assert found.question is Question.STANDS
+    assert found.strict
+    assert 3.7752 / 4.4 < (found.upper.value or 0.0) < 1
+    proven = checked(found, found, shared_tmp_path)
+    assert "of any factor" in proven["lower"].words[0]
+    assert "any factor of others up to" in proven["upper"].words[-1]
 
 
 @pytest.mark.serial
