@@ -142,7 +142,12 @@ class Collapse:
 
     @property
     def zeta(self) -> float:
-        """The estimate of the limit load; where ζ does not level off, the largest ζ reached."""
+        """The estimate of the limit load; where ζ does not level off, the largest ζ reached.
+
+        Infinite where nothing was found that limits it, as of elements that lock.
+        """
+        if not self.limit.collapses:
+            return math.inf
         return self.limit.lower if self.limit.estimate is None else self.limit.estimate
 
     def write(self, folder: ResultFolder, scene: Scene) -> None:
