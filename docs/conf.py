@@ -49,7 +49,7 @@ nitpicky = True
 nitpick_ignore_regex = [
     ("py:.*", r"(?!perfplast_fenicsx\.)\w+(\.\w+)+"),
     ("py:.*", r"perfplast_fenicsx(\.\w+)+\._\w+"),  # private
-    ("py:class", r"perfplast_fenicsx(\.\w+)+\.(T|Function)"),  # type variables
+    ("py:class", r"perfplast_fenicsx(\.\w+)+\.(T|Function|AnyGround|Rubs)"),  # type variables
 ]
 
 html_theme = "furo"

@@ -81,7 +81,7 @@ class MohrCoulomb:
         dilatancy_angle: Degrees, between 0 and that of friction, which it is where it is left out.
         nonassociated: What is made of ground that dilates by less: ``"radenkovic"`` for bounds of
             all that it may carry, ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` for associated
-            ground that stands for it, an estimate (:mod:`nonassociated_flow`).
+            ground that stands for it, an estimate.
 
     Raises:
         InputError: If a number is out of its range.
