@@ -70,6 +70,13 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
         help="of a body's volume by which another may overlap it (default: 0.001)",
     )
     mesh.add_argument(
+        "--close-gaps",
+        metavar="GAP",
+        type=float,
+        default=0.0,
+        help="let bodies touch whose faces are no farther apart (default: 0)",
+    )
+    mesh.add_argument(
         "--material", metavar="NAME", help="of all bodies, from the table of perfplast materials"
     )
     mesh.add_argument(

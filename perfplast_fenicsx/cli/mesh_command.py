@@ -96,6 +96,7 @@ def meshing_options(chosen: argparse.Namespace) -> MeshingOptions:
         meshed="apart" if chosen.apart else "together",
         symmetry=_pairs("--symmetry", chosen.symmetry, "a plane; write for instance x=0"),
         overlap=chosen.overlap,
+        close_gaps=chosen.close_gaps,
         patience=chosen.patience,
     )
 

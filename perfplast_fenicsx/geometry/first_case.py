@@ -44,6 +44,7 @@ secondary = {secondary}
 
 NEAR = """
 # {one} and {other} are {gap:.3g} apart, and free of each other. If they are to touch:
+# close_gaps = {above:.2g} under [geometry] (perfplast mesh --close-gaps), or
 # [[contact]] with primary and secondary, a face of each, and formulation = "mortar"
 """
 
@@ -105,7 +106,7 @@ def first_case(
     text += "".join(_joint(joint, glued, options) for joint in survey.joints)
     for near in survey.near:
         one, other = near.bodies
-        text += NEAR.format(one=one, other=other, gap=near.gap)
+        text += NEAR.format(one=one, other=other, gap=near.gap, above=1.1 * near.gap)
     for axis in options.symmetry:
         text += SUPPORTS.format(name=_quoted(symmetry_name(axis)), axis=_quoted(axis))
     text += LOADS.format(
@@ -128,7 +129,8 @@ def _material(body: Body, material: Common | None) -> str:
 def _others(options: MeshingOptions) -> str:
     """The options besides the size, where they are not the usual ones."""
     usual, text = MeshingOptions(), ""
-    for key in ("sizes", "curvature", "order", "meshed", "symmetry", "overlap", "without"):
+    keys = ("sizes", "curvature", "order", "meshed", "symmetry", "overlap", "close_gaps", "without")
+    for key in keys:
         value = getattr(options, key)
         if value == getattr(usual, key):
             continue

@@ -12,21 +12,26 @@ from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.survey import Near
 
 
-def cut_along_each_other(dim: int, parts: Sequence[Part], overlap: float) -> list[Part]:
+def cut_along_each_other(
+    dim: int, parts: Sequence[Part], overlap: float, close_gaps: float = 0.0
+) -> list[Part]:
     """Make neighbours share the faces at which they touch.
 
     Args:
         dim: Of the bodies.
         parts: They have new entities afterwards.
         overlap: Share of the smaller body's volume by which two may overlap.
+        close_gaps: Faces of bodies that are no farther apart become one.
 
     Raises:
-        InputError: If bodies overlap by more, or cannot be cut.
+        InputError: If bodies overlap by more, cannot be cut, or closing gaps makes them other ones.
     """
     solids = [(dim, tag) for part in parts for tag in part.tags]
     if len(solids) < 2 or set(solids) - set(gmsh.model.occ.getEntities(dim)):
         return list(parts)  # one body, or gmsh's own geometry, whose neighbours share faces already
     sizes = {tag: gmsh.model.occ.getMass(dim, tag) for _, tag in solids}
+    if close_gaps:
+        gmsh.option.setNumber("Geometry.ToleranceBoolean", close_gaps)
     try:
         _, images = gmsh.model.occ.fragment(solids, [])
     except Exception as error:  # gmsh raises nothing more specific
@@ -52,10 +57,30 @@ def cut_along_each_other(dim: int, parts: Sequence[Part], overlap: float) -> lis
                         f" {common / smaller:.1%} of the smaller one; move them apart in the CAD"
                         " system, or allow a larger share by overlap."
                     )
-    return [
+    cut = [
         Part(part.name, part.label, tuple(tag for tag, own in owner.items() if own == number))
         for number, part in enumerate(parts)
     ]
+    if close_gaps:
+        _check_kept(dim, cut, whole, close_gaps)
+    return cut
+
+
+def _check_kept(dim: int, parts: Sequence[Part], before: Sequence[float], gaps: float) -> None:
+    """Refuse gaps to be closed that are as wide as bodies or their details.
+
+    Raises:
+        InputError: If a body has another volume.
+    """
+    most = 0.05  # share of its volume by which a body may change
+    for part, volume in zip(parts, before, strict=True):
+        now = sum(gmsh.model.occ.getMass(dim, tag) for tag in part.tags)
+        if not abs(now / volume - 1) <= most:
+            raise InputError(
+                f"closing gaps up to {gaps:g} changes the volume of '{part.name}' by"
+                f" {abs(now / volume - 1):.1%}; give a smaller width, or mend the geometry in the"
+                " CAD system."
+            )
 
 
 def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:

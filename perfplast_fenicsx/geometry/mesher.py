@@ -66,12 +66,12 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         InputError: If the file cannot be read, has no bodies, or a body cannot be meshed.
     """
     begin(Stage("reading it"))
-    dim, parts = read_parts(source)
+    dim, parts, remarks = read_parts(source)
     begin(Stage("cutting its bodies along each other"))
     marks = set_aside(parts) if dim == 3 and not is_script(source) else []
     parts = without(dim, parts, options.without)
     parts = cut_in_half(dim, parts, options.symmetry)
-    parts = cut_along_each_other(dim, parts, options.overlap)
+    parts = cut_along_each_other(dim, parts, options.overlap, options.close_gaps)
     near = near_misses(dim, parts)
     edges = [pair for pair in near if pair.gap == 0]
     near = [pair for pair in near if pair.gap > 0]
@@ -94,7 +94,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     np.savez(target.with_suffix(".npz"), **skin_of(dim, parts, groups, faces))
     write_split(target)
     nodes = sum(nodes_of(dim, part) for part in parts)
-    remarks = [
+    remarks += [
         f"the worst element of '{body.name}' has quality {body.worst:.1e}: it is nearly flat; a"
         " smaller size, or a geometry without tiny faces, gives a better one"
         for body in bodies

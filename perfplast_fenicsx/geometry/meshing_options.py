@@ -25,6 +25,8 @@ class MeshingOptions:
             coordinates is kept, and the cut is the surface ``symmetry_x``.
         overlap: Bodies may overlap by this share of the smaller one's volume; the later one in the
             file has what both had. What overlaps more is refused.
+        close_gaps: Faces of bodies that are no farther apart become one, in the place of either, so
+            that the bodies touch. Much less than their thicknesses and their smallest edges.
         patience: Longest time for it (s).
         without: Names of bodies that are left out.
         face: Faces with names of their own.
@@ -37,6 +39,7 @@ class MeshingOptions:
     meshed: Literal["together", "apart"] = "together"
     symmetry: dict[str, float] = field(default_factory=dict)
     overlap: float = 1e-3
+    close_gaps: float = 0.0
     patience: float = 600.0
     without: list[str] = field(default_factory=list)
     face: list[NamedFace] = field(default_factory=list)
@@ -55,6 +58,9 @@ class MeshingOptions:
             )
         if not 0 <= self.overlap < 1:
             raise InputError(f"overlap must be a share from 0 to below 1, not {self.overlap:g}.")
+        if not 0 <= self.close_gaps < math.inf:
+            raise InputError(f"close_gaps must be a length, not {self.close_gaps:g}.")
+        check_magnitude("close_gaps", self.close_gaps or 1.0)
         check_planes("symmetry", self.symmetry)
         names = [one.name for one in self.face]
         for name in names:

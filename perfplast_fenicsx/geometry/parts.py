@@ -32,17 +32,17 @@ class Part:
     tags: tuple[int, ...]
 
 
-def read_parts(path: Path) -> tuple[int, list[Part]]:
+def read_parts(path: Path) -> tuple[int, list[Part], list[str]]:
     """Read a geometry file, which :func:`~geometry_file.check_file` has seen, into gmsh's model.
 
     Returns:
-        3 for solids or 2 for faces of a plane model, and the bodies.
+        3 for solids or 2 for faces of a plane model, the bodies, and what a user should know.
 
     Raises:
         InputError: If the file cannot be read, or there is no solid in it.
     """
     if is_script(path):
-        return _read_script(path)
+        return *_read_script(path), []
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     if (
         IMPORTED[path.suffix.lower()].pattern == STEP
@@ -57,13 +57,16 @@ def read_parts(path: Path) -> tuple[int, list[Part]]:
     tags = [tag for dim, tag in found if dim == 3]
     if not tags and not found:
         raise InputError(f"'{path}' is empty; export the parts as solids.")
-    tags = tags or sewn(path, len(found))
+    remarks = list[str]()
+    if not tags:
+        tags, remarks = sewn(path, len(found))
     labels = [gmsh.model.getEntityName(3, tag) for tag in tags]
     names = unique_names(_leaf(label) for label in labels)
-    return 3, [
+    parts = [
         Part(name, label.removeprefix("Shapes/"), (tag,))
         for name, label, tag in zip(names, labels, tags, strict=True)
     ]
+    return 3, parts, remarks
 
 
 def _leaf(label: str) -> str:

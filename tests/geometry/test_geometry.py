@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -281,6 +282,61 @@ def test_faces_are_sewn_to_solids(shared_tmp_path: Path) -> None:
     (body,) = survey_of(iges, shared_tmp_path / "box.msh", MeshingOptions(size=8.0)).bodies
     assert body.volume == pytest.approx(6000.0, rel=1e-9)
     assert body.cad == pytest.approx(6000.0, rel=1e-9)
+
+
+def test_faces_of_bodies_that_touch_are_sewn_to_several_solids(shared_tmp_path: Path) -> None:
+    """Edges belong to faces of both; sewn together they enclosed nothing."""
+
+    def stacked() -> None:
+        gmsh.model.occ.addBox(0, 0, 0, 10, 20, 30)
+        gmsh.model.occ.addCylinder(5, 10, 30, 0, 0, 10, 4)
+
+    iges = write(shared_tmp_path / "stacked.igs", stacked)
+    options = MeshingOptions(size=8.0, curvature=6)
+    found = survey_of(iges, shared_tmp_path / "stacked.msh", options)
+    assert [joint.shapes for joint in found.joints] == [("flat",)]
+    volumes = sorted(body.cad or 0.0 for body in found.bodies)
+    assert volumes == pytest.approx([160 * math.pi, 6000.0], rel=0.01)  # of splines, by OpenCASCADE
+    assert not any("enclose no solid" in remark for remark in found.remarks)
+
+
+def test_faces_of_no_solid_are_told(shared_tmp_path: Path) -> None:
+    def beside() -> None:
+        gmsh.model.occ.addBox(0, 0, 0, 10, 10, 10)
+        gmsh.model.occ.addRectangle(20, 0, 0, 20, 10)
+
+    iges = write(shared_tmp_path / "beside.igs", beside)
+    found = survey_of(iges, shared_tmp_path / "beside.msh", MeshingOptions(size=8.0))
+    assert [body.cad for body in found.bodies] == [pytest.approx(1000.0)]
+    assert any("faces with 25 % of the area of all enclose no" in it for it in found.remarks)
+
+
+def test_small_gaps_are_closed(shared_tmp_path: Path) -> None:
+    """A plate over another one, and a pin that is too thin for its hole in the lower one."""
+
+    def plates() -> None:
+        occ = gmsh.model.occ
+        plate, hole = occ.addBox(0, 0, 0, 40, 20, 5), occ.addCylinder(20, 10, 0, 0, 0, 5, 4)
+        occ.cut([(3, plate)], [(3, hole)])
+        occ.addCylinder(20, 10, 0, 0, 0, 5, 3.99)
+        occ.addBox(10, 0, 5.01, 30, 20, 5)
+
+    step = write(shared_tmp_path / "plates.step", plates)
+    mesh = shared_tmp_path / "plates.msh"
+    options = MeshingOptions(size=10.0, curvature=8)
+    apart = survey_of(step, mesh, options)
+    assert not apart.joints
+    assert [pair.gap for pair in apart.near] == pytest.approx([0.01] * len(apart.near), rel=1e-3)
+    assert "close_gaps = 0.011 under [geometry]" in first_case(apart, "plates", "plates.step")
+    closed = survey_of(step, mesh, replace(options, close_gaps=0.02))
+    assert not closed.near
+    found = {frozenset(joint.bodies): joint.area for joint in closed.joints}
+    assert len(found) == 3
+    assert found[frozenset({"part_1", "part_3"})] == pytest.approx(600 - 16 * math.pi, rel=0.02)
+    case = first_case(closed, "plates", "plates.step", replace(options, close_gaps=0.02))
+    assert "close_gaps = 0.02" in case
+    with pytest.raises(InputError, match=r"closing gaps up to 8 changes the volume|cannot be cut"):
+        survey_of(step, mesh, replace(options, close_gaps=8.0))
 
 
 def test_bodies_that_are_left_out(shared_tmp_path: Path) -> None:
