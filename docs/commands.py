@@ -136,7 +136,8 @@ def same(shown: str, printed: str) -> bool:
 
     def plain(text: str) -> list[str]:
         text = re.sub(r"^(Results in \S+):.*", r"\1", text, flags=re.M)
-        return [" ".join(NUMBER.sub("0", line).split()) for line in text.strip().splitlines()]
+        lines = [" ".join(NUMBER.sub("0", line).split()) for line in text.strip().splitlines()]
+        return [line.replace("less than 0", "0") for line in lines]
 
     pattern = "".join(
         r"(.*\n)*" if line == ELLIPSIS else re.escape(f"{line}\n") for line in plain(shown)

@@ -35,7 +35,7 @@ from tests.test_walls import BELOW
 
 pytestmark = pytest.mark.serial
 
-COARSE = {"prop --size 30": "prop --size 120"}
+COARSE = {"prop --size 30": "prop --size 60"}
 """Of the tutorial's mesh."""
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
