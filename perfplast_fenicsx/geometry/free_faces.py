@@ -152,11 +152,13 @@ def round_of(dim: int, tag: int) -> str:
 
 def _by_end(body: str, dim: int, tags: Sequence[int], around: Floats) -> str | None:
     low, high = box(dim, tags)
-    length = float(np.linalg.norm(around[1] - around[0]))
+    # boxes are wider by the tolerances of edges, which gaps that were closed have left
+    wider = 3 * gmsh.option.getNumber("Geometry.ToleranceBoolean")
+    none = ALIKE * float(np.linalg.norm(around[1] - around[0])) + wider
     if shape_of(dim, tags[0]) in ("flat", "straight"):
-        for axis in np.flatnonzero(high - low < ALIKE * length)[: 1 if dim == 2 else None]:
+        for axis in np.flatnonzero(high - low < none)[: 1 if dim == 2 else None]:
             for side, end in zip(("low", "high"), around[:, axis], strict=True):
-                if abs(low[axis] - end) < 2 * ALIKE * length and around[1, axis] > around[0, axis]:
+                if abs(low[axis] - end) < 2 * none and around[1, axis] > around[0, axis]:
                     return f"{body}_{AXES[axis]}_{side}"
     return None
 

@@ -11,6 +11,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import thickness
 from perfplast_fenicsx.geometry.apart import apart_remarks
 from perfplast_fenicsx.geometry.cad_measures import worst_area
+from perfplast_fenicsx.geometry.closed_gaps import straighten
 from perfplast_fenicsx.geometry.face_colours import set_aside, take_back
 from perfplast_fenicsx.geometry.face_names import face_names
 from perfplast_fenicsx.geometry.free_faces import put_together
@@ -85,6 +86,8 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     names = face_names(dim - 1, parts, groups, options)
     begin(Stage("meshing", _names_of_faces(dim, parts)))
     longest = _mesh_with_areas(dim, parts, options)
+    if options.close_gaps and dim == 3:
+        straighten(seams)
     missed = worst_area(dim, parts)
 
     gmsh.model.removePhysicalGroups()

@@ -333,6 +333,17 @@ def test_small_gaps_are_closed(shared_tmp_path: Path) -> None:
     found = {frozenset(joint.bodies): joint.area for joint in closed.joints}
     assert len(found) == 3
     assert found[frozenset({"part_1", "part_3"})] == pytest.approx(600 - 16 * math.pi, rel=0.02)
+    with gmsh_session():  # contact on a face that is bent would push bodies aside
+        gmsh.open(str(mesh))
+        groups = {
+            gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()
+        }
+        names = [joint.surfaces[0] for joint in closed.joints if joint.shapes == ("flat",)]
+        for name in names:
+            points = gmsh.model.mesh.getNodesForPhysicalGroup(*groups[name])[1].reshape(-1, 3)
+            assert np.ptp(points[:, 2]) < 1e-9
+    assert len(names) == 2
+    assert {"part_1_x_low", "part_3_z_high"} <= {face.name for face in closed.faces}
     case = first_case(closed, "plates", "plates.step", replace(options, close_gaps=0.02))
     assert "close_gaps = 0.02" in case
     with pytest.raises(InputError, match=r"closing gaps up to 8 changes the volume|cannot be cut"):
