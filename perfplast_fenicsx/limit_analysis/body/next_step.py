@@ -54,8 +54,8 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
         wide = 0.1
         if apart > wide and effort.ended:
             yield (
-                f"the bounds are {percent(apart)} apart, and {effort.ended}; a smaller until with"
-                " more cells, or a smaller size of the first mesh, brings them nearer"
+                f"the bounds are {percent(apart)} apart, and {effort.ended}; more meshes (a smaller"
+                " until, more cells), or a smaller size of the first one, bring them nearer"
             )
         elif apart > wide:
             # How many times as long bounds take with half the size of elements, by dimension: with
