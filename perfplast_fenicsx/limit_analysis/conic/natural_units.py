@@ -30,9 +30,9 @@ moduli of a step would have a range of its square, and in double precision nothi
 balance of the weak ones."""
 
 
-RESERVES = (1e-5, 1e-4, 1e-3)
+RESERVES = (1e-5, 1e-3)
 """Shares of the strengths that beside dead loads are kept for what rounding leaves of a stress: a
-tenth of the tolerance that bounds are sought with, and more where it has left yield by more."""
+tenth of the tolerance that bounds are sought with, and at most where it has left yield by more."""
 
 UNLIMITED = (
     "nothing limits the loads, as far as rounding tells: mean stresses, bodies that do not yield"
@@ -55,10 +55,20 @@ class Start:
     pushed: bool = False
     reserve: float = RESERVES[0]
 
-    def with_more_in_reserve(self) -> "Start | None":
-        """The next one with more in reserve; None if that would change the bound."""
-        more = [reserve for reserve in RESERVES if reserve > self.reserve]
-        return replace(self, reserve=more[0]) if more else None
+    def with_more_in_reserve(self, over: float | None = None) -> "Start | None":
+        """The next one with more in reserve; None if that would change the bound.
+
+        Args:
+            over: By how much the stress has left yield, relative, if that is known.
+        """
+        most = RESERVES[-1]
+        if self.reserve >= most:
+            return None
+        more = 10 * self.reserve
+        if over is not None:
+            # What was missing is missing again, or half as much more.
+            more = max(3 * self.reserve, self.reserve + 1.5 * over)
+        return replace(self, reserve=min(more, most))
 
 
 def next_start(

@@ -33,6 +33,7 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_tolerance,
 )
 from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.stress.balanced_stress import BalancedStress
 from perfplast_fenicsx.limit_analysis.stress.static_balance import StaticIteration
 from perfplast_fenicsx.limit_analysis.stress.static_certificate import certify_stress
 from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm, static_form
@@ -101,7 +102,8 @@ def strict_lower_bound(
         if form is None:
             form = static_form(problem)
             made.callback(form.destroy)
-        given = problem, form, question, why_not, rtol, monitor
+        reached: list[BalancedStress] = []
+        given = problem, form, question, why_not, rtol, monitor, reached
         found, start = _search(*given, Start())
         while start is not None:
             before = found
@@ -127,9 +129,13 @@ def _search(
     why_not: tuple[str, ...],
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
+    reached: list[BalancedStress],
     start: Start,
 ) -> tuple[StaticBound, Start | None]:
-    """Search from a start, and tell where to begin anew; None to end. Collective."""
+    """Search from a start, and tell where to begin anew; None to end. Collective.
+
+    Stresses of searches before this one that are in equilibrium and left yield are ``reached``.
+    """
     with ExitStack() as made:
         static = static_program(form, question, start.reserve)
         program, body = static.program, form.body
@@ -159,11 +165,13 @@ def _search(
             found = no_stress(body, verdict, COARSE, none)
             return replace(found, steps=steps, factorisations=taken), None
         then = next_start(start, program, iteration.now, verdict, rtol)
-        found = _result(static, iteration, problem, why_not, verdict, reason, steps)
+        end = verdict, reason, steps
+        found, stress = _result(static, iteration, problem, why_not, reached, *end)
         certificate = found.certificate
         if program.keeps and verdict is Verdict.FOUND and certificate is not None:
-            over = certificate.in_equilibrium and not certificate.holds
-            then = start.with_more_in_reserve() if over else then
+            if certificate.in_equilibrium and not certificate.holds:
+                reached.append(stress)
+                then = start.with_more_in_reserve(certificate.overstress)
         return found, then
 
 
@@ -198,11 +206,12 @@ def _result(
     iteration: StaticIteration,
     problem: Problem,
     why_not: tuple[str, ...],
+    reached: list[BalancedStress],
     verdict: Verdict,
     reason: str,
     steps: list[InteriorStep],
-) -> StaticBound:
-    """What an iterate proves. Collective."""
+) -> tuple[StaticBound, BalancedStress]:
+    """What an iterate proves, and its stress. Collective."""
     program, form = static.program, static.form
     strains = form.strains
     iteration.settle()
@@ -224,6 +233,10 @@ def _result(
         share = min(1.0, left_over / max(left, left_over))
         pressure, deviator = share * pressure, share * deviator
         value, aside = share * value, share * aside
+    told = BalancedStress(pressure, deviator, value, aside)
+    if program.keeps:
+        told = told.with_some_of(reached, static)
+    pressure, deviator, value, aside = told.pressure, told.deviator, told.load, told.aside
     certificate, pushes = certify_stress(static, pressure, deviator, value, aside)
     scope = Scope.MESH if why_not else Scope.BODY
     bound = Bound(value, "lower", scope, why_not)
@@ -232,8 +245,8 @@ def _result(
         reason += f"; {UNREACHED}"
     elif share < 1:
         verdict = Verdict.STALLED
-        told = (f"{share:.2g} of it is kept, for what rounding leaves of its balance",)
-        reason = "; ".join([reason, *told, *weak_bodies(problem)])
+        kept = f"{share:.2g} of it is kept, for what rounding leaves of its balance"
+        reason = "; ".join([reason, kept, *weak_bodies(problem)])
     tdim, count = strains.gdim, strains.num_cells
     plastic, unit = program.plastic[: strains.count], program.stress_unit
     radii = np.where(plastic, strains.radii, 0.0) / unit
@@ -250,7 +263,7 @@ def _result(
     works = np.einsum("ni,ni->n", deviator, rates)[strains.principal.at] / unit
     powers = strains.principal.put(powers, np.maximum(works, 0.0))
     powers *= program.weights[: strains.count]
-    return StaticBound(
+    bounded = StaticBound(
         bound=bound,
         verdict=verdict,
         reason=reason,
@@ -263,3 +276,4 @@ def _result(
         steps=steps,
         factorisations=static.factorisations,
     )
+    return bounded, told
