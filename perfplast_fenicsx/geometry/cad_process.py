@@ -70,7 +70,8 @@ def mesh_geometry(
             doing = last_of(seen if isinstance(seen, str) else seen.decode(errors="replace"))
             raise InputError(
                 f"'{source}' was not meshed in {options.patience:g} s, when gmsh was {doing}; give"
-                " a larger size or more patience, or simplify the geometry in the CAD system."
+                " a larger size, fewer elements about circles (curvature = 4) or more patience, or"
+                " simplify the geometry in the CAD system."
             ) from error
         if done.returncode:
             if done.returncode > 0 and done.returncode != REFUSED:
