@@ -87,7 +87,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     begin(Stage("meshing", _names_of_faces(dim, parts)))
     longest = _mesh_with_areas(dim, parts, options)
     if options.close_gaps and dim == 3:
-        straighten(seams)
+        straighten(parts, seams)
     missed = worst_area(dim, parts)
 
     gmsh.model.removePhysicalGroups()
