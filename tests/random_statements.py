@@ -102,7 +102,7 @@ def random_case(seed: int) -> Case:
     if not alike:
         strengths["upper"] *= it.number(0.6, 1.6)
     seam = _seam(it, alike)
-    plate = it.kind != "axis" and it.say("a rigid surface", 0.25)
+    plate = it.say("a rigid surface", 0.25)
     stiff = ""
     if plate and it.known:  # beside which the other one widens as it likes
         stiff, seam = "upper", {"contacts": [Contact(*SEAM)]}
@@ -116,7 +116,8 @@ def random_case(seed: int) -> Case:
     given: dict[str, Any] = {"materials": materials, "degree": 2, **seam}
     given["initial"] = _initial(it)
     given["supports"], given["obstacles"], given["rigid"] = _held(it)
-    held = "xyz"[: it.gdim - 1] if it.known or it.random.random() < 0.5 else ""
+    straight = it.known or it.kind == "axis" or it.random.random() < 0.5
+    held = "xyz"[: it.gdim - 1] if straight else ""
     if plate:
         given["rigid"].append(RigidSurface("top", held=held))
         # no node of it may be a support's
@@ -156,7 +157,16 @@ def _seam(it: _Draw, alike: bool) -> dict[str, Any]:
     what = it.pick(
         ("contact", "a gap", "a press fit")
         if smooth
-        else ("contact", "a gap", "a press fit", "a tie", "Tresca", "Coulomb", "with adhesion")
+        else (
+            "contact",
+            "a gap",
+            "a press fit",
+            "a tie",
+            "Tresca",
+            "Coulomb",
+            "with adhesion",
+            "associated",
+        )
     )
     if what == "a tie":
         return {"ties": [Tie(*SEAM)]}
@@ -167,6 +177,7 @@ def _seam(it: _Draw, alike: bool) -> dict[str, Any]:
         "Tresca": {"tresca": it.number(0.01, 0.8)},
         "Coulomb": {"coulomb": it.number(0.05, 0.4)},
         "with adhesion": {"coulomb": it.number(0.05, 0.4), "tresca": it.number(0.01, 0.4)},
+        "associated": {"coulomb": it.number(0.05, 0.4), "associated": True},
     }[what]
     return {"contacts": [Contact(*SEAM, **more)]}
 
@@ -261,5 +272,7 @@ def _loads(it: _Draw, strength: float, plate: bool, held: str) -> tuple[list[Any
     return loads, None
 
 
-def _down(it: _Draw, force: float) -> list[float]:
-    return [0.0] * (it.gdim - 1) + [-force]
+def _down(it: _Draw, pressure: float) -> list[float]:
+    """The force of a pressure on top."""
+    area = math.pi if it.kind == "axis" else 1.0
+    return [0.0] * (it.gdim - 1) + [-area * pressure]
