@@ -27,6 +27,7 @@ from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.rigid import Rigid, rigid_of, sums_of
 from perfplast_fenicsx.proof.rings import on_axis, ring_flow, speed_of
 from perfplast_fenicsx.proof.verdict import share_of
+from perfplast_fenicsx.proof.work_of_others import most_work, usual_speed
 
 
 def check_nodes(body: Body, nodes: Longs, count: int) -> None:
@@ -111,7 +112,8 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     """
     flow = ring_flow if body.is_revolved else _plain_flow
     volumes, strains, dissipation = flow(body, v, subdivisions)
-    d, growth = body.dim, np.einsum("cvii->cv", strain_rates(body, v))  # of v, around an axis too
+    d, rates = body.dim, strain_rates(body, v)  # of v, around an axis too
+    growth = np.einsum("cvii->cv", rates)
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
     contact = entering_of(body, at_facets, float(np.abs(v).max(initial=0)))
     dissipation += contact.slip
@@ -145,7 +147,8 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     if rigid:
         measured["bent"] = share_of(bent, fastest)
     if body.others:
-        most = _most_work(body, body.others, v, at_facets)
+        usual = usual_speed(body, body.sought, work)
+        most = most_work(body, body.others, v, at_facets, rates, usual)
         plates = zip(rigid, motions, strict=True)
         most += sum(
             float(np.abs(one.wanted(body.others)) @ np.abs(motion)) for one, motion in plates
@@ -255,23 +258,6 @@ def _work(body: Body, loads: Loads, v: Floats, at_facets: Floats) -> float:
     work = np.einsum("f,fai,an,fni->", body.areas, loads.traction, _nodal(moments, d), at_facets)
     means = _nodal(np.array([[_moment(d, list(b)) for b in _quadratic(d + 1)]]), d + 1)[0]
     return float(work + np.einsum("c,ci,n,cni->", body.volumes, loads.body_force, means, v))
-
-
-def _most_work(body: Body, loads: Loads, v: Floats, at_facets: Floats) -> float:
-    """What tractions, forces and pressures in pores could do with velocities as large as there."""
-    # Of the largest at least: at rest all is rounding, and the factor that it allows is told.
-    slowest = 0.1
-    pushes = np.linalg.norm(loads.traction * ~body.held[:, None], axis=2).mean(axis=1)
-    speeds = np.linalg.norm(v, axis=2).max(axis=1)
-    least = slowest * speeds.max(initial=0)
-    quick = np.maximum(np.linalg.norm(at_facets, axis=2).max(axis=1), least)
-    total = float((body.areas * pushes) @ quick)
-    quick = np.maximum(speeds, least)
-    total += float((body.volumes * np.linalg.norm(loads.body_force, axis=1)) @ quick)
-    strains = np.linalg.norm(strain_rates(body, v), axis=(2, 3)).max(axis=1)
-    strains = np.maximum(strains, slowest * strains.max(initial=0))
-    pressures = np.abs(loads.pore_pressure).max(axis=1)
-    return total + float((body.volumes * pressures) @ strains) * float(np.sqrt(body.dim))
 
 
 def _quadratic(count: int) -> list[tuple[int, int]]:

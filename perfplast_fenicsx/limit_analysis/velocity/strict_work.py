@@ -88,9 +88,6 @@ def strict_upper_bound(
     # at all nodes without their signs, half of what a checker leaves. It would count at load
     # factors some million times as large as those that bodies bear.
     least_parting = 5e-7
-    # Where they push what rests, all that moves there is rounding: so much of the largest velocity
-    # counts at least, which leaves factors ten times as large yet.
-    least_speed = 0.1
     # Strain rates, relative to velocities over the size of the bodies, that are next to none.
     slowest = 1e-5
     # Volume change in plastic bodies, or what it lacks in those that dilate, and strain in elastic
@@ -121,7 +118,11 @@ def strict_upper_bound(
         total = comm.allreduce(float(weights.sum()))
         usual = largest[1] / total ** (1 / rates.gdim)
         whole = max(whole, (slowest * usual) ** 2 * total)
-    speeds = np.maximum(np.abs(velocity.array_r), least_speed * largest[1])
+    # Where they push what rests, all that moves there is rounding: the mean velocity counts at
+    # least with which the others do their work.
+    sought = problem.loads.live if question is Question.LIMIT else problem.loads.dead
+    size = comm.allreduce(float(np.abs(sought.array_r).sum()))
+    speeds = np.maximum(np.abs(velocity.array_r), abs(work) / size if size else 0.0)
     at_nodes = float(np.abs(problem.loads.live.array_r) @ speeds)
     ends = abs(aside) <= least_parting * comm.allreduce(at_nodes)
     if not (held and ends and whole > 0 and part <= admissible**2 * whole and work > 0):
