@@ -157,6 +157,7 @@ def _unit_strain(tagged_mesh: TaggedMesh, spaces: Spaces, bolt: Bolt) -> fem.Fun
     begin, end = bolt.shank or (low + third, high - third)
     rounding = 1e-9 * (high - low)
     if begin < low - rounding or end > high + rounding:
+        low, high = (0.0 if abs(reach) <= rounding else reach for reach in (low, high))
         raise InputError(
             f"the bolt '{bolt.called}' has its shank from {begin:g} to {end:g} along its axis, but"
             f" the volume '{bolt.on}' reaches from {low:.6g} to {high:.6g}; give where no head and"
