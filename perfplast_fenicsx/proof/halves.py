@@ -225,11 +225,14 @@ def _same_contacts(lower: Body, upper: Body) -> bool:
 
 
 def pair_of_radenkovic(lower: Body, upper: Body) -> bool:
-    """Whether any cone opens by less in the lower half than one like it in the upper half."""
+    """Whether the cone of any cell opens by less than that of the upper half in the same place."""
     less, more = strengths_of(lower, upper)
-    steepest = np.zeros(max(int(it.family.max(initial=0)) for it in (less, more)) + 1)
-    np.maximum.at(steepest, more.family, more.slope)
-    return bool((less.slope < (1 - SAME) * steepest[less.family]).any())
+
+    def flatter(a: Longs, b: Longs) -> Flags:
+        return np.asarray(less.slope[a] < (1 - SAME) * more.slope[b])
+
+    cells, _ = shared_cells(lower, upper, flatter)
+    return len(cells) > 0
 
 
 def pair_of_drucker(lower: Body, upper: Body) -> bool:

@@ -45,11 +45,13 @@ def strength(of: MohrCoulomb) -> float:
     return 2 * of.cohesion * math.tan(math.radians(45 + of.friction_angle / 2))
 
 
-def column(of: MohrCoulomb, pressure: Pressure) -> Problem:
-    """A free block of it, of two that are glued."""
+def column(
+    of: MohrCoulomb, pressure: Pressure, upper: MohrCoulomb | None = None, n: int = 1
+) -> Problem:
+    """A free block of it, of two that are glued, or another one on it."""
     return Problem(
-        stacked_blocks(COMM, 1),
-        {"lower": of, "upper": of},
+        stacked_blocks(COMM, n),
+        {"lower": of, "upper": upper or of},
         [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
         [pressure],
         ties=[Tie("lower_top", "upper_bottom")],
@@ -100,6 +102,19 @@ def test_a_footing_by_radenkovic(read: Read, tmp_path: Path) -> None:
     assert 0.6 * low < bounds.lower.value < low
     assert 14.834712 < bounds.upper.value < 1.2 * 14.834712
     proven(bounds, tmp_path)
+
+
+def test_unlike_ground_on_two_meshes_is_no_pair(shared_tmp_path: Path) -> None:
+    """Cones of either half are told apart place by place, whichever are the steepest."""
+    softer, steeper = MohrCoulomb(1e4, 0.3, C, 20.0), MohrCoulomb(1e4, 0.3, C, 30.0)
+    low, high = (limit_bounds(column(softer, Pressure("top", 1.0), steeper, n=n)) for n in (1, 2))
+    folder = ResultFolder(COMM, shared_tmp_path)
+    write_proof(folder, folder.file("bounds.h5"), *proofs(low, high))
+    if COMM.rank == 0:
+        checked = check(folder.file("bounds.h5"))
+        assert not any(half.faults for half in checked.values())
+        told = " ".join(words for half in checked.values() for words in half.words)
+        assert "Radenkovic" not in told
 
 
 @pytest.mark.parametrize("stand", ["radenkovic", "davis-b"])
