@@ -18,6 +18,7 @@ from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.bound_words import sentence
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
@@ -225,7 +226,7 @@ class Terminal:
         """Say what is proven of the body, and what would narrow it."""
         self.say(bounds.in_words())
         for step in steps:
-            self.say(f"{step[0].upper()}{step[1:]}.")
+            self.say(f"{sentence(step)}.")
 
     def results(self, folder: ResultFolder, goes_on: bool = True) -> None:
         """Say where the results are and which there are.

@@ -98,18 +98,13 @@ def _load(problem: Problem, loads: Sequence[Load]) -> None:
 def _rub(problem: Problem, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
     """Put other friction in the place of a problem's. Not collective."""
     problem.given = replace(problem.given, contacts=contacts, obstacles=obstacles)
-    rows, terms = problem.constraints, [*contacts, *obstacles]
-    sources = [
+    sources = tuple(
         replace(source, tresca=it.tresca, coulomb=it.coulomb)
-        for source, it in zip(rows.sources, terms, strict=False)  # ties have sources as well
-    ]
-    sources += rows.sources[len(sources) :]
-    problem.constraints = replace(rows, sources=tuple(sources))
-    friction = problem.friction
-    tresca, coulomb = (
-        np.array([getattr(it, key) or 0.0 for it in sources])[rows.surface[friction.pair]]
-        for key in ("tresca", "coulomb")
+        for source, it in zip(problem.constraints.sources, [*contacts, *obstacles], strict=True)
     )
+    problem.constraints = replace(problem.constraints, sources=sources)
+    friction = problem.friction
+    tresca, coulomb = problem.constraints.friction_of(friction.pair)
     adhesion = tresca * friction.area
     bound = adhesion.copy()
     problem.friction = replace(friction, coulomb=coulomb, adhesion=adhesion, bound=bound)

@@ -59,7 +59,7 @@ def pushed(n: int, slope: float = 0.0, gdim: int = 2, **friction: float) -> Prob
     )
 
 
-def both(bounds: BodyBounds) -> tuple[float, float]:
+def both(bounds: BodyBounds, rel: float = 1e-6) -> tuple[float, float]:
     """Both bounds, which are strict, and whose gap is that of the shares."""
     assert bounds.strict
     assert bounds.lower.value is not None
@@ -67,7 +67,7 @@ def both(bounds: BodyBounds) -> tuple[float, float]:
     assert bounds.shares is not None
     gap = bounds.upper.value - bounds.lower.value
     shares = COMM.allreduce(float(bounds.shares.sum()))
-    assert shares == pytest.approx(gap, rel=1e-6)
+    assert shares == pytest.approx(gap, rel=rel)
     return bounds.lower.value, bounds.upper.value
 
 

@@ -83,11 +83,8 @@ def tangential_rows(
         terms,
         area=constraints.area[pairs],
     )
-    surface, area = constraints.surface[place], constraints.area[place]
-    tresca, coulomb = (
-        np.array([getattr(one, key) or 0.0 for one in constraints.sources])[surface]
-        for key in ("tresca", "coulomb")
-    )
+    area = constraints.area[place]
+    tresca, coulomb = constraints.friction_of(place)
     friction = Friction(
         pair=place.astype(np.int32),
         index=number,

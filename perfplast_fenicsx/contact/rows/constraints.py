@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.contact.declared.friction_terms import FrictionTerms
 from perfplast_fenicsx.contact.rows.sparse_rows import (
     Entries,
@@ -98,6 +98,14 @@ class Constraints:
 
     def __repr__(self) -> str:
         return f"Constraints({len(self.host)} hosted by this rank)"
+
+    def friction_of(self, rows: Longs | Ints) -> tuple[Floats, Floats]:
+        """Adhesion (stress) and coefficient of Coulomb's friction of some rows, 0 where none is."""
+        tresca, coulomb = (
+            np.array([getattr(one, key) or 0.0 for one in self.sources])[self.surface[rows]]
+            for key in ("tresca", "coulomb")
+        )
+        return tresca, coulomb
 
     def jumps(self, u: PETSc.Vec) -> Floats:
         """B u (length) of a displacement, shape (m_local,). Collective."""

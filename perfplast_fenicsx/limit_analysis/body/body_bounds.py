@@ -9,7 +9,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.body.bound_words import (
     least_words,
     proven_words,
-    sentence,
+    sentences,
 )
 from perfplast_fenicsx.limit_analysis.body.ring_results import VelocityOf
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
@@ -139,10 +139,10 @@ class BodyBounds:
             early.append(f" The upper one is not the best of its mesh: {self.mesh.reason}.")
         if self.static is not None and self.static.verdict is not Verdict.FOUND and lower:
             early.append(f" The lower one is not the best of its mesh: {self.static.reason}.")
-        early += [f" {sentence(words)}." for words in self.advice]
+        early.append(sentences(self.advice))
         if self.friction is not None and (lower or upper):
             early.append(f" {self.friction}.")
-        early += [f" {sentence(words)}." for words in self.ground]
+        early.append(sentences(self.ground))
         proven = proven_words(self.lower, self.upper, self.question, self.why_not)
         if self.least_in_words:
             early.insert(0, f" {self.least_in_words}")

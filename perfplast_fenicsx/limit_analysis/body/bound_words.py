@@ -1,6 +1,6 @@
 """What bounds prove of a body, in a sentence."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
@@ -12,6 +12,11 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 def sentence(words: str) -> str:
     """A clause with a capital, without its full stop."""
     return words[0].upper() + words[1:]
+
+
+def sentences(clauses: Iterable[str]) -> str:
+    """Clauses as sentences that follow another one; empty of none."""
+    return "".join(f" {sentence(words)}." for words in clauses)
 
 
 def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequence[str]) -> str:

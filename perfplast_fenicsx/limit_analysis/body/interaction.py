@@ -22,7 +22,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.body.bound_words import sentence
+from perfplast_fenicsx.limit_analysis.body.bound_words import sentences
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.proven_polytopes import (
     farthest_apart,
@@ -112,8 +112,7 @@ class Envelope:
         return (
             f"All {pairs} inside of one {polygon} are carried for certain, and none outside of"
             f" another; they are {100 * self.gap:.3g} % apart at most, after"
-            f" {len(self.directions)} directions."
-            + "".join(f" {sentence(words)}." for words in self.last.ground)
+            f" {len(self.directions)} directions." + sentences(self.last.ground)
         )
 
     def table(self) -> list[dict[str, float | None]]:

@@ -19,8 +19,7 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorSte
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import resisted
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
-from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_associated_slip
-from perfplast_fenicsx.limit_analysis.facets.entering import without_entering
+from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, without_pores
 from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
 from perfplast_fenicsx.limit_analysis.statements.bound import (
@@ -135,8 +134,7 @@ def _bounds(
     if straight and body_cones(problem).dilates:
         problem = with_points_at_vertices(problem)
     log.info("upper bound: a mechanism on %s", problem)
-    searched = with_associated_slip(without_entering(problem) or problem)
-    limit = resisted(interior_point(searched, rtol, monitor))
+    limit = resisted(interior_point(with_strict_contact(problem), rtol, monitor))
     if np.isfinite(limit.lower) and limit.stress is not None:  # of pairs, not of coefficients
         limit = replace(limit, contact_forces=contact_forces(problem, limit.stress, limit.lower))
     bounds, rates = _of_mesh(problem, limit)

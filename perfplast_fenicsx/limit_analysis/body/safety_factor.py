@@ -16,13 +16,12 @@ from typing import Any
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.body.bound_words import sentence
+from perfplast_fenicsx.limit_analysis.body.bound_words import sentences
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.body.strength_reduction import check_stands, weakened
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
-from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_associated_slip
-from perfplast_fenicsx.limit_analysis.facets.entering import without_entering
+from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.materials.elastic import all_elastic
@@ -80,8 +79,8 @@ class FactorOfSafety:
             sides.append(f"falls at F = {rounded_up(self.upper)} at the latest")
         if not sides:
             return "Nothing is proven of the factor of safety."
-        told = "".join(f" {sentence(words)}." for words in self.ground)
-        return f"The body {', and '.join(sides)}, if all strengths are divided by F.{told}"
+        said = f"The body {', and '.join(sides)}, if all strengths are divided by F."
+        return said + sentences(self.ground)
 
 
 def factor_of_safety(
@@ -197,7 +196,7 @@ class _Curve:
         factor = 1.0
         for _ in range(MOST_SEARCHES):
             _, other = weaker_and_stronger(weakened(self.problem, factor))
-            searched = with_associated_slip(without_entering(other) or other)
+            searched = with_strict_contact(other)
             found = interior_point(searched, 10 * self.tolerance, self.steps).standing
             times = None if found is None else found.lower
             if times is None or not times > 0:

@@ -22,8 +22,21 @@ from perfplast_fenicsx.contact.rows.sparse_rows import (
     matrix_of_entries,
     unknowns,
 )
+from perfplast_fenicsx.limit_analysis.facets.entering import without_entering
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
+
+
+def with_strict_contact(problem: Problem) -> Problem:
+    """The problem in which mechanisms of upper bounds are looked for. Collective.
+
+    They enter nothing between nodes either, where that can be asked for, and slip as Coulomb's
+    friction asks.
+
+    Args:
+        problem: The bodies and their contact.
+    """
+    return with_associated_slip(without_entering(problem) or problem)
 
 
 def with_associated_slip(problem: Problem) -> Problem:
@@ -41,8 +54,8 @@ def with_associated_slip(problem: Problem) -> Problem:
         one.
     """
     constraints = problem.constraints
-    coulomb = np.array([source.coulomb or 0.0 for source in constraints.sources])
-    follows: PairFlags = coulomb[constraints.surface] > 0
+    _, coulomb = constraints.friction_of(np.arange(len(constraints.surface)))
+    follows: PairFlags = coulomb > 0
     if not problem.comm.allreduce(bool(follows.any())):
         return problem
     if problem.bodies.gdim == 3:
