@@ -46,6 +46,7 @@ COMBINED = {
     "3.3 Q": {"live": 3.3},
 }
 BOUNDS = '[loading]\ncontrol = "bounds"\n'
+NEAR = 1e-7
 
 
 def text_of(more: str) -> str:
@@ -78,7 +79,7 @@ def alone(comm: MPI.Intracomm, factors: dict[str, float], divided: float) -> Any
     strengths = {"lower": 330.0, "upper": 440.0}
     steels = {body: VonMises(2e5, 0.3, given / divided) for body, given in strengths.items()}
     problem = Problem(stacked_blocks(comm, 1), steels, ROLLERS, loads, TOUCHING, degree=2)
-    return limit_bounds(problem)
+    return limit_bounds(problem, NEAR)
 
 
 def test_each_is_as_if_it_were_alone(
@@ -86,7 +87,9 @@ def test_each_is_as_if_it_were_alone(
     shared_tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    text = text_of(tables(COMBINED) + "[design]\nstrength = 1.1\n" + BOUNDS)
+    """To the tolerance of the searches: how a mesh is distributed hangs on what was before it."""
+    asked = f"{BOUNDS}limit_tolerance = {NEAR}\n"
+    text = text_of(tables(COMBINED) + "[design]\nstrength = 1.1\n" + asked)
     case = write_case(comm, shared_tmp_path / "case.toml", text)
     results = shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(results), "--report"]) == SOLVED
@@ -97,8 +100,8 @@ def test_each_is_as_if_it_were_alone(
             json.loads((results / name / "summary.json").read_text()) if comm.rank == 0 else None
         )
         body, expected = told["limit"]["body"], alone(comm, factors, 1.1)
-        assert body["lower"] == pytest.approx(expected.lower.value, rel=1e-10)
-        assert body["upper"] == pytest.approx(expected.upper.value, rel=1e-10)
+        assert body["lower"] == pytest.approx(expected.lower.value, rel=2 * NEAR)
+        assert body["upper"] == pytest.approx(expected.upper.value, rel=2 * NEAR)
         if comm.rank == 0:
             proven = check(results / name / "bounds.h5")
             assert not any(half.faults for half in proven.values())

@@ -258,6 +258,6 @@ def test_contact_and_materials_of_a_file_are_those_of_a_case_by_hand(
         assert main(["run", str(out / f"{name}.toml"), "-o", str(out / name)]) == SOLVED
         found.append(json.loads((out / name / "summary.json").read_text()))
     case, hand = (one["limit"] for one in found)
-    assert case["estimate"] == pytest.approx(hand["estimate"], rel=1e-9)
+    assert case["estimate"] == pytest.approx(hand["estimate"], rel=2e-4)
     assert 0.5 < case["estimate"] / 1.6 < 1.5  # the soft cube yields under its half
     assert found[0]["mesh"] == found[1]["mesh"]

