@@ -83,8 +83,8 @@ def test_rubbing_platens() -> None:
     assert 2.29 < lower[2] < ROUGH < upper[2] < 2.51
     assert lower[3] == pytest.approx(lower[2], rel=1e-4)  # the block itself yields
     none = limit_bounds(between_platens(4, tresca=0.0))
-    assert none.lower.value == pytest.approx(smooth.lower.value, rel=1e-9)
-    assert none.upper.value == pytest.approx(smooth.upper.value or 0.0, rel=1e-9)
+    assert none.lower.value == pytest.approx(smooth.lower.value, rel=1e-4)
+    assert none.upper.value == pytest.approx(smooth.upper.value or 0.0, rel=1e-4)
 
 
 def test_a_block_that_slides_in_space() -> None:
