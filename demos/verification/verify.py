@@ -43,6 +43,7 @@ CASES = (
     "ring_bounds",
     "bound_costs",
     "dead_loads",
+    "shakedown",
     "joints",
     "published",
     "published_blocks",

@@ -26,6 +26,7 @@ from .shakedown.diagram import Direction as Direction
 from .shakedown.diagram import shakedown_diagram as shakedown_diagram
 from .shakedown.load_domain import LoadDomain as LoadDomain
 from .shakedown.shakedown_load import shakedown_load as shakedown_load
+from .shakedown.shakedown_result import Failure as Failure
 from .shakedown.shakedown_result import ShakedownLoad as ShakedownLoad
 from .statements.bound import Bound as Bound
 from .statements.bound import Scope as Scope

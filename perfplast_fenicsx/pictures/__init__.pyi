@@ -3,3 +3,4 @@ from .drawing_process import animate as animate
 from .drawing_process import draw as draw
 from .drawing_process import plot as plot
 from .result_reader import ResultReader as ResultReader
+from .shakedown_picture import save_shakedown as save_shakedown

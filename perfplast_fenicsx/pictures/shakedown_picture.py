@@ -36,7 +36,8 @@ def save_shakedown(
     for failure in dict.fromkeys(row["failure"] for row in known):
         marker, colour = marks.get(failure, ("D", "#7a3fa0"))
         some = [(a, b) for a, b, row in zip(x, y, known, strict=True) if row["failure"] == failure]
-        axes.plot(*zip(*some, strict=True), marker, color=colour, label=f"beyond: {failure}")
+        points = zip(*some, strict=True)
+        axes.plot(*points, marker, color=colour, label=f"beyond: {failure}", clip_on=False)
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel(drawable(f"times {names[0]}"), parse_math=False)
