@@ -37,6 +37,11 @@ def fault_of(values: Floats) -> str | None:
     return None if fine.all() else "is negative or not finite"
 
 
+def loose(adhesion: Floats, friction: Floats) -> bool:
+    """Whether any slips and parts, and dissipates nothing by that."""
+    return bool(((friction > 0) & (adhesion == 0)).any())
+
+
 def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
     """What shear tractions have beyond the pressure's friction, relative to the adhesion.
 

@@ -26,6 +26,7 @@ from perfplast_fenicsx.proof.parts import halved
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.rigid import Rigid, rigid_of, sums_of
 from perfplast_fenicsx.proof.rings import on_axis, ring_flow, speed_of
+from perfplast_fenicsx.proof.rubbing import loose
 from perfplast_fenicsx.proof.verdict import share_of
 from perfplast_fenicsx.proof.work_of_others import most_work, usual_speed
 
@@ -79,7 +80,7 @@ class Flow:
         speed: The largest velocity.
         others: What loads of any factor 1 can do in all, by what is left of the conditions too.
         reason: Why the conditions of contact cannot be told, or None.
-        loose: Whether some cells dissipate nothing whatever they do.
+        loose: Whether some cells, or joints, dissipate nothing whatever they do.
     """
 
     measured: dict[str, float]
@@ -134,7 +135,10 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     stress = factor * at_one + at_zero
     left = (volumes, strains, contact.volume, of_plates)
     names = ("volume_change", "elastic_strain", "entering_work", "bending_work")
-    size = size_of(dissipation, dissipation - constant_work, body.loose)
+    joints = (body.contact_adhesion, body.contact_friction)
+    planes = (body.obstacle_adhesion, body.obstacle_friction)
+    is_loose = body.loose or loose(*joints) or loose(*planes)
+    size = size_of(dissipation, dissipation - constant_work, is_loose)
     # Nor may what a body at its limit under constant loads dissipates hide what others have left.
     least = factor + (at_zero / at_one if at_one > 0 else 0.0)
     size = min(size, 1e3 * work * least) if work > 0 else size
@@ -159,7 +163,7 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     if body.is_revolved:
         measured["axis"] = share_of(on_axis(body, v), fastest)
         speed = speed_of(body, v)
-    end = (contact.reason, body.loose)
+    end = (contact.reason, is_loose)
     return Flow(measured, dissipation, work, constant_work, speed, others, *end)
 
 
@@ -187,7 +191,7 @@ def _middles(body: Body) -> Floats:
 def size_of(dissipation: float, excess: float, loose: bool) -> float:
     """What a mechanism dissipates, or a share of what loads have to do beyond others, if more.
 
-    It is all of that where cells of no cohesion dissipate nothing.
+    It is all of that where cells of no cohesion, or joints of no adhesion, dissipate nothing.
     """
     # Least dissipation that is counted, over the work of the loads whose factor is bounded.
     least_share = 1.0 if loose else 1e-3

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx import (
+    BodyForce,
     Contact,
     Newton,
     Plane,
@@ -24,6 +25,7 @@ from tests.checks import assert_refused
 from tests.contact.blocks_apart import blocks_apart
 from tests.limit_analysis.test_rings import disc
 from tests.limit_analysis.test_rubbing_bounds import K, between_platens, both
+from tests.models import STEEL
 
 COMM = MPI.COMM_WORLD
 LEAD = VonMises(young=16000.0, poisson=0.44, yield_stress=20.0)
@@ -57,11 +59,47 @@ def test_a_column_slides_along_its_cut(mu: float, c: float, around: float) -> No
     assert "Drucker" not in bounds.in_words()
 
 
+def on_an_incline(slope: float, mu: float, c: float, associated: bool) -> Problem:
+    """A block three times as wide as high, of the weight 10 a unit of width, pushed up it."""
+    mesh = blocks_apart(COMM, (6, 2), (6, 2), moved_by=0.0, slope=3 * slope)
+    mesh.mesh.geometry.x[:, 0] *= 3
+    return Problem(
+        mesh,
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom")],
+        [BodyForce("upper", (0.0, -10.0), constant=True), BodyForce("upper", (1.0, 0.0))],
+        [Contact("lower_top", "upper_bottom", tresca=c, coulomb=mu, associated=associated)],
+        degree=2,
+    )
+
+
+@pytest.mark.parametrize(("slope", "mu", "c"), [(0.1, 0.2, 1.0), (0.2, 0.6, 0.3), (-0.3, 0.2, 0.0)])
+def test_a_block_on_an_incline(slope: float, mu: float, c: float) -> None:
+    """Statics: F cos − G sin = c A + μ (G cos + F sin); from below of Drucker's pair with μ = 0."""
+
+    def statics(mu: float) -> float:
+        return (c * (1 + slope**2) + 10 * (mu + slope)) / (1 - mu * slope)
+
+    exact = statics(mu)
+    joint = limit_bounds(on_an_incline(slope, mu, c, associated=True), 1e-6)
+    assert joint.strict
+    least, most = (exact + of * abs(exact) for of in (-1e-6, 1e-6))
+    assert least < (joint.lower.value or 0.0) < (joint.upper.value or 0.0) < most
+    assert (joint.lower.value or 0.0) < exact + 1e-9 < (joint.upper.value or 0.0) + 2e-9
+    pair = limit_bounds(on_an_incline(slope, mu, c, associated=False), 1e-6)
+    assert pair.upper.value == pytest.approx(exact, rel=1e-6)
+    if c > 0:
+        assert pair.lower.strict
+        assert pair.lower.value == pytest.approx(statics(0.0), rel=1e-6)
+    else:
+        assert "tresca" in " ".join(pair.why_not)
+
+
 def test_both_bounds_are_those_of_the_joint() -> None:
-    """From above as of Drucker's pair, from below far above the frictionless one."""
+    """From above as of Drucker's pair, but for its corner of two cells, from below far above it."""
     pair = both(limit_bounds(between_platens(4, coulomb=0.1)))
     joint = both(limit_bounds(between_platens(4, coulomb=0.1, associated=True)))
-    assert joint[1] == pytest.approx(pair[1], rel=1e-6)
+    assert joint[1] == pytest.approx(pair[1], rel=1e-3)
     assert 1.05 * pair[0] < joint[0] < joint[1] < 1.04 * joint[0]
     more = both(limit_bounds(between_platens(4, coulomb=0.1, tresca=0.1 * K, associated=True)))
     assert joint[0] < more[0] < more[1]

@@ -20,6 +20,7 @@ from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import resisted
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
+from perfplast_fenicsx.limit_analysis.facets.contact_strength import strengths_of
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, without_pores
 from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
 from perfplast_fenicsx.limit_analysis.statements.bound import (
@@ -148,7 +149,8 @@ def _bounds(
             _, dead, _ = bounds.question.of(
                 0.0, problem.loads.dead_work(bounds.mechanism.x.petsc_vec)
             )
-            value, loose = bounds.upper.value, body_cones(problem).loose
+            value = bounds.upper.value
+            loose = body_cones(problem).loose or any(it.loose for it in strengths_of(problem))
             power = measure_of(value + dead, value, loose)
             lower = beside_mechanism(lower, static.certificate, power, bounds.mechanism)
     stress = shares = None

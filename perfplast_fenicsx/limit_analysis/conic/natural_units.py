@@ -31,8 +31,9 @@ balance of the weak ones."""
 
 
 RESERVES = (1e-5, 1e-3)
-"""Shares of the strengths that beside dead loads are kept for what rounding leaves of a stress: a
-tenth of the tolerance that bounds are sought with, and at most where it has left yield by more."""
+"""Shares of the strengths that beside dead loads are kept for what rounding leaves of a stress: at
+first, or a tenth of the tolerance that bounds are sought with, and at most where it has left yield
+by more."""
 
 UNLIMITED = (
     "nothing limits the loads, as far as rounding tells: mean stresses, bodies that do not yield"
@@ -54,6 +55,11 @@ class Start:
     scale: float | None = None
     pushed: bool = False
     reserve: float = RESERVES[0]
+
+    @classmethod
+    def within(cls, rtol: float) -> "Start":
+        """The first one of a search with a tolerance, relative."""
+        return cls(reserve=min(RESERVES[0], rtol / 10))
 
     def with_more_in_reserve(self, over: float | None = None) -> "Start | None":
         """The next one with more in reserve; None if that would change the bound.

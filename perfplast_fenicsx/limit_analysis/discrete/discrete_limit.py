@@ -87,7 +87,7 @@ def _searched(
     question: Question,
 ) -> LimitLoad:
     """Search, and begin anew as long as that may help. Collective."""
-    found, start = _search(problem, rtol, monitor, Start(), question)
+    found, start = _search(problem, rtol, monitor, Start.within(rtol), question)
     while start is not None:
         before = found
         found, start = _search(problem, rtol, monitor, start, question)

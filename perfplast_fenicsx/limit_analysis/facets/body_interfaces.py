@@ -153,6 +153,12 @@ class InterfaceFacets:
                 self.both_held |= bool(self.held[on].any())
 
 
+def by_friction_alone(problem: Problem) -> bool:
+    """Whether some surfaces have friction that stresses do not know, and no adhesion."""
+    found = [it for it in interfaces_of(problem) if it.dilation == 0]
+    return any(it.strength.loose for it in found)
+
+
 def interfaces_of(problem: Problem) -> tuple[Interface, ...]:
     """Those that a problem declares."""
     given, origin = problem.given, np.zeros((1, problem.bodies.gdim))

@@ -37,6 +37,11 @@ class ContactStrength:
     friction: float
     associated: bool = False
 
+    @property
+    def loose(self) -> bool:
+        """Whether it slips and parts, and dissipates nothing by that."""
+        return self.friction > 0 and self.adhesion == 0
+
 
 def strength_of(terms: FrictionTerms) -> ContactStrength:
     """What a contact or an obstacle says of it."""

@@ -3,7 +3,9 @@
 At the corner its stress has three components, and up to four are given by the tractions on either
 side: by a pressure beside a free side, say, unless they are at right angles. Then no load at all is
 carried. Beside contact, where three are given, the pressure in the corner follows from them, often
-as none. Two cells that meet in the corner have six components, of which at most as many are given.
+as none. Where surfaces rub two are given, by a free side, and shear and pressure go in proportion
+there, however much adheres. Two cells that meet in the corner have six components, of which at most
+as many are given.
 
 In space a cell is of four parts, and at a vertex that is its own three of them meet, whose stresses
 have 18 components. The tractions of three facets, and those that are equal on both sides of three
@@ -77,7 +79,8 @@ def lone_corners(problem: Problem, body: BoundBody) -> Ints:
     pressed = np.isin(here, body.facets.in_contact)
     told[..., 0] &= ~pressed  # by a pressure that is not known
     told[body.rigid.surface[here] >= 0] = False  # by resultants alone
-    told[np.isin(here, body.facets.rubbing)] = False  # by no shear that is, either
+    rubs = np.isin(here, body.facets.rubbing)
+    told[rubs] = False  # by no shear that is, either
     # Components of a plane stress.
     components: Floats = np.array(
         [[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]], dtype=float
@@ -94,8 +97,10 @@ def lone_corners(problem: Problem, body: BoundBody) -> Ints:
         left = np.einsum("nrm,nmq,nq->nr", rows, inverse, given) - given
         largest = problem.comm.allreduce(np.abs(loads.tractions).max(initial=0.0), MPI.MAX)
         wrong |= np.linalg.norm(left, axis=1) > ROUNDING * largest
-    free = every[:, :, 0] - np.einsum("nfm,nmr,nrq->nfq", every[:, :, 0], inverse, rows)
-    wrong |= (pressed & (np.linalg.norm(free, axis=2) < ROUNDING)).any(axis=1)
+    room = every - np.einsum("nfam,nmr,nrq->nfaq", every, inverse, rows)
+    wrong |= (pressed & (np.linalg.norm(room[:, :, 0], axis=2) < ROUNDING)).any(axis=1)
+    least = np.linalg.svd(room, compute_uv=False)[..., -1]
+    wrong |= (rubs & (least < ROUNDING)).any(axis=1)
     vertices = topology.connectivity(2, 0).array.reshape(-1, 3)
     found: Ints = vertices[cell[wrong], corner[wrong]]
     return found

@@ -12,7 +12,8 @@ def measure_of(dissipation: float, load: float, loose: bool = False) -> float:
     Args:
         dissipation: Of a mechanism with L(v) = 1, which is λ without dead loads.
         load: λ.
-        loose: Whether some of the ground has no cohesion, and dissipates nothing.
+        loose: Whether some of the ground has no cohesion, or a joint no adhesion, and dissipates
+            nothing.
     """
     # What differences of bounds are measured by at least, relative to the load factor: where bodies
     # that dead loads hold together part, nothing is dissipated, as without cohesion.

@@ -23,6 +23,7 @@ from perfplast_fenicsx.limit_analysis.conic.natural_units import (
     next_start,
 )
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import weak_bodies
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import by_friction_alone
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import BENT
 from perfplast_fenicsx.limit_analysis.facets.ring_cells import coefficients_of_radius
@@ -104,7 +105,7 @@ def strict_lower_bound(
             made.callback(form.destroy)
         reached: list[BalancedStress] = []
         given = problem, form, question, why_not, rtol, monitor, reached
-        found, start = _search(*given, Start())
+        found, start = _search(*given, Start.within(rtol))
         while start is not None:
             before = found
             found, start = _search(*given, start)
@@ -155,7 +156,7 @@ def _search(
         if not program.has_dead:
             none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():
-            return no_stress(body, Verdict.NO_RESISTANCE, CORNERS, none), None
+            return no_stress(body, Verdict.NO_RESISTANCE, _carried_by_none(problem), none), None
         iteration = StaticIteration(static)
         made.callback(iteration.destroy)
         steps: list[InteriorStep] = []
@@ -173,6 +174,17 @@ def _search(
                 reached.append(stress)
                 then = start.with_more_in_reserve(certificate.overstress)
         return found, then
+
+
+def _carried_by_none(problem: Problem) -> str:
+    """Why no stress may carry the loads."""
+    if not by_friction_alone(problem):
+        return CORNERS
+    return (
+        "friction alone may hold a body, which the bound from below does not count: give an"
+        " adhesion (tresca = ...), or let surfaces part as they slip (associated = true); else"
+        f" {CORNERS}"
+    )
 
 
 def form_that_fits(problem: Problem) -> StaticForm | None:
