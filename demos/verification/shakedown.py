@@ -29,7 +29,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from demos.verification.study import Row, mesh, run
+from demos.verification.study import Row, mesh, on_rank_0, run
 from meshes.loaded_beam import LENGTH, PLACES, WIDTH, write_loaded_beam
 from meshes.round_hole import write_round_hole
 from meshes.thick_tube import write_thick_tube
@@ -42,7 +42,6 @@ from perfplast_fenicsx import (
     Tie,
     Traction,
     VonMises,
-    raise_together,
     shakedown_load,
 )
 from perfplast_fenicsx.io import ResultFolder
@@ -170,14 +169,9 @@ def bree(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         quantity = f"max(x + y/4, y/2), {row.angle:g}°"
         value = max(x + y / 4, y / 2) if row.failure == fails else math.nan
         rows.append(of("Bree's wall", quantity, problem, value, 1.0, CLOSE, 0, each))
-    fault = None
-    if comm.rank == 0:
-        try:
-            told = [asdict(row) for row in found]
-            save_shakedown(told, ("pull", "heat"), "Bree's wall", folder.file("bree.png"))
-        except OSError as error:
-            fault = f"the picture cannot be written: {error}"
-    raise_together(comm, fault)
+    told = [asdict(row) for row in found]
+    path = folder.file("bree.png")
+    on_rank_0(comm, lambda: save_shakedown(told, ("pull", "heat"), "Bree's wall", path))
     return rows
 
 

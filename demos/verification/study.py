@@ -193,6 +193,17 @@ def show(folder: ResultFolder, problem: Problem, scene: Scene, levels: Sequence[
     draw(folder)
 
 
+def on_rank_0(comm: MPI.Intracomm, save: Callable[[], None]) -> None:
+    """Write a picture on one rank, or fail together. Collective."""
+    fault = None
+    if comm.rank == 0:
+        try:
+            save()
+        except OSError as error:
+            fault = f"the picture cannot be written: {error}"
+    raise_together(comm, fault)
+
+
 HEADING = (
     f"{'case':<26} {'quantity':<26} {'element':<12} {'dofs':>8} {'computed':>13} {'exact':>13}"
     f" {'error':>10} {'allowed':>8} {'solves':>6} {'factors':>7} {'time/s':>7}"

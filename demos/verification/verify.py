@@ -44,6 +44,7 @@ CASES = (
     "bound_costs",
     "dead_loads",
     "shakedown",
+    "hollow_shaft",
     "joints",
     "published",
     "published_blocks",

@@ -1,0 +1,95 @@
+# %% [markdown]
+# # A hollow shaft under tension and torsion
+#
+# The walls of a thin hollow shaft of any section carry a tension N and a torque T with
+#
+#     (N/N₀)² + (T/T₀)² = 1,  N₀ = σ_y A,  T₀ = 2 A_m t σ_y/√3,
+#
+# where A is the area of the walls, t their thickness and A_m the area within their middle lines: in
+# each of eight flat walls, an octagon, the stress is uniform, with σ² + 3τ² = σ_y². As the shear
+# stress crosses the corners unchanged it is in equilibrium, and as far as walls are thin nothing
+# more is carried. All pairs of N and T that are carried are between two polygons of strict bounds.
+# The circle has to be between them, and they are two percent apart.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/hollow_shaft.py
+
+# %%
+import math
+import time
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+from demos.verification.study import Row, mesh, on_rank_0, run
+from meshes.hollow_shaft import SIDES, write_hollow_shaft
+from perfplast_fenicsx import Problem, Support, Traction, VonMises, envelope
+from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.pictures import save_envelope
+
+TITLE = "Hollow shaft"
+STEEL = VonMises(2e5, 0.3, 1.0)
+APART = 0.02
+"""Of the polygons along any ray."""
+
+
+def tension() -> list[Traction]:
+    """Of N₀ at the upper end."""
+    return [Traction(f"top{i}", (0.0, 0.0, 1.0)) for i in range(SIDES)]
+
+
+def torsion() -> list[Traction]:
+    """Of T₀ at both ends: σ_y/√3 along each wall."""
+    shear, loads = STEEL.yield_stress / math.sqrt(3), []
+    for i in range(SIDES):
+        angle = 2 * math.pi * i / SIDES
+        along = (-shear * math.sin(angle), shear * math.cos(angle), 0.0)
+        loads += [Traction(f"top{i}", along), Traction(f"bottom{i}", tuple(-a for a in along))]
+    return loads
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """The circle and two polygons. Collective."""
+    began = time.perf_counter()
+    problem = Problem(
+        mesh(folder, write_hollow_shaft, size=1.0 if coarse else 0.5),
+        {"shaft": STEEL},
+        [Support(f"bottom{i}", "z") for i in range(SIDES)],
+        tension(),
+        degree=2,
+    )
+    found = envelope(problem, [tension(), torsion()], 3 if coarse else 12, APART)
+    rays, path = range(91), folder.file("hollow_shaft.png")
+    on_rank_0(comm, lambda: save_envelope(found.table(), ("N/N₀", "T/T₀"), TITLE, path, alone=True))
+    told = [
+        ("gap in %", 100 * found.gap, 100 * APART, None if coarse else 1e-9),
+        ("inner polygon/circle", max(found.inner(angle) for angle in rays), 1.0, 1e-9),
+        ("circle/outer polygon", max(1 / found.outer(angle) for angle in rays), 1.0, 1e-9),
+    ]
+    seconds = time.perf_counter() - began
+    return [
+        Row(
+            "hollow shaft, N and T",
+            quantity,
+            "P1 and P2",
+            1.0,
+            problem.num_dofs,
+            small,
+            large,
+            allowed,
+            0,
+            seconds,
+            bound=True,
+            bracket=f"{len(found.directions)} directions",
+        )
+        for quantity, small, large, allowed in told
+    ]
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
