@@ -11,6 +11,8 @@ import math
 from itertools import pairwise
 from pathlib import Path
 
+import gmsh
+
 from meshes.apart import write_apart
 from meshes.command_line import mesh_parser, write_from
 from meshes.naming import name
@@ -31,6 +33,8 @@ def write_thick_tube(
     size: float = 0.05,
     order: int = 1,
     finer: float | None = None,
+    sides: int | None = None,
+    round_seam: bool = False,
 ) -> None:
     """Mesh a quarter of a tube and write a .msh file. On one process.
 
@@ -41,6 +45,8 @@ def write_thick_tube(
         size: Edge length at the inner radius; it grows in proportion to the radius.
         order: Degree of the geometry, 1 or 2.
         finer: Mesh two tubes apart, the outer one with so many times as many edges at the seam.
+        sides: Make all circles polygons of so many sides a quarter, whose vertices are on them.
+        round_seam: Leave the interface a circle, whose chords are the edges of either tube.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
@@ -49,19 +55,24 @@ def write_thick_tube(
         centre = occ.addPoint(0.0, 0.0, 0.0)
         starts = [occ.addPoint(radius, 0.0, 0.0) for radius in radii]
         ends = [occ.addPoint(0.0, radius, 0.0) for radius in radii]
-        arcs = [occ.addCircleArc(a, centre, b) for a, b in zip(starts, ends, strict=True)]
+        rings = [
+            [occ.addCircleArc(start, centre, end)]
+            if sides is None or (round_seam and radius == interface)
+            else _chords(radius, start, end, sides)
+            for radius, start, end in zip(radii, starts, ends, strict=True)
+        ]
         y0 = [occ.addLine(a, b) for a, b in pairwise(starts)]
         x0 = [occ.addLine(a, b) for a, b in pairwise(ends)]
         faces = [
-            add_polygon([below, outside, above, inside])
-            for below, above, (inside, outside) in zip(y0, x0, pairwise(arcs), strict=True)
+            add_polygon([below, *outside, above, *reversed(inside)])
+            for below, above, (inside, outside) in zip(y0, x0, pairwise(rings), strict=True)
         ]
         occ.synchronize()
 
         name(2, {body: [face] for body, face in zip(bodies, faces, strict=True)})
-        name(1, {"inner": arcs[:1], "outer": arcs[-1:], "x0": x0, "y0": y0})
+        name(1, {"inner": rings[0], "outer": rings[-1], "x0": x0, "y0": y0})
         if interface is not None:
-            name(1, {"seam": arcs[1:2]})
+            name(1, {"seam": rings[1]})
 
         def mesh(body: str = "") -> None:
             near = size / finer if finer and body == "outer_tube" else size
@@ -72,6 +83,14 @@ def write_thick_tube(
             write_split(path)
         else:
             write_apart(path, mesh)
+
+
+def _chords(radius: float, start: int, end: int, sides: int) -> list[int]:
+    """Lines from one point of a circle to another one, a right angle on."""
+    occ = gmsh.model.occ
+    turns = [math.pi / 2 * side / sides for side in range(1, sides)]
+    between = [occ.addPoint(radius * math.cos(t), radius * math.sin(t), 0.0) for t in turns]
+    return [occ.addLine(*pair) for pair in pairwise([start, *between, end])]
 
 
 def main() -> None:

@@ -41,6 +41,7 @@ CASES = (
     "body_bounds",
     "bounds_in_space",
     "ring_bounds",
+    "bounds_apart",
     "bound_costs",
     "dead_loads",
     "shakedown",

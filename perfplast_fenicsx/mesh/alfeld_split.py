@@ -88,5 +88,6 @@ def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
         volumes=tagged_mesh.volumes,
         surfaces=tagged_mesh.surfaces,
         section=tagged_mesh.section,
+        taken=tagged_mesh.taken,
         parents=parents,
     )

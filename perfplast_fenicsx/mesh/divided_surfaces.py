@@ -9,26 +9,29 @@ import numpy as np
 import ufl
 from dolfinx import la
 from dolfinx.mesh import create_mesh, meshtags
-from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import sent_to
+from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.mesh.chord_points import bulges, chord_points
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, distributed_tags
 
 
-def surface_points(tagged_mesh: TaggedMesh, surface: str) -> Floats:
+def surface_ends(tagged_mesh: TaggedMesh, surface: str) -> Floats:
     """Ends of the outer facets of a plane surface, those of all ranks. Collective.
 
     Returns:
-        Shape (num_points, 2), known to each rank.
+        Shape (num_facets, 2, 2), known to each rank.
     """
     outer = outer_facets(tagged_mesh.mesh)
     ends, _ = _facets(tagged_mesh, outer, surface)
-    return np.concatenate(tagged_mesh.mesh.comm.allgather(ends.reshape(-1, 2)))
+    return np.concatenate(tagged_mesh.mesh.comm.allgather(ends))
 
 
-def divided(tagged_mesh: TaggedMesh, surface: str, points: Floats) -> TaggedMesh:
+def divided(
+    tagged_mesh: TaggedMesh, surface: str, points: Floats, every: Floats | None = None
+) -> TaggedMesh:
     """The mesh with cells divided where points lie inside of facets of a surface. Collective.
 
     A cell that has two facets of the surface is left, and so are points near the ends of a facet.
@@ -37,25 +40,36 @@ def divided(tagged_mesh: TaggedMesh, surface: str, points: Floats) -> TaggedMesh
         tagged_mesh: Plane bodies of straight cells, without ghost cells.
         surface: The surface.
         points: The same on each rank, shape (num_points, 2).
+        every: Ends of all facets of the surface, shape (num_facets, 2, 2), if points that lie
+            beside them as on a curve are to be vertices too (:mod:`chord_points`).
 
     Returns:
         The mesh, cells on the same ranks; itself where nothing is to be divided.
+
+    Raises:
+        InputError: If a cell is thinner than its facet is bent.
     """
     mesh = tagged_mesh.mesh
     comm, topology = mesh.comm, mesh.topology
     outer = outer_facets(mesh)
     ends, chosen = _facets(tagged_mesh, outer, surface)
-    facet, at = _inside(ends, points)
+    bulging = np.zeros((len(ends), 2)) if every is None else bulges(ends, every)
+    points = np.unique(points, axis=0)
+    facet, point, at = chord_points(ends, bulging, points)
     cells, places = outer.cells[chosen], outer.places[chosen]
     once = np.flatnonzero(np.bincount(cells, minlength=1)[cells] == 1) if len(cells) else cells
     kept = np.isin(facet, once)
-    facet, at = facet[kept], at[kept]
+    facet, point, at = facet[kept], point[kept], at[kept]
     if not comm.allreduce(len(facet)):
         return tagged_mesh
 
     vertices, known = corners(mesh)
     owned = topology.index_map(0).size_local
-    new = _between(ends, facet, at)
+    new: Floats = ends[facet, 0] + at[:, None] * (ends[facet, 1] - ends[facet, 0])
+    if every is not None:
+        new = points[point]
+        opposite = known[vertices[cells[facet], places[facet]]]
+        raise_together(comm, _folded(surface, ends[facet], new, opposite))
     first = comm.exscan(owned + len(new)) or 0
     numbers = la.vector(topology.index_map(0), 1, dtype=np.int64)
     numbers.array[:owned] = first + np.arange(owned)
@@ -99,6 +113,7 @@ def divided(tagged_mesh: TaggedMesh, surface: str, points: Floats) -> TaggedMesh
         tagged_mesh.volumes,
         tagged_mesh.surfaces,
         tagged_mesh.section,
+        taken=tagged_mesh.taken,
     )
 
 
@@ -117,37 +132,20 @@ def _ends(cells: Ints | Longs, places: Ints) -> Longs:
     return np.take_along_axis(cells.astype(np.int64), others.astype(np.int64), axis=1)
 
 
-def _inside(ends: Floats, points: Floats) -> tuple[Longs, Floats]:
-    """Facets that points lie inside of, and where between the ends, in this order."""
-    nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
-    if not len(ends) or not len(points):
-        return nothing
-    points = np.unique(points, axis=0)
-    along = ends[:, 1] - ends[:, 0]
-    lengths = np.linalg.norm(along, axis=1)
-    near = cKDTree(points).query_ball_point(ends.mean(axis=1), lengths / 2)
-    facet = np.repeat(np.arange(len(ends)), [len(some) for some in near])
-    found = np.concatenate([np.asarray(some, dtype=np.int64) for some in near])
-    offset = points[found] - ends[facet, 0]
-    e = along[facet] / lengths[facet, None]
-    at = np.einsum("ni,ni->n", offset, e) / lengths[facet]
-    off = np.abs(offset[:, 0] * e[:, 1] - offset[:, 1] * e[:, 0])
-    # Distance of a point from a facet that it lies on, relative to the facet.
-    on_facet = 1e-8
-    # Distance of a point from an end of a facet, relative to the facet, that makes it the end.
-    at_end = 1e-6
-    good = (off <= on_facet * lengths[facet]) & (at > at_end) & (at < 1 - at_end)
-    facet, at = facet[good], at[good]
-    order = np.lexsort((at, facet))
-    facet, at = facet[order], at[order]
-    same = (np.diff(facet, prepend=-1) == 0) & (np.diff(at, prepend=-1.0) < at_end)
-    return facet[~same], at[~same]
+def _folded(surface: str, ends: Floats, new: Floats, opposite: Floats) -> str | None:
+    """A fault where a new vertex is not on the same side of the opposite one as its facet."""
 
+    def turn(a: Floats, b: Floats) -> Floats:
+        one, other = a - opposite, b - opposite
+        return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
 
-def _between(ends: Floats, facet: Longs, at: Floats) -> Floats:
-    """The points on the facets, shape (n, 2)."""
-    found: Floats = ends[facet, 0] + at[:, None] * (ends[facet, 1] - ends[facet, 0])
-    return found
+    whole = turn(ends[:, 0], ends[:, 1])
+    if all((part * whole > 0).all() for part in (turn(ends[:, 0], new), turn(new, ends[:, 1]))):
+        return None
+    return (
+        f"a cell at '{surface}' is thinner than the curve beside its facet is high; refine the mesh"
+        " there, or give both surfaces the same nodes."
+    )
 
 
 def _chains(cells: Longs, places: Ints, counts: Longs, first: int) -> Longs:

@@ -69,6 +69,7 @@ def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> Ta
         tagged_mesh.volumes,
         tagged_mesh.surfaces,
         tagged_mesh.section,
+        taken=tagged_mesh.taken,
     )
 
 

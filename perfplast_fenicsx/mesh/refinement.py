@@ -182,6 +182,7 @@ def _cut(
             volumes=tagged_mesh.volumes,
             surfaces=tagged_mesh.surfaces,
             section=tagged_mesh.section,
+            taken=tagged_mesh.taken,
         ),
         parents=told[:, 1],
     )

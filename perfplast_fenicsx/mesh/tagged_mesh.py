@@ -39,6 +39,7 @@ class TaggedMesh:
         section: What the plane of a mesh of triangles is: plane strain, or half a section of bodies
             of revolution (:meth:`turned`), or sheets (:meth:`thin`).
         remarks: What a user should know of the mesh, a sentence each.
+        taken: By what its bodies differ from those of the mesh that was given, in clauses.
     """
 
     mesh: Mesh
@@ -48,6 +49,7 @@ class TaggedMesh:
     surfaces: dict[str, int]
     section: Kinematics = KINDS["plane-strain"]
     remarks: tuple[str, ...] = ()
+    taken: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         topology = self.mesh.topology

@@ -106,6 +106,7 @@ class _Body(TypedDict):
     least: NotRequired[_Least | None]
     why_not: list[str]
     friction: NotRequired[str | None]
+    taken: NotRequired[list[str]]
     meshes: list[_Round]
 
 

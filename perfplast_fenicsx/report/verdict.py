@@ -152,6 +152,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     reasons = [f"{why[:1].upper()}{why[1:]}." for why in limit.body.get("why_not", [])]
     beside = [least["in_words"]] if (least := limit.body.get("least")) else []
     beside += [f"{words}." for words in [limit.body.get("friction")] if words]
+    beside += [f"{words[:1].upper()}{words[1:]}." for words in limit.body.get("taken", [])]
     met = table["levelled_off"] and limit.upper is not None
     ended = [] if met else [f"How the search on {mesh} ended: {table['reason']}."]
     ended += [f"{step[:1].upper()}{step[1:]}." for step in table.get("next_steps", [])]

@@ -5,11 +5,14 @@ from typing import Any
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 
+from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
     Adaptation,
     Contact,
+    InputError,
     Pressure,
     Problem,
     ResultFolder,
@@ -19,9 +22,11 @@ from perfplast_fenicsx import (
     VonMises,
     adaptive_bounds,
     limit_bounds,
+    read_gmsh,
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis.facets.divided_interfaces import with_divided_interfaces
+from perfplast_fenicsx.mesh.divided_surfaces import surface_ends
 from perfplast_fenicsx.proof import check
 from tests.contact.blocks_apart import blocks_apart
 
@@ -98,6 +103,56 @@ def test_cells_are_divided_at_the_nodes_of_the_other_side_alone() -> None:
 def test_surfaces_that_do_not_lie_on_each_other_are_left() -> None:
     problem = blocks(2, 3, "contacts", height=1.01)
     assert with_divided_interfaces(problem) is problem
+
+
+def tubes(
+    folder: Path, finer: float | None, kind: str = "contacts", radius: float = 1.4
+) -> Problem:
+    """A tube in a tube whose circles are chords of the edges."""
+    path = folder / f"{finer}.msh"
+    if COMM.rank == 0:
+        write_thick_tube(path, outer=2.0, interface=radius, size=0.3, finer=finer)
+    COMM.barrier()
+    mesh = read_gmsh(COMM, path)
+    met = {kind: [type(MEETING[kind][0])("inner_tube_seam", "outer_tube_seam")]}
+    supports = [Support("x0", "x"), Support("y0", "y")]
+    return Problem(
+        mesh,
+        dict.fromkeys(mesh.volumes, STEEL),
+        supports,
+        [Pressure("inner", 1.0)],
+        degree=2,
+        **met,
+    )
+
+
+@pytest.mark.parametrize("kind", MEETING)
+def test_polygons_of_one_circle_are_taken_as_one(shared_tmp_path: Path, kind: str) -> None:
+    problem = tubes(shared_tmp_path, 1.5, kind)
+    finer = with_divided_interfaces(problem)
+    (told,) = finer.tagged_mesh.taken
+    assert "projected model: 'inner_tube_seam' and 'outer_tube_seam'" in told
+    assert with_divided_interfaces(finer) is finer
+    for name in ("inner_tube_seam", "outer_tube_seam"):
+        ends = surface_ends(finer.tagged_mesh, name).reshape(-1, 2)
+        assert np.hypot(*ends.T) == pytest.approx(1.4, rel=1e-9)
+    apart, matching = limit_bounds(problem), limit_bounds(tubes(shared_tmp_path, None, kind))
+    assert apart.strict
+    assert matching.strict
+    assert apart.taken == (told,)
+    assert "projected model" in apart.in_words()
+    assert not matching.taken
+    assert apart.lower.value <= matching.upper.value
+    assert matching.lower.value <= apart.upper.value
+    there = ResultFolder(COMM, shared_tmp_path)
+    write_proof(there, there.file("bounds.h5"), *proofs(apart, apart))
+    for of in check(there.file("bounds.h5")).values():
+        assert not of.faults
+
+
+def test_a_cell_that_is_thinner_than_the_curve_is_refused(shared_tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="thinner than the curve beside its facet"):
+        with_divided_interfaces(tubes(shared_tmp_path, 0.4, radius=1.96))
 
 
 def _owned(problem: Problem) -> int:

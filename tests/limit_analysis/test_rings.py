@@ -26,6 +26,7 @@ from perfplast_fenicsx import (
     VonMises,
 )
 from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.io import OutputFields
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.facets.ring_cells import (
     EDGES,
@@ -113,6 +114,27 @@ def check(bounds: BodyBounds, exact: float, width: float) -> None:
     assert bounds.shares is not None
     gap = bounds.problem.comm.allreduce(float(bounds.shares.sum()))
     assert gap == pytest.approx(upper - lower, abs=2e-3 * exact)
+
+
+def test_pressure_of_shells_that_touch_on_the_axis(read: Read) -> None:
+    """What one shell pushes the other along the axis by, 2σ_y ln(b/c) π c²."""
+    seam, shape = 1.4, {"outer": 2.0, "size": 0.2}
+    mesh = read(write_thick_tube, interface=seam, **shape).turned()
+    problem = Problem(
+        mesh,
+        dict.fromkeys(mesh.volumes, STEEL),
+        [Support("y0", "y")],
+        [Pressure("inner", 1.0)],
+        [Contact("inner_tube_seam", "outer_tube_seam")],
+        degree=2,
+    )
+    found = limit_bounds(problem).mesh
+    assert found.stress is not None
+    assert found.contact_forces is not None
+    fields = OutputFields(problem)
+    fields.of_stress(found.stress, found.contact_forces)
+    pressure = 2 * STEEL.yield_stress * math.log(2.0 / seam)
+    assert -fields.resultants[0][1] == pytest.approx(pressure * math.pi * seam**2, rel=5e-3)
 
 
 @pytest.mark.parametrize(

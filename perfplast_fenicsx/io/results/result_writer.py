@@ -291,6 +291,7 @@ def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
         "least": body.least and {**body.least.table(), "in_words": body.least_in_words},
         "why_not": body.why_not,
         "friction": body.friction,
+        "taken": list(body.taken),
         "certificates": dict(body.certificates),
         "meshes": [asdict(round_) for round_ in adaptive.rounds] if adaptive else [],
     }

@@ -81,7 +81,8 @@ class BodyBounds:
         factorisations: For both bounds.
         advice: What to change for better bounds, in clauses.
         weaker: The bodies of the lower bound, where they are not those of ``problem``.
-        ground: What they say of ground that dilates by less than its friction, in clauses.
+        taken: What bodies are taken as, in clauses: ground that dilates by less than its friction,
+            and surfaces whose chords differ.
         question: Of which loads the factor is bounded: of the growing ones, or, where the constant
             ones were found to be too much on the mesh, of these (:class:`question.Question`).
     """
@@ -101,7 +102,7 @@ class BodyBounds:
     question: Question = Question.LIMIT
     by_flux: VelocityOf | None = None
     weaker: Problem | None = None
-    ground: tuple[str, ...] = ()
+    taken: tuple[str, ...] = ()
     least: LeastLoad | None = None
 
     @property
@@ -142,7 +143,7 @@ class BodyBounds:
         early.append(sentences(self.advice))
         if self.friction is not None and (lower or upper):
             early.append(f" {self.friction}.")
-        early.append(sentences(self.ground))
+        early.append(sentences(self.taken))
         proven = proven_words(self.lower, self.upper, self.question, self.why_not)
         if self.least_in_words:
             early.insert(0, f" {self.least_in_words}")

@@ -6,6 +6,8 @@ from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.statements.standing import Standing
+from perfplast_fenicsx.materials.nonassociated_flow import flow_words
+from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
@@ -73,3 +75,8 @@ def least_words(carried: float | None, none_below: float | None, lower: float | 
     if carried is None or (carried > 0 and (lower is None or lower > 0)):
         return f"{words} Whether the constant loads are carried without load is not decided."
     return words
+
+
+def taken_as(problem: Problem) -> tuple[str, ...]:
+    """What bodies are taken as, in clauses: associated ground, surfaces that are one polygon."""
+    return (*flow_words(problem.given.materials), *problem.tagged_mesh.taken)

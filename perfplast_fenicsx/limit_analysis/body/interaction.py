@@ -112,7 +112,7 @@ class Envelope:
         return (
             f"All {pairs} inside of one {polygon} are carried for certain, and none outside of"
             f" another; they are {100 * self.gap:.3g} % apart at most, after"
-            f" {len(self.directions)} directions." + sentences(self.last.ground)
+            f" {len(self.directions)} directions." + sentences(self.last.taken)
         )
 
     def table(self) -> list[dict[str, float | None]]:

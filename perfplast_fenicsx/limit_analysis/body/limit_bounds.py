@@ -9,6 +9,7 @@ import numpy as np
 
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
+from perfplast_fenicsx.limit_analysis.body.bound_words import taken_as
 from perfplast_fenicsx.limit_analysis.body.parts_of_cells import of_parents, on_parts
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.body.ring_results import of_displacements
@@ -50,7 +51,6 @@ from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
 )
 from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import let_rest
 from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
-from perfplast_fenicsx.materials.nonassociated_flow import flow_words
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.declared.loads import check_bounded
@@ -89,7 +89,7 @@ def limit_bounds(
         if form is not None:
             made.callback(form.destroy)
         bounds = _bounds(below, above, form, rtol, monitor)
-    return replace(bounds, ground=tuple(flow_words(problem.given.materials)))
+    return replace(bounds, taken=taken_as(problem))
 
 
 def admitted(problem: Problem, rtol: float) -> Problem:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
@@ -33,7 +34,14 @@ def of_displacements(
         mesh: Found by it.
     """
     velocity, forces = nodal_velocity(problem, flow.velocity), mesh.contact_forces
-    hosts = flow.problem.constraints.host
-    if forces is not None and len(forces) == len(hosts):  # of pairs
-        forces = problem.V.tabulate_dof_coordinates()[hosts, 0] * forces
+    rows = flow.problem.constraints
+    if forces is not None and len(forces) == len(rows.host):  # of pairs
+        told = problem.constraints
+        ours, theirs = (
+            it.host.astype(np.int64) * len(told.sources) + it.surface for it in (told, rows)
+        )
+        _, here, there = np.intersect1d(ours, theirs, return_indices=True)
+        pushed = np.zeros(len(ours))  # nothing on the axis, where v is held
+        pushed[here] = problem.V.tabulate_dof_coordinates()[told.host[here], 0] * forces[there]
+        forces = pushed
     return velocity, replace(mesh, mechanism=velocity, contact_forces=forces)

@@ -16,16 +16,16 @@ from typing import Any
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.body.bound_words import sentences
+from perfplast_fenicsx.limit_analysis.body.bound_words import sentences, taken_as
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.body.strength_reduction import check_stands, weakened
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
+from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.materials.elastic import all_elastic
-from perfplast_fenicsx.materials.nonassociated_flow import flow_words
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -52,7 +52,8 @@ class FactorOfSafety:
         curve: Factors with the strict bounds of how many times the loads are carried; None of one
             that is missing.
         searches: Bounds that were computed, of meshes before the last one too.
-        ground: What they say of ground that dilates by less than its friction, in clauses.
+        taken: What bodies are taken as, in clauses: ground that dilates by less than its friction,
+            and surfaces whose chords differ.
     """
 
     lower: float | None
@@ -62,7 +63,7 @@ class FactorOfSafety:
     last: BodyBounds
     curve: tuple[tuple[float, float | None, float | None], ...]
     searches: int
-    ground: tuple[str, ...] = ()
+    taken: tuple[str, ...] = ()
 
     def table(self) -> dict[str, Any]:
         """What ``summary.json`` says of it."""
@@ -80,7 +81,7 @@ class FactorOfSafety:
         if not sides:
             return "Nothing is proven of the factor of safety."
         said = f"The body {', and '.join(sides)}, if all strengths are divided by F."
-        return said + sentences(self.ground)
+        return said + sentences(self.taken)
 
 
 def factor_of_safety(
@@ -107,6 +108,7 @@ def factor_of_safety(
     """
     check_tolerance(tolerance)
     check_stands(problem.given.loads, all_elastic(problem.given.materials.values()))
+    problem = with_matching_facets(problem)
     below, above = _curves(problem, tolerance, monitor, steps, adaptation)
     lower, upper = below.root("lower"), above.root("upper")
     rows: dict[float, tuple[float | None, float | None]] = {}
@@ -121,7 +123,7 @@ def factor_of_safety(
         last=list(above.found.values())[-1],
         curve=tuple(sorted((factor, *sides) for factor, sides in rows.items())),
         searches=above.searches + (0 if below is above else below.searches),
-        ground=tuple(flow_words(problem.given.materials)),
+        taken=taken_as(problem),
     )
 
 

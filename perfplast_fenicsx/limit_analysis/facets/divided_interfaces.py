@@ -1,11 +1,19 @@
-"""Contact and ties of plane meshes that do not match, in bounds of the body: made to match."""
+"""Contact and ties of plane meshes that do not match, in bounds of the body: made to match.
+
+Where both surfaces lie on each other, the bodies stay as they are. Two polygons that stand for one
+curve overlap and part. There bounds are of a projected model: each body ends at the polygon through
+the nodes of both.
+"""
 
 import logging
+from dataclasses import replace
 
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.mesh.chord_points import farthest
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
-from perfplast_fenicsx.mesh.divided_surfaces import divided, surface_points
+from perfplast_fenicsx.mesh.divided_surfaces import divided, surface_ends
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)
@@ -14,12 +22,16 @@ log = logging.getLogger(__name__)
 def with_divided_interfaces(problem: Problem) -> Problem:
     """The problem on a mesh with a node wherever the other side has one. Collective.
 
-    Bodies stay the same, and facets that lie on each other match, so that tractions and velocities
-    of both sides are compared point by point.
+    Facets that lie on each other match then, so that tractions and velocities of both sides are
+    compared point by point. What bodies differ by from those of the mesh is told by the new one
+    (``taken``).
 
     Args:
-        problem: In space, on curved cells and where surfaces do not lie on each other it is left as
-            it is.
+        problem: In space, on curved cells and where surfaces neither lie on each other nor are
+            polygons of one curve it is left as it is.
+
+    Raises:
+        InputError: If a cell is thinner than its facet is bent.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     pairs: list[Contact | Tie] = [*given.contacts, *given.ties]
@@ -28,9 +40,28 @@ def with_divided_interfaces(problem: Problem) -> Problem:
         return problem
     finer = tagged_mesh
     for pair in pairs:
-        one, other = (surface_points(finer, name) for name in (pair.primary, pair.secondary))
-        finer = divided(divided(finer, pair.primary, other), pair.secondary, one)
+        finer = _matching(finer, pair.primary, pair.secondary)
     if finer is tagged_mesh:
         return problem
     log.info("cells at interfaces are divided, so that facets of both sides match")
     return problem.on(finer)
+
+
+def _matching(tagged_mesh: TaggedMesh, primary: str, secondary: str) -> TaggedMesh:
+    """The mesh divided at one pair of surfaces. Collective."""
+    one, other = (surface_ends(tagged_mesh, name) for name in (primary, secondary))
+    ends = one.reshape(-1, 2), other.reshape(-1, 2)
+    away = farthest(one, ends[1]), farthest(other, ends[0])
+    moved = 0.0 if None in away else max(it for it in away if it is not None)
+    # What vertices on straight surfaces are off by rounding, over their length.
+    size = max((float(it.max() - it.min()) for it in ends if len(it)), default=0.0)
+    bent = moved > 1e-8 * size
+    finer = divided(tagged_mesh, primary, ends[1], one if bent else None)
+    finer = divided(finer, secondary, ends[0], other if bent else None)
+    if not bent:
+        return finer
+    words = (
+        f"the bounds are those of a projected model: '{primary}' and '{secondary}', whose chords"
+        f" differ, are both the polygon through the nodes of both, up to {moved:.2g} away"
+    )
+    return replace(finer, taken=(*finer.taken, words))

@@ -1,0 +1,109 @@
+# %% [markdown]
+# # Bounds of tubes and shells that are meshed apart
+#
+# A tube in a tube (plane strain) and half the section of a shell in a shell (around an axis), under
+# inner pressure, in contact without friction or tied, of von Mises' law with k = 1. The outer body
+# has 1.5 times as many edges at the seam.
+#
+# Inner and outer faces are polygons of 16 sides a quarter.
+#
+# - Where the seam is such a polygon, too, both bodies end there, and cells are divided until facets
+#   match: the bodies are those whose nodes match.
+# - Where it is a circle whose chords are the edges of either body, the chords differ, and the
+#   bodies overlap and part. Bounds are those of a projected model: both bodies end at the polygon
+#   through the nodes of both.
+#
+# Brackets have to meet those of matching nodes, with as many cells, and be at most 1.5 times as
+# wide. Tied, the bodies are in one piece, whatever the polygon of the seam is.
+#
+#     ./fenicsx python3 demos/verification/bounds_apart.py
+
+# %%
+import time
+from collections.abc import Sequence
+from itertools import product
+
+from mpi4py import MPI
+
+from demos.verification.bounded_bodies import of_shear
+from demos.verification.published import at_most, ends, show_bounds
+from demos.verification.slip import subfolder
+from demos.verification.study import Row, mesh, run
+from meshes.thick_tube import write_thick_tube
+from perfplast_fenicsx import (
+    Adaptation,
+    Contact,
+    Pressure,
+    Problem,
+    Support,
+    TaggedMesh,
+    Tie,
+    adaptive_bounds,
+)
+from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.limit_analysis import AdaptiveBounds
+
+TITLE = "Bounds of bodies meshed apart"
+SEAM, OUTER, SIZE, FINER, SIDES = 1.4, 2.0, 0.1, 1.5, 16
+"""Radii over the inner one, length of edges there, edges of the outer body, sides a quarter."""
+WIDER, QUICK = 1.5, 4.0
+"""How many times as wide as that of matching nodes a bracket may be, and that for a quick look."""
+CELLS, FEW = 4000, 400
+PAIR = ("inner_tube_seam", "outer_tube_seam")
+
+
+def bounds(section: TaggedMesh, tied: bool, cells: int) -> AdaptiveBounds:
+    """Strict bounds on an adapted mesh. Collective."""
+    supports = [Support("y0", "y")]
+    if not section.axisymmetric:
+        supports.append(Support("x0", "x"))
+    problem = Problem(
+        section,
+        dict.fromkeys(section.volumes, of_shear(1.0)),
+        supports,
+        [Pressure("inner", 1.0)],
+        [] if tied else [Contact(*PAIR)],
+        degree=2,
+        ties=[Tie(*PAIR)] if tied else [],
+    )
+    return adaptive_bounds(problem, Adaptation(1e-5, cells))
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Brackets of matching nodes and of bodies meshed apart. Collective."""
+    rows: list[Row] = []
+    cells, size, wider = (FEW, 2 * SIZE, QUICK) if coarse else (CELLS, SIZE, WIDER)
+    shape = {"interface": SEAM, "outer": OUTER, "size": size, "sides": SIDES}
+    for body, tied, projected in product(("tubes", "shells"), (False, True), (False, True)):
+        if coarse and (tied or not projected):
+            continue
+        found = []
+        for finer in (None, FINER):
+            seam = {"finer": finer, "round_seam": projected}
+            section = mesh(folder, write_thick_tube, **shape, **seam)
+            section = section if body == "tubes" else section.turned()
+            began = time.perf_counter()
+            found.append(bounds(section, tied, cells))
+        matching, apart = found
+        (below, above), (low, high) = map(ends, found)
+        told = [
+            ("below, matching above", low, above),
+            ("matching below, above", below, high),
+            ("width, that of matching", high - low, wider * (above - below)),
+        ]
+        name = f"{body} {'tied' if tied else 'in contact'}"
+        name += ", projected" if projected else ", one polygon"
+        rows += at_most(f"{name}, matching", matching, 0.0, [("below, above", below, above)])
+        rows += at_most(f"{name}, apart", apart, time.perf_counter() - began, told)
+    show_bounds(subfolder(folder, "shells"), "Shells meshed apart", apart)
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
