@@ -1,7 +1,5 @@
 """``perfplast run`` of a case with combinations of loads: each by itself, and a table of all."""
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,17 +7,14 @@ from typing import Any
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.cli.run import NO_SOLUTION, SOLVED, run
+from perfplast_fenicsx.cli.run import NO_SOLUTION, SOLVED, run, run_command
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.io.case.case import Case
+from perfplast_fenicsx.io.results.combination_table import TABLE, as_cells, write_table
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.rounding import rounded_down, rounded_up
-
-TABLE = "combinations.csv"
-"""File of the table, in the folder that has those of the combinations."""
+from perfplast_fenicsx.report.report_file import report_on
 
 
 def run_combined(
@@ -43,7 +38,8 @@ def run_combined(
         terminal: What is shown.
         log_level: As of :func:`run.run`.
         restart: Leave out those that are solved there.
-        report: Write ``report.html`` of each.
+        report: Write ``report.html`` of each, with the table of all, also where a signal is what
+            ends the run.
         trust: Run a script that the mesh is made of.
 
     Returns:
@@ -56,60 +52,66 @@ def run_combined(
     folders = {one.name: str(Path(output) / one.name) for one in case.combinations}
     done = on_rank0(comm, lambda: [n for n, where in folders.items() if _is_done(where, case)])
     solved: list[str] = comm.bcast(done) if restart else []
-    for name, folder in folders.items():
-        ResultFolder(comm, folder, force or name in solved)
+    written = {
+        name: ResultFolder(comm, folder, force or name in solved)
+        for name, folder in folders.items()
+    }
+    command = run_command(path, output, report, trust)
     try:
         with Interrupts(comm) as interrupts:
             bodies = case.problem(comm)
             interrupts.check()
     except Interrupted as interrupted:
         return interrupted.status
+    on_rank0(comm, lambda: _forget(Path(output)))
     for one in case.combinations:
         if one.name in solved:
             terminal.say(f"'{one.name}' is solved already.")
             continue
-        told = (path, folders[one.name], force, terminal, log_level, False, report, trust, False)
-        statuses.append(run(comm, *told, case.combined(one), bodies))
+        told = (path, folders[one.name], force, terminal, log_level, False, False, trust, False)
+        statuses.append(run(comm, *told, case.combined(one), bodies, command))
         terminal.say()
         if statuses[-1] not in (SOLVED, NO_SOLUTION):
+            if report:
+                names = list(written)[: case.combinations.index(one) + 1]
+                _pages([written[name] for name in names], terminal)
             return statuses[-1]
 
     def table() -> list[str]:
         found = {name: _limit(where) for name, where in folders.items()}
-        rows = sorted(map(_row, found, found.values()), key=_worst)
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        try:
-            replace(Path(output) / TABLE, text.getvalue().encode())
-        except OSError as error:
-            raise InputError(f"'{TABLE}' cannot be written: {error.strerror}.") from error
+        rows = write_table(Path(output), found)
         worst = rows[0]["combination"]
         words = ((found[worst] or {}).get("design") or {}).get("in_words", "")
         said = f"The worst of {len(rows)}: {words}" if words else f"The worst is '{worst}'."
         return [*shown(rows), said]
 
-    for line in on_rank0(comm, table) or []:
+    lines = on_rank0(comm, table) or []
+    if report:
+        _pages(list(written.values()), terminal)
+        terminal.say()
+    for line in lines:
         terminal.say(line)
     return max(statuses)
 
 
+def _forget(folder: Path) -> None:
+    """Remove the table of an earlier run, which says nothing of this one."""
+    try:
+        (folder / TABLE).unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"'{folder / TABLE}' cannot be replaced: {error.strerror}.") from error
+
+
+def _pages(folders: Sequence[ResultFolder], terminal: Terminal) -> None:
+    """Write the report of each combination. Collective."""
+    for folder in folders:
+        if (page := report_on(folder)) is not None:
+            terminal.say(f"Report: {page}")
+
+
 def shown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """The table as lines: combinations, bounds and verdicts."""
-    cells = [["combination", "carried", "collapses", "estimate", "design load"]]
-    dash = "-"
-    for row in rows:
-        low, high, guess = row["lower"], row["upper"], row["estimate"]
-        cells.append(
-            [
-                row["combination"],
-                dash if low is None else rounded_down(low),
-                dash if high is None else rounded_up(high),
-                dash if guess is None else f"{guess:.5g}",
-                row["design load"],
-            ]
-        )
+    cells = as_cells(rows)
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return [
         "  ".join(
@@ -118,28 +120,6 @@ def shown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         ).rstrip()
         for line in cells
     ]
-
-
-def _row(name: str, limit: Mapping[str, Any] | None) -> dict[str, Any]:
-    """What is known of a combination: strict bounds of the bodies, and the estimate."""
-    known = limit or {}
-    body, design = known.get("body") or {}, known.get("design") or {}
-    low, high = design.get("lower"), design.get("upper")
-    carried = low is not None and low >= 1
-    refused = high is not None and high < 1
-    return {
-        "combination": name,
-        "lower": body.get("lower"),
-        "upper": body.get("upper"),
-        "estimate": known.get("estimate"),
-        "design load": "carried" if carried else "not carried" if refused else "not decided",
-    }
-
-
-def _worst(row: Mapping[str, Any]) -> float:
-    """What rows are sorted by: the smallest load that is known of, nothing known first."""
-    known = [row[key] for key in ("lower", "estimate", "upper") if row[key] is not None]
-    return min(known, default=float("-inf"))
 
 
 def _limit(folder: str) -> dict[str, Any] | None:

@@ -137,7 +137,7 @@ def run(
                 interrupts=interrupts,
                 began=began,
                 date=comm.bcast(date),
-                command=command or _command(path, whole, report, trust),
+                command=command or run_command(path, whole, report, trust),
                 remarks=remarks,
                 warnings=warnings,
             )
@@ -161,7 +161,7 @@ def _on(bodies: Problem, case: Case) -> Problem:
         return variant(bodies, loads=case.loads)
 
 
-def _command(path: str, output: str, report: bool, trust: bool) -> str:
+def run_command(path: str, output: str, report: bool, trust: bool) -> str:
     """What makes the same run anew."""
     flags = [flag for flag, on in (("--trust", trust), ("--report", report)) if on]
     return shlex.join(["perfplast", "run", path, "-o", output, *flags])

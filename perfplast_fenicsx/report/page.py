@@ -6,10 +6,12 @@ from importlib import resources
 from string import Template
 
 from perfplast_fenicsx.force_rows import force_rows
+from perfplast_fenicsx.io.results.combination_table import as_cells, read_table
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
 from perfplast_fenicsx.report.curve import NARROW, curve_of, to_svg
+from perfplast_fenicsx.report.proof_section import proofs_of
 from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import (
     GRADES,
@@ -19,6 +21,7 @@ from perfplast_fenicsx.report.tables import (
     level_table,
     pairs,
     reaction_table,
+    table,
 )
 from perfplast_fenicsx.report.verdict import Verdict, verdict_on
 from perfplast_fenicsx.report.view_data import View
@@ -52,11 +55,13 @@ def page_of(reader: ResultReader, view: View) -> str:
         head=head_of(summary),
         style=asset("page.css"),
         verdict=_verdict(verdict_on(reader), words.meaning(scene.driven, several)),
+        combinations=_combinations(reader),
         warnings=_warnings(summary),
         view=_view(view),
         curve=_curve(reader),
         levels=_levels(reader),
         reactions=_limit_forces(reader) + _reactions(reader) + _bolts(reader),
+        proof=_section("proof", "The proof", proofs_of(reader.path)),
         case=_case(summary, words),
         again=_again(summary),
         version=escape(summary.version),
@@ -174,6 +179,21 @@ def _limit_forces(reader: ResultReader) -> str:
             " where they can share a force in several ways, it is one of them.</p>"
         )
     return _section("loads", "Forces and moments", text)
+
+
+def _combinations(reader: ResultReader) -> str:
+    """The table of all combinations of which this run is one, the worst first."""
+    rows = read_table(reader.path.parent)
+    name = reader.path.name
+    if name not in [row["combination"] for row in rows]:
+        return ""
+    heads, *cells = as_cells(rows)
+    shown = [[escape(text) for text in line] for line in cells]
+    for line, row in zip(shown, rows, strict=True):
+        if row["combination"] == name:
+            line[0] += " (this page)"
+    note = "<p>Of each, ζ that is carried for certain and at which it collapses for certain.</p>"
+    return _section("combinations", "All combinations", table(heads, shown) + note)
 
 
 def _warnings(summary: Summary) -> str:

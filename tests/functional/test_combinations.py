@@ -105,7 +105,11 @@ def test_each_is_as_if_it_were_alone(
         if comm.rank == 0:
             proven = check(results / name / "bounds.h5")
             assert not any(half.faults for half in proven.values())
-            assert (results / name / "report.html").exists()
+            page = (results / name / "report.html").read_text(encoding="utf-8")
+            assert all(f">{other}<" in page for other in COMBINED if other != name)
+            assert f">{name} (this page)<" in page
+            again = f"perfplast run {case} -o {results} --report</code>"
+            assert again in page, "what solvers set for themselves is no part of the command"
     if comm.rank == 0:
         with (results / "combinations.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))

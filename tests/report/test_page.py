@@ -1,6 +1,8 @@
 """What the page says in words, marks and a curve."""
 
+import hashlib
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from perfplast_fenicsx.report.case_words import CaseWords, folded
 from perfplast_fenicsx.report.curve import NARROW, curve_of, far_ticks, ticks, to_svg
 from perfplast_fenicsx.report.field_words import words_of
 from perfplast_fenicsx.report.page import _warnings, head_of, mesh_in_words
+from perfplast_fenicsx.report.proof_section import proofs_of
 from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import (
     bolt_table,
@@ -196,17 +199,31 @@ def test_ticks(low: float, high: float) -> None:
 
 def test_how_to_run_it_again() -> None:
     options = "-perfplast_0_ksp_type cg -perfplast_ksp_rtol 1e-10 -perfplast_vi_12_x 3"
+    options += " -perfplast_limit_0_pc_type lu -perfplast_mg_levels_1_pc_type jacobi"
     summary = Summary("", "1", "newton", "zeta", ranks=2, mesh={}, model={})
     assert command_of(summary) == ""
     summary.case["file"] = "my case.toml"
     summary.surroundings["petsc_options"] = options
     assert command_of(summary) == (
         "mpirun -n 2 perfplast run 'my case.toml' -o results -- -perfplast_ksp_rtol 1e-10"
+        " -perfplast_mg_levels_1_pc_type jacobi"
     )
     summary.surroundings["command"] = "perfplast run 'my case.toml' -o here --report"
     assert command_of(summary) == (
         "mpirun -n 2 perfplast run 'my case.toml' -o here --report -- -perfplast_ksp_rtol 1e-10"
+        " -perfplast_mg_levels_1_pc_type jacobi"
     )
+
+
+def test_where_the_proof_is(tmp_path: Path) -> None:
+    assert proofs_of(tmp_path) == ""
+    for name in ("direction_0.h5", "direction_45.h5", "bounds.h5"):
+        (tmp_path / name).write_bytes(name.encode())
+    page = proofs_of(tmp_path)
+    assert f"python3 -m perfplast_fenicsx.proof {tmp_path / 'bounds.h5'}" in page
+    assert hashlib.sha256(b"bounds.h5").hexdigest() in page
+    assert "2 directions" in page
+    assert hashlib.sha256(b"direction_0.h5direction_45.h5").hexdigest() in page
 
 
 def test_rows_that_say_the_same_are_one() -> None:

@@ -1,0 +1,100 @@
+"""``combinations.csv``: what is known of each combination of loads, the worst first."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+TABLE = "combinations.csv"
+"""File of the table, in the folder that has those of the combinations."""
+
+
+Rows = list[dict[str, Any]]
+"""``combination``, ``lower``, ``upper``, ``estimate`` and ``design load`` of each."""
+
+
+def write_table(folder: Path, found: Mapping[str, Mapping[str, Any] | None]) -> Rows:
+    """Write the table. Not collective.
+
+    Args:
+        folder: That has the folders of the combinations.
+        found: What ``summary.json`` says of the limit load of each, by their names.
+
+    Returns:
+        The rows.
+
+    Raises:
+        InputError: If the file cannot be written.
+    """
+    rows = sorted(map(_row, found, found.values()), key=_worst)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    try:
+        replace(folder / TABLE, text.getvalue().encode())
+    except OSError as error:
+        raise InputError(f"'{TABLE}' cannot be written: {error.strerror}.") from error
+    return rows
+
+
+def read_table(folder: Path) -> Rows:
+    """The rows of the table in a folder; none where there is no table that can be read."""
+    try:
+        with (folder / TABLE).open(encoding="utf-8", newline="") as file:
+            rows: Rows = list(csv.DictReader(file))
+        for row in rows:
+            row |= {key: _number(row[key]) for key in ("lower", "upper", "estimate")}
+            row |= {key: str(row[key]) for key in ("combination", "design load")}
+    except (OSError, ValueError, KeyError, TypeError, csv.Error):
+        return []
+    return rows
+
+
+def as_cells(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    """The table for people: a line of headings, then combinations, bounds and verdicts."""
+    cells = [["combination", "carried", "collapses", "estimate", "design load"]]
+    dash = "-"
+    for row in rows:
+        low, high, guess = row["lower"], row["upper"], row["estimate"]
+        cells.append(
+            [
+                row["combination"],
+                dash if low is None else rounded_down(low),
+                dash if high is None else rounded_up(high),
+                dash if guess is None else f"{guess:.5g}",
+                row["design load"],
+            ]
+        )
+    return cells
+
+
+def _row(name: str, limit: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What is known of a combination: strict bounds of the bodies, and the estimate."""
+    known = limit or {}
+    body, design = known.get("body") or {}, known.get("design") or {}
+    low, high = design.get("lower"), design.get("upper")
+    carried = low is not None and low >= 1
+    refused = high is not None and high < 1
+    return {
+        "combination": name,
+        "lower": body.get("lower"),
+        "upper": body.get("upper"),
+        "estimate": known.get("estimate"),
+        "design load": "carried" if carried else "not carried" if refused else "not decided",
+    }
+
+
+def _worst(row: Mapping[str, Any]) -> float:
+    """What rows are sorted by: the smallest load that is known of, nothing known first."""
+    known = [row[key] for key in ("lower", "estimate", "upper") if row[key] is not None]
+    return min(known, default=float("-inf"))
+
+
+def _number(text: str) -> float | None:
+    return float(text) if text else None
