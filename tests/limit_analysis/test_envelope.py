@@ -91,7 +91,7 @@ def fits_the_ellipse(
     problem: Problem, along: Load, around: bool, until: float, path: Path
 ) -> Envelope:
     """An envelope that ends by itself with von Mises' ellipse between its polygons. Collective."""
-    told, most, last = list[Proven](), 48 if around else 20, 360 if around else 90
+    told, most, last = list[Proven](), 60 if around else 20, 360 if around else 90
     found = envelope(
         problem,
         [[ACROSS], [along]],
