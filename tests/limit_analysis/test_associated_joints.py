@@ -5,7 +5,9 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from perfplast_fenicsx import (
     BodyForce,
@@ -93,6 +95,41 @@ def test_a_block_on_an_incline(slope: float, mu: float, c: float) -> None:
         assert pair.lower.value == pytest.approx(statics(0.0), rel=1e-6)
     else:
         assert "tresca" in " ".join(pair.why_not)
+
+
+@pytest.mark.parametrize(("c", "dead"), [(0.5, True), (0.0, True), (0.5, False)])
+def test_a_block_in_space(shared_tmp_path: Path, c: float, dead: bool) -> None:
+    """From below the statics in any direction along the joint, which the checker finds too."""
+    mu, slope = 0.3, 0.2 * dead
+    mesh = blocks_apart(COMM, (2, 2, 1), (2, 2, 1), moved_by=0.0)
+    mesh.mesh.geometry.x[:, :2] *= 3
+    weight, push = np.array([-10 * slope, 0.0, -10.0]) * dead, np.array([0.28, 0.96, dead - 1.0])
+    problem = Problem(
+        mesh,
+        {"lower": LEAD, "upper": LEAD},
+        [Support("bottom")],
+        [BodyForce("upper", weight, constant=True), BodyForce("upper", push)],
+        [Contact("lower_top", "upper_bottom", tresca=c, coulomb=mu, associated=True)],
+        degree=2,
+    )
+
+    def left(factor: float) -> float:
+        x, y, z = weight + factor * push
+        return float(math.hypot(x, y) - c + mu * z)
+
+    exact = brentq(left, 0.0, 10.0, xtol=1e-14)
+    bounds = limit_bounds(problem, 1e-6)
+    assert bounds.strict
+    assert exact * (1 - 1e-6) < (bounds.lower.value or 0.0) <= exact * (1 + 1e-9)
+    results = ResultFolder(COMM, shared_tmp_path)
+    write_proof(results, results.file("bounds.h5"), *proofs(bounds, bounds))
+    found = check(results.file("bounds.h5"))
+    assert found["lower"].proven == pytest.approx(bounds.lower.value, rel=1e-9)
+    assert found["upper"].proven == pytest.approx(bounds.upper.value, rel=1e-9)
+    assert bounds.static is not None
+    pressures = bounds.static.contact_pressure  # of facets of one size
+    mean = COMM.allreduce(float(pressures.sum())) / COMM.allreduce(pressures.size)
+    assert mean == pytest.approx(-weight[2] - exact * push[2], rel=1e-5)
 
 
 def test_both_bounds_are_those_of_the_joint() -> None:

@@ -46,6 +46,11 @@ class Moduli:
         along = None if self.along is None else self.along[:count]
         return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along, self.whole)
 
+    def beyond(self, count: int) -> "Moduli":
+        """Those of the points after the first ones, where whole moduli are among these."""
+        along = None if self.along is None else self.along[count:]
+        return Moduli(self.bulk[count:], self.a[count:], self.normal[count:], along)
+
     def matrices(self) -> Floats:
         """The same as forms of (tr ε, dev ε), shape (count, 1 + m, 1 + m)."""
         count, m = self.normal.shape

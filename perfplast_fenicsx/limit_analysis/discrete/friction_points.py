@@ -3,6 +3,9 @@
 A place with the area A and the force c that slip s has to overcome is a point with the volume A h,
 the strain s/h and the yield radius c/A, h = A^(1/(gdim − 1)): its cone is ‖μ‖ ≤ c, an interval in
 the plane, and what it dissipates is c‖s‖.
+
+A place may also open, by w along its normal, and be held by what presses there: then w/h is the
+trace of its strain, and its cone is ‖μ‖ ≤ c − αp with the slope α and p < 0 of a pressure.
 """
 
 from dataclasses import dataclass
@@ -36,13 +39,17 @@ class SlipPlaces:
         index: Local (owned) unknowns, −1 for none, shape (num_places, k).
         shares: Of these in each component of the jump, shape (num_places, gdim − 1, k).
         area: What a place stands for (length, area), shape (num_places,).
-        bound: Force c > 0 that slip has to overcome, shape (num_places,).
+        bound: Force c that slip has to overcome, shape (num_places,); 0 where α > 0.
+        closing: Local (owned) unknown that is −w, −1 for none, shape (num_places,).
+        slope: α, shape (num_places,).
     """
 
     index: Ints
     shares: Floats
     area: Floats
     bound: Floats
+    closing: Ints
+    slope: Floats
 
     @classmethod
     def of(cls, friction: Friction) -> "SlipPlaces":
@@ -53,20 +60,69 @@ class SlipPlaces:
             shares = np.tile(np.eye(index.shape[1]), (len(index), 1, 1))
         else:
             shares = friction.shares[rubs]
-        return cls(index, shares, friction.area[rubs], friction.bound[rubs])
+        return cls.that_slip(index, shares, friction.area[rubs], friction.bound[rubs])
+
+    @classmethod
+    def that_slip(cls, index: Ints, shares: Floats, area: Floats, bound: Floats) -> "SlipPlaces":
+        """Those whose resistance no pressure changes."""
+        return cls(index, shares, area, bound, np.full(len(area), -1), np.zeros(len(area)))
+
+    def and_those(self, others: "SlipPlaces") -> "SlipPlaces":
+        """These, then others whose jumps are of as many unknowns."""
+        both = (np.concatenate([getattr(self, it), getattr(others, it)]) for it in vars(self))
+        return SlipPlaces(*both)
+
+    def shared_out(self, pressure: Floats, slips: Floats) -> Floats:
+        """Shear stresses of which pressure bears all that it can, and what adheres the rest.
+
+        Args:
+            pressure: P of the places, shape (num_places,), at most 0 where one presses.
+            slips: Shear stresses there, shape (num_places, gdim − 1).
+
+        Returns:
+            The latter, with the same sums at each node.
+        """
+        pressed = np.flatnonzero(self.slope > 0)
+        adheres = np.flatnonzero(self.slope == 0)
+        _, first, second = np.intersect1d(
+            self.index[adheres, 0], self.index[pressed, 0], return_indices=True
+        )
+        rest, one = adheres[first], pressed[second]
+        both: Floats = slips[one] + slips[rest]
+        sizes = np.linalg.norm(both, axis=1)
+        most = np.maximum(-self.slope[one] * pressure[one], 0.0)
+        borne = np.divide(most, sizes, out=np.ones_like(sizes), where=sizes > most)
+        found = slips.copy()
+        found[one] = borne[:, None] * both
+        found[rest] = both - found[one]
+        return found
+
+    @property
+    def unknowns(self) -> Ints:
+        """All that w and the jump are made of, −1 for none, shape (num_places, 1 + k)."""
+        return np.column_stack([self.closing, self.index]).astype(np.int32)
+
+    @property
+    def rows(self) -> Floats:
+        """Of these in (w, jump), shape (num_places, gdim, 1 + k)."""
+        count, size, k = self.shares.shape
+        found: Floats = np.zeros((count, 1 + size, 1 + k))
+        found[:, 0, 0] = np.where(self.closing >= 0, -1.0, 0.0)
+        found[:, 1:, 1:] = self.shares
+        return found
 
     def jumps(self, array: Floats) -> Floats:
-        """Jumps of the entries of a local array, shape (num_places, gdim − 1)."""
+        """W and jumps of the entries of a local array, shape (num_places, gdim)."""
         if not self.index.size:
-            return np.zeros(self.shares.shape[:2])
-        values = np.where(self.index >= 0, array[self.index], 0.0)
-        return (self.shares @ values[:, :, None])[:, :, 0]
+            return np.zeros((len(self.area), 1 + self.shares.shape[1]))
+        values = np.where(self.unknowns >= 0, array[self.unknowns], 0.0)
+        return (self.rows @ values[:, :, None])[:, :, 0]
 
     def add(self, forces: Floats, array: Floats) -> None:
-        """Add forces on the jumps to the entries of a local array, the transpose of that."""
-        values = (forces[:, None] @ self.shares)[:, 0]
-        there = self.index >= 0
-        np.add.at(array, self.index[there], values[there])
+        """Add forces on these to the entries of a local array, the transpose of that."""
+        values = (forces[:, None] @ self.rows)[:, 0]
+        there = self.unknowns >= 0
+        np.add.at(array, self.unknowns[there], values[there])
 
 
 class FrictionStrains:
@@ -80,7 +136,7 @@ class FrictionStrains:
         self.count = points.count + len(area)
         self.weights = np.concatenate([points.weights, area * self.length])
         self.radii = np.concatenate([points.radii, places.bound / area])
-        self.slopes = np.append(points.slopes, np.zeros(len(area)))
+        self.slopes = np.append(points.slopes, places.slope)
         self.tilts, self.principal = points.tilts, points.principal
         if points.tilts is not None:
             self.tilts = np.concatenate([points.tilts, np.zeros((len(area), self.size))])
@@ -92,26 +148,26 @@ class FrictionStrains:
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
         """Trace and deviator, shapes (count,) and (count, m). Collective."""
         trace, deviator = self._points.of(y)
-        jumps = self._places.jumps(y.array_r) / self.length[:, None]
-        more = np.zeros((len(jumps), self.size))
-        more[:, : jumps.shape[1]] = jumps
-        return np.append(trace, np.zeros(len(more))), np.concatenate([deviator, more])
+        opens, *jumps = (self._places.jumps(y.array_r) / self.length[:, None]).T
+        more = np.zeros((len(opens), self.size))
+        more[:, : len(jumps)] = np.transpose(jumps)
+        return np.append(trace, opens), np.concatenate([deviator, more])
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
-        """Set ``out`` to ∫ (p δ + s):ε(v) + Σ μ·s for all v. Collective."""
+        """Set ``out`` to ∫ (p δ + s):ε(v) + Σ (p w + μ·s) for all v. Collective."""
         count = self._points.count
         self._points.forces(pressure[:count], deviator[:count], out)
         share = self.weights[count:] / self.length
-        self._places.add(share[:, None] * deviator[count:, : self._size], out.array)
+        stress = np.column_stack([pressure[count:], deviator[count:, : self._size]])
+        self._places.add(share[:, None] * stress, out.array)
 
-    def springs(self, a: Floats, normal: Floats) -> Springs:
-        """Unknowns of the places, and what a I − N Nᵀ at their points is as springs."""
-        count, size, shares = self._points.count, self._size, self._places.shares
-        N = normal[count:, :size]
-        moduli = a[count:, None, None] * np.eye(size) - np.einsum("ni,nj->nij", N, N)
-        share = self.weights[count:] / self.length**2
-        moduli = np.swapaxes(shares, 1, 2) @ moduli @ shares
-        return self._places.index, share[:, None, None] * moduli
+    def springs(self, moduli: Moduli) -> Springs:
+        """Unknowns of the places, and what the moduli of their points are as springs."""
+        of_places, rows = moduli.beyond(self._points.count).matrices(), self._places.rows
+        of_places = of_places[:, : rows.shape[1], : rows.shape[1]]
+        share = self.weights[self._points.count :] / self.length**2
+        springs = np.swapaxes(rows, 1, 2) @ of_places @ rows
+        return self._places.unknowns, share[:, None, None] * springs
 
     @property
     def _size(self) -> int:
@@ -141,5 +197,5 @@ class FrictionStiffness:
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
         """Bring K to moduli at all points. Collective."""
-        self._bodies.add_springs(self._strains.springs(moduli.a, moduli.normal))
+        self._bodies.add_springs(self._strains.springs(moduli))
         self._bodies.assemble(moduli.first(self._count), held)

@@ -29,7 +29,7 @@ class Interface:
         strength: What tractions they bear.
         obstacle: The obstacle; None between bodies.
         into: Unit normal into it where it is a half space, shape (d,); None of others.
-        dilation: μ where bodies part as they slip and stresses know it, else 0: in the plane.
+        dilation: μ where bodies part as they slip, else 0.
     """
 
     surfaces: tuple[str, ...]
@@ -52,8 +52,8 @@ class InterfaceFacets:
             the components at each vertex, of the first one alone where nothing rubs.
         in_contact: Owned facets of surfaces in contact.
         adhesion: Shear stress that slip has to overcome on a host facet, shape (num_facets,).
-        friction: μ on host facets that part as they slip, whose two components are the jumps a and
-            b of :mod:`associated_slip`; 0 on others. Shape (num_facets,).
+        friction: μ on host facets that part as they slip, whose two components are in the plane the
+            jumps a and b of :mod:`associated_slip`; 0 on others. Shape (num_facets,).
         rubbing: Owned facets whose shear tractions are those of such a resistance, both sides.
         oblique: Whether supports hold any surface obliquely to its normal, on this rank.
         matched: Whether all surfaces match facet by facet.
@@ -144,13 +144,14 @@ class InterfaceFacets:
         return rubs
 
     def _dilate(self, host: Longs, friction: float, *others: Longs) -> None:
-        """Let plane facets part as they slip: with w = a(n/2 + t/2μ) + b(n/2 − t/2μ)."""
+        """Let facets part as they slip: in the plane with w = a(n/2 + t/2μ) + b(n/2 − t/2μ)."""
         if friction > 0:
             self.friction[host] = friction
             for on in (host, *others):
-                normal, along = self.axes[on, 0] / 2, self.axes[on, 1] / (2 * friction)
-                self.axes[on] = np.stack([normal + along, normal - along], axis=1)
                 self.both_held |= bool(self.held[on].any())
+                if self.held.shape[1] == 2:
+                    normal, along = self.axes[on, 0] / 2, self.axes[on, 1] / (2 * friction)
+                    self.axes[on] = np.stack([normal + along, normal - along], axis=1)
 
 
 def by_friction_alone(problem: Problem) -> bool:
@@ -162,13 +163,12 @@ def by_friction_alone(problem: Problem) -> bool:
 def interfaces_of(problem: Problem) -> tuple[Interface, ...]:
     """Those that a problem declares."""
     given, origin = problem.given, np.zeros((1, problem.bodies.gdim))
-    flat = problem.bodies.gdim == 2
     found = [Interface((it.primary, it.secondary), strength_of(it)) for it in given.contacts]
     for it in given.obstacles:
         into = it.towards(origin)[1][0] if isinstance(it, Plane) else None
         found.append(Interface((it.on,), strength_of(it), it, into))
     return tuple(
-        replace(it, dilation=it.strength.friction if flat and it.strength.associated else 0.0)
+        replace(it, dilation=it.strength.friction if it.strength.associated else 0.0)
         for it in found
     )
 

@@ -169,7 +169,8 @@ def _search(
         end = verdict, reason, steps
         found, stress = _result(static, iteration, problem, why_not, reached, *end)
         certificate = found.certificate
-        if program.keeps and verdict is Verdict.FOUND and certificate is not None:
+        ended = verdict is Verdict.FOUND or (verdict is Verdict.STALLED and then is None)
+        if program.keeps and ended and certificate is not None:
             if certificate.in_equilibrium and not certificate.holds:
                 reached.append(stress)
                 then = start.with_more_in_reserve(certificate.overstress)
@@ -229,6 +230,7 @@ def _result(
     iteration.settle()
     now = iteration.now
     pressure, deviator = program.whole((now.pressure, now.deviator), now.load)
+    pressure, deviator = static.shared_out((pressure, deviator))
     ratio = program.overstress((pressure, deviator))
     scale = program.stress_unit / (1.0 if program.keeps else max(1.0, ratio))
     pressure, deviator = scale * pressure, scale * deviator

@@ -107,6 +107,9 @@ def certify_stress(
     residual = left.array_r - static.loads(load, aside)
     left.destroy()
     count, tdim = strains.facets.count, strains.gdim
+    places, at = static.form.places, static.form.places.closing >= 0
+    pressing = residual[:count].copy()  # where friction bears what presses too, without it
+    pressing[places.closing[at]] += (places.area * pressure[strains.count :])[at]
     on_facets = residual[:count] / np.repeat(static.form.areas.ravel(), tdim)
     sections = static.form.sections
     inverse = strains.weaknesses(pressure)
@@ -142,11 +145,11 @@ def certify_stress(
         tension=pull / radius,
         forces=missing,
         left_of_load=missing / whole if whole > 0 else float(missing > 0),
-        left_of_piece=_left_of_piece(static, forces, loaded, residual, cell_radii * sections),
+        left_of_piece=_left_of_piece(static, forces, loaded, pressing, cell_radii * sections),
         left_of_strength=missing / strength,
         overstress=over,
     )
-    pushes = -on_facets
+    pushes = -(pressing / np.repeat(static.form.areas.ravel(), tdim))
     pushes[:-1] += np.where(static.form.dilating[:-1], pushes[1:], 0.0)  # both add up to r·n
     return certificate, pushes[static.form.pressed]
 
@@ -178,7 +181,7 @@ def beside_mechanism(
 
 
 def _left_of_piece(
-    static: StaticProgram, forces: Floats, loaded: Floats, residual: Floats, strengths: Floats
+    static: StaticProgram, forces: Floats, loaded: Floats, pressing: Floats, strengths: Floats
 ) -> float:
     """Forces without balance of one piece beside what acts on it, the largest. Collective.
 
@@ -186,13 +189,13 @@ def _left_of_piece(
         static: The conditions.
         forces: Without balance, of each row.
         loaded: Magnitudes of its loads.
-        residual: Of its balance, with what presses at jumps.
+        pressing: What presses at jumps, where it is negative, of the facets' rows.
         strengths: Forces that cells bear.
     """
     form, facets = static.form, static.form.strains.facets
     count, pieces = facets.count, form.pieces
     cells = np.maximum(facets.meet(np.ones(facets.of_cells.shape), across=False), 1.0)
-    pushes = np.where(form.jumps, np.maximum(-residual[:count], 0.0), 0.0)
+    pushes = np.where(form.jumps | form.pressed, np.maximum(-pressing, 0.0), 0.0)
 
     def on_both(values: Floats) -> Floats:
         """What is at unknowns, and at those opposite too."""

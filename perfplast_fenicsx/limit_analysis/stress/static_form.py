@@ -8,7 +8,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
+from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
 from perfplast_fenicsx.limit_analysis.conic.discretisation import Stiffness, Strains
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.friction_points import (
@@ -46,8 +46,10 @@ class StaticForm:
         jumps: Whether an owned facet unknown is a jump of contact, shape (num_unknowns,).
         pressed: Those of the vertices along the normal, or the first of two, on the axis too, where
             there is no pressure.
-        dilating: Whether it and the one after it are the jumps of a facet that parts as it slips.
+        dilating: Whether it and the one after it are the jumps of a facet that parts as it slips,
+            in the plane.
         slips: Whether it is a tangential one on a surface in contact that does not rub.
+        places: Of slip.
         pieces: Cells that facets join.
     """
 
@@ -66,6 +68,7 @@ class StaticForm:
     pressed: npt.NDArray[np.bool_]
     dilating: npt.NDArray[np.bool_]
     slips: npt.NDArray[np.bool_]
+    places: SlipPlaces
     pieces: Pieces
 
     def destroy(self) -> None:
@@ -98,8 +101,11 @@ def static_form(problem: Problem) -> StaticForm:
     everywhere = np.zeros((num_owned, form.nodes, tdim), dtype=bool)
     jumps, slips, held = everywhere.copy(), everywhere.copy(), everywhere
     jumps[at.facets.hosts, :, 0] = True
-    dilates = at.facets.friction[:num_owned] > 0
-    jumps[dilates, :, 1] = True
+    pressed, dilating = jumps.copy(), everywhere.copy()
+    pressed[:, tdim:] = False
+    dilates, flat = at.facets.friction[:num_owned] > 0, tdim == 2
+    jumps[dilates, :, :2] = flat
+    dilating[dilates, :, 0] = flat
     slips[at.facets.in_contact, :, 1:] = True
     slips[at.facets.rubbing] = False
     on_axis = form.areas[:num_owned] == 0
@@ -109,9 +115,6 @@ def static_form(problem: Problem) -> StaticForm:
     mine = np.flatnonzero((lead >= 0) & (lead < num_owned))
     lead, unknowns = lead[mine], at.rigid.free.shape[1]
     held.reshape(num_owned, size)[lead, :unknowns] = at.rigid.free[mine] == 0
-    pressed, dilating = jumps.copy(), everywhere.copy()
-    pressed[:, tdim:] = pressed[..., 1:] = False
-    dilating[dilates, :, 0] = True
     jumps &= ~on_axis[..., None]
     moves, parts_freely = _idle(strains)
     pushes = jumps.ravel() & moves & ~parts_freely
@@ -151,6 +154,7 @@ def static_form(problem: Problem) -> StaticForm:
         pressed=pressed.ravel(),
         dilating=dilating.ravel(),
         slips=slips.ravel() & ~held.ravel(),
+        places=places,
         pieces=Pieces.of(mesh, at.numbers),
     )
 
@@ -172,26 +176,45 @@ def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
 
 
 def _slip_places(at: BoundBody, areas: Floats) -> SlipPlaces:
-    """Nodes of the host facets that adhere, whose shear tractions the adhesion bounds.
+    """Nodes of the host facets that rub, at which their strength bounds shear tractions.
+
+    Those of joints in space that dilate are the sum of what adhesion and pressure bear, a place
+    each.
 
     Args:
         at: Conditions on facets.
         areas: What each node of each stands for; 0 on an axis, where there is no traction.
     """
     tdim, nodes = at.facets.held.shape[1], areas.shape[1]
-    facets = at.facets.hosts[at.facets.adhesion[at.facets.hosts] > 0]
-    which = np.flatnonzero(areas[facets] > 0)
-    of, places = facets[which // nodes], which % nodes
-    first = (of * nodes + places) * tdim
+    hosts = at.facets.hosts
+
+    def nodes_of(facets: Longs) -> tuple[Longs, Longs, Floats]:
+        """Facets and first unknowns of nodes, and what they stand for."""
+        which = np.flatnonzero(areas[facets] > 0)
+        of, places = facets[which // nodes], which % nodes
+        return of, (of * nodes + places) * tdim, areas[of, places]
+
+    of, first, area = nodes_of(hosts[at.facets.adhesion[hosts] > 0])
     shares = np.eye(tdim - 1) * ~at.facets.held[of, None, 1:]
-    area: Floats = areas[of, places]
     index = (first[:, None] + np.arange(1, tdim)).astype(np.int32)
     friction = at.facets.friction[of]
-    dilates = friction > 0
+    dilates = (friction > 0) & (tdim == 2)
     if dilates.any():  # w_t = (a − b)/2μ of two unknowns
         index = np.column_stack([index, np.full(len(of), -1, dtype=np.int32)])
         shares = np.concatenate([shares, np.zeros_like(shares)], axis=2)
         index[dilates] = first[dilates, None] + np.arange(2)
         half = 0.5 / friction[dilates]
         shares[dilates, 0] = np.column_stack([half, -half])
-    return SlipPlaces(index, shares, area, at.facets.adhesion[of] * area)
+    adheres = SlipPlaces.that_slip(index, shares, area, at.facets.adhesion[of] * area)
+    if tdim == 2:
+        return adheres
+    of, first, area = nodes_of(hosts[at.facets.friction[hosts] > 0])
+    pressed = SlipPlaces(
+        index=(first[:, None] + np.arange(1, tdim)).astype(np.int32),
+        shares=np.tile(np.eye(tdim - 1), (len(of), 1, 1)),
+        area=area,
+        bound=np.zeros(len(of)),
+        closing=first.astype(np.int32),
+        slope=at.facets.friction[of],
+    )
+    return adheres.and_those(pressed)

@@ -44,6 +44,18 @@ class StaticProgram:
         for load in (self.program.load, self.program.dead, self.program.free):
             load.destroy()
 
+    def shared_out(self, stress: Stress) -> Stress:
+        """A stress with shears of joints shared out between pressure and what adheres.
+
+        Args:
+            stress: In the user's units.
+        """
+        pressure, deviator = stress
+        places, count = self.form.places, self.form.strains.count
+        found, size = deviator.copy(), places.shares.shape[1]
+        found[count:, :size] = places.shared_out(pressure[count:], deviator[count:, :size])
+        return pressure, found
+
     def loads(self, load: float, aside: float) -> Floats:
         """All loads, in the user's units.
 
