@@ -18,7 +18,7 @@ control = "bounds"              # what the bodies carry, and what they do not, f
 """
 
 ADAPT = """\
-limit_tolerance = 1e-3          # of each bound, beside their distance below
+limit_tolerance = 5e-3          # of each bound, beside their distance below
 
 [mesh]                          # finer ones until bounds are {percent:.0f} % apart, or so fine
 adapt = {{ until = {until}, cells = {cells} }}

@@ -25,7 +25,7 @@ def asked(found: Survey, apart: bool = False) -> tuple[dict, str]:
 
 def test_bounds_on_finer_meshes() -> None:
     case, _ = asked(survey(4213))
-    assert case["loading"] == {"control": "bounds", "limit_tolerance": 1e-3}
+    assert case["loading"] == {"control": "bounds", "limit_tolerance": 5e-3}
     assert case["mesh"]["adapt"] == {"until": 0.1, "cells": 12000}
 
 
@@ -51,7 +51,7 @@ def test_estimates_say_why(found: Survey, apart: bool, why: str) -> None:
 
 def test_curved_faces_are_as_good_as_flat_ones() -> None:
     case, _ = asked(survey(4213, shape="cylindrical"))
-    assert case["loading"] == {"control": "bounds", "limit_tolerance": 1e-3}
+    assert case["loading"] == {"control": "bounds", "limit_tolerance": 5e-3}
     assert case["mesh"]["adapt"] == {"until": 0.1, "cells": 12000}
 
 

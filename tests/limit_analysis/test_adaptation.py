@@ -37,7 +37,7 @@ from perfplast_fenicsx.limit_analysis import (
     strict_lower_bound,
 )
 from perfplast_fenicsx.limit_analysis.body import adaptive_meshes
-from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import refined
+from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh, refined
 from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
 from tests.limit_analysis.test_interior_point import COMM, RIGID, SOIL, K, footing, made
 from tests.models import two_blocks_problem
@@ -250,6 +250,23 @@ def test_contact_in_space() -> None:
         for one, other in zip(alone.rounds, found.rounds, strict=True):
             assert one.lower == pytest.approx(other.lower, rel=1e-8)
             assert one.upper == pytest.approx(other.upper, rel=1e-8)
+
+
+def test_steps_to_the_next_mesh_in_space() -> None:
+    """Twice the cells while bounds are far apart, and no more than are wanted when they are not."""
+    linear = two_blocks_problem(2, comm=COMM)
+    problem = Problem(
+        linear.tagged_mesh, **{**vars(linear.given), "degree": 2, "contacts": [CONTACT]}
+    )
+    found, now = limit_bounds(problem, rtol=2e-2), count(problem.tagged_mesh)
+    for gap, least, most in ((0.8, 1.7, 2.3), (0.11, 1.3, 1.75)):
+        finer = finer_mesh(problem, found, gap, Adaptation(until=0.1))
+        assert isinstance(finer, TaggedMesh)
+        assert least * now <= count(finer) <= most * now
+    fitting = Adaptation(until=0.1, cells=round(1.5 * now))
+    finer = finer_mesh(problem, found, 0.8, fitting)
+    assert isinstance(finer, TaggedMesh)
+    assert 1.4 * now <= count(finer) <= 1.5 * now
 
 
 def test_a_mesh_that_does_not_fit_into_memory_is_the_last(

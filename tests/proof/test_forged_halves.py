@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pytest
 
 from perfplast_fenicsx import limit_bounds, read_gmsh
-from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import refined
+from perfplast_fenicsx.limit_analysis.body.finer_meshes import refined
 from tests.limit_analysis.test_dead_loads import footing
 from tests.proof.forging import (
     Arrays,

@@ -10,25 +10,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh, number_of_cells
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
-from perfplast_fenicsx.limit_analysis.body.marking import largest_shares, to_refine
-from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
-from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
-from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, Verdict
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.question import Question
-from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
-from perfplast_fenicsx.mesh.refinement import fan, fan_around, refine
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.parallel import fetch_rows
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 
@@ -154,7 +145,7 @@ def adaptive_bounds(
             gap = low.lower.apart(high.upper)
             round_ = Round(
                 number=len(rounds) + 1,
-                cells=_count(problem.tagged_mesh),
+                cells=number_of_cells(problem.tagged_mesh),
                 lower=found.lower.value,
                 upper=found.upper.value,
                 gap=gap,
@@ -168,7 +159,7 @@ def adaptive_bounds(
             if ends := adaptation.ends(low.lower, high.upper, stands or design):
                 reason = ends
                 break
-            finer = _finer(problem, found, adaptation.cells)
+            finer = finer_mesh(problem, found, gap, adaptation)
             if isinstance(finer, str):
                 reason = finer
                 break
@@ -176,7 +167,7 @@ def adaptive_bounds(
             try:
                 found = limit_bounds(finer_problem, rtol, steps)
             except TooLarge as fault:
-                reason = f"the next mesh has {_count(finer)} cells: {fault}"
+                reason = f"the next mesh has {number_of_cells(finer)} cells: {fault}"
                 break
             problem = finer_problem
             other = found.question is not low.question  # bounds of other loads are no better ones
@@ -190,92 +181,3 @@ def adaptive_bounds(
         stop.adapted = AdaptiveBounds(low, high, found, problem, of_both, rounds, reason)
         raise
     return AdaptiveBounds(low, high, found, problem, (of_low, of_high), rounds, reason)
-
-
-def _count(tagged_mesh: TaggedMesh) -> int:
-    topology = tagged_mesh.mesh.topology
-    count: int = topology.index_map(topology.dim).size_global
-    return count
-
-
-def _finer(problem: Problem, found: BodyBounds, cells: int) -> TaggedMesh | str:
-    """The next mesh, or why there is none. Collective.
-
-    Where it would have too many cells, as many are marked as fit. A mesh that has hardly more
-    cells than this one would cost as much and find little new: in the plane a twelfth more, where
-    they matter most, is worth a fifth of the gap.
-    """
-    halvings = 5
-    # Dörfler's fraction by dimension: the marked cells carry this share of the gap, and of the
-    # dissipation. Smaller in space, where closing the refinement divides many more cells.
-    part, worth_while = {2: (0.4, 1.05), 3: (0.2, 1.2)}[problem.bodies.gdim]
-    now, too_many = _count(problem.tagged_mesh), f"a finer mesh would have more than {cells} cells"
-    if now >= cells:
-        return too_many
-    if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
-        part = 1.0  # what carries nothing has no shares: cells are too large anywhere
-    marked = to_refine(problem, found, part)
-    if not problem.comm.allreduce(int(marked.sum())):
-        return "nothing was found that says where to refine"
-    largest = refined(problem, marked, found)
-    fits, exceeds = 0.0, part
-    if _count(largest) > cells:
-        for _ in range(halvings):
-            part = (fits + exceeds) / 2
-            finer = refined(problem, to_refine(problem, found, part), found)
-            if _count(finer) > cells:
-                exceeds = part
-            else:
-                fits, largest = part, finer
-        if not worth_while * now <= _count(largest) <= cells:
-            return too_many
-    return largest
-
-
-def refined(
-    problem: Problem, marked: npt.NDArray[np.bool_], found: BodyBounds | None = None
-) -> TaggedMesh:
-    """The mesh of a problem, finer where it is marked, with fans where it needs them. Collective.
-
-    Args:
-        problem: The bodies with their loads.
-        marked: Of the cells that this rank owns.
-        found: Bounds on the mesh. In space cells at singular edges, where the lower one loses most,
-            are made fans in place of being refined: what it loses there is for want of directions.
-    """
-    given, tagged_mesh = problem.given, problem.tagged_mesh
-    in_space = problem.bodies.gdim == 3
-    if in_space and found is not None and found.static is not None:
-        tagged_mesh, marked = _with_fans(problem, marked, found.static.dissipation)
-    pairs = opposite_vertices(tagged_mesh, given.contacts)
-    finer = refine(tagged_mesh, marked, pairs).tagged_mesh
-    if in_space:
-        return finer
-    valence = 24  # cells that meet at least where the stress depends on the direction, in the end
-    points = singular_points(finer, given, valence)
-    if problem.comm.allreduce(len(points)):
-        finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
-    bend_crossings(finer)
-    return finer
-
-
-def _with_fans(
-    problem: Problem, marked: npt.NDArray[np.bool_], dissipation: Floats
-) -> tuple[TaggedMesh, npt.NDArray[np.bool_]]:
-    """A mesh in space with fans at those of the marked cells that want them. Collective.
-
-    Returns:
-        The mesh, and which of its owned cells are still marked.
-    """
-    comm, given, tagged_mesh = problem.comm, problem.given, problem.tagged_mesh
-    most = 0.5  # of the dissipation of the multipliers, which often is that of a few cells,
-    nearly = 0.5  # and of theirs, which has to be at such edges: else size matters as well
-    valence = 12  # around edges; each costs as many cells as the edge has
-    few = largest_shares(comm, dissipation, most)
-    edges = singular_edges(tagged_mesh, given, valence) & few[:, None]
-    cut = edges.any(axis=1)
-    at_edges, of_few = comm.allreduce(np.array([dissipation[cut].sum(), dissipation[few].sum()]))
-    if not at_edges > nearly * of_few:
-        return tagged_mesh, marked
-    fans = fan_around(tagged_mesh, edges, opposite_vertices(tagged_mesh, given.contacts))
-    return fans.tagged_mesh, fetch_rows(comm, marked & ~cut, fans.parents)

@@ -1,0 +1,146 @@
+"""The next mesh of bounds: where it is finer, and how many cells it has."""
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.marking import largest_shares, to_refine
+from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
+from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
+from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
+from perfplast_fenicsx.mesh.refinement import fan, fan_around, refine
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import fetch_rows
+from perfplast_fenicsx.problem.problem import Problem
+
+
+def finer_mesh(
+    problem: Problem, found: BodyBounds, gap: float | None, adaptation: Adaptation
+) -> TaggedMesh | str:
+    """The next mesh, or why there is none. Collective.
+
+    Where it would have too many cells, as many are marked as fit. A mesh that has hardly more
+    cells than this one would cost as much and find little new: in the plane a twelfth more, where
+    they matter most, is worth a fifth of the gap. In space, where each mesh costs more than all
+    before it, more are marked where the next one would be a small step.
+
+    Args:
+        problem: The bodies and their loads, on this mesh.
+        found: Bounds on it.
+        gap: Of the best bounds so far, relative; None where one of them is missing.
+        adaptation: When meshes end.
+    """
+    # Dörfler's fraction by dimension: the marked cells carry this share of the gap, and of the
+    # dissipation. Smaller in space, where closing the refinement divides many more cells.
+    part, worth_while = {2: (0.4, 1.05), 3: (0.2, 1.2)}[problem.bodies.gdim]
+    cells, now = adaptation.cells, number_of_cells(problem.tagged_mesh)
+    too_many = f"a finer mesh would have more than {cells} cells"
+    if now >= cells:
+        return too_many
+    if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
+        part = 1.0  # what carries nothing has no shares: cells are too large anywhere
+    marked = to_refine(problem, found, part)
+    if not problem.comm.allreduce(int(marked.sum())):
+        return "nothing was found that says where to refine"
+    usual = refined(problem, marked, found)
+    least, most = 0.0, float(cells)
+    if problem.bodies.gdim == 3 and part < 1.0:
+        least, most = _wanted(now, gap, adaptation)
+    finer, few = usual, worth_while * now
+    largest = 0.9  # part that may be marked: beyond it cells have next to nothing of the gap
+    low, high = part, largest
+    if number_of_cells(usual) > most:
+        least, low, high = max(least, 0.95 * most), 0.0, part
+    halvings = 5
+    for _ in range(halvings):
+        if least <= number_of_cells(finer) <= most:
+            break
+        part = (low + high) / 2
+        other = refined(problem, to_refine(problem, found, part), found)
+        if number_of_cells(other) > most:
+            high = part
+        else:
+            low, finer = part, other
+    if number_of_cells(usual) > cells and not few <= number_of_cells(finer) <= cells:
+        return too_many
+    return usual if number_of_cells(finer) < few else finer
+
+
+def _wanted(now: int, gap: float | None, adaptation: Adaptation) -> tuple[float, float]:
+    """Cells that the next mesh in space should have at least and at most.
+
+    So many as should be enough, by what meshes have been seen to gain, but no more than twice as
+    many as now: of shares on a coarse mesh those on a much finer one are not known.
+
+    Args:
+        now: Cells of this mesh.
+        gap: Of the best bounds so far.
+        adaptation: When meshes end.
+    """
+    growth, steady = 2.0, 1.5
+    if gap is not None and not isinstance(adaptation.until, str):
+        order = 0.8  # gaps fall with the number of cells to the power of minus that
+        growth = float(np.clip((gap / adaptation.until) ** (1 / order), steady, growth))
+    roughly = 1.15  # either way
+    most = min(growth * roughly * now, adaptation.cells)
+    return min(growth / roughly * now, 0.95 * adaptation.cells), most
+
+
+def refined(
+    problem: Problem, marked: npt.NDArray[np.bool_], found: BodyBounds | None = None
+) -> TaggedMesh:
+    """The mesh of a problem, finer where it is marked, with fans where it needs them. Collective.
+
+    Args:
+        problem: The bodies with their loads.
+        marked: Of the cells that this rank owns.
+        found: Bounds on the mesh. In space cells at singular edges, where the lower one loses most,
+            are made fans in place of being refined: what it loses there is for want of directions.
+    """
+    given, tagged_mesh = problem.given, problem.tagged_mesh
+    in_space = problem.bodies.gdim == 3
+    if in_space and found is not None and found.static is not None:
+        tagged_mesh, marked = _with_fans(problem, marked, found.static.dissipation)
+    pairs = opposite_vertices(tagged_mesh, given.contacts)
+    finer = refine(tagged_mesh, marked, pairs).tagged_mesh
+    if in_space:
+        return finer
+    valence = 24  # cells that meet at least where the stress depends on the direction, in the end
+    points = singular_points(finer, given, valence)
+    if problem.comm.allreduce(len(points)):
+        finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
+    bend_crossings(finer)
+    return finer
+
+
+def _with_fans(
+    problem: Problem, marked: npt.NDArray[np.bool_], dissipation: Floats
+) -> tuple[TaggedMesh, npt.NDArray[np.bool_]]:
+    """A mesh in space with fans at those of the marked cells that want them. Collective.
+
+    Returns:
+        The mesh, and which of its owned cells are still marked.
+    """
+    comm, given, tagged_mesh = problem.comm, problem.given, problem.tagged_mesh
+    most = 0.5  # of the dissipation of the multipliers, which often is that of a few cells,
+    nearly = 0.5  # and of theirs, which has to be at such edges: else size matters as well
+    valence = 12  # around edges; each costs as many cells as the edge has
+    few = largest_shares(comm, dissipation, most)
+    edges = singular_edges(tagged_mesh, given, valence) & few[:, None]
+    cut = edges.any(axis=1)
+    at_edges, of_few = comm.allreduce(np.array([dissipation[cut].sum(), dissipation[few].sum()]))
+    if not at_edges > nearly * of_few:
+        return tagged_mesh, marked
+    fans = fan_around(tagged_mesh, edges, opposite_vertices(tagged_mesh, given.contacts))
+    return fans.tagged_mesh, fetch_rows(comm, marked & ~cut, fans.parents)
+
+
+def number_of_cells(tagged_mesh: TaggedMesh) -> int:
+    """Of all ranks."""
+    topology = tagged_mesh.mesh.topology
+    count: int = topology.index_map(topology.dim).size_global
+    return count
