@@ -7,7 +7,8 @@ that
 
     √(¼(σ_x − σ_y)² + τ²) ≤ c cos φ − ½(σ_x + σ_y) sin φ,
 
-one second-order cone. In space, and around an axis, it is one of principal stresses.
+one second-order cone. In space, and around an axis, it is one of principal stresses, and with a
+tensile strength in plane strain too.
 """
 
 from collections.abc import Sequence
@@ -88,6 +89,37 @@ class TrescaSet(CoulombSet):
     def inadmissible(self, rate: Expr) -> Expr:
         """The spherical part."""
         return spherical(trace(rate) / 3, len(rate))
+
+
+@dataclass(frozen=True)
+class CutOffSet(CoulombSet):
+    """The same with σ₁ ≤ f as well, below the apex; see :class:`YieldSet` for the methods.
+
+    Args:
+        cohesion: c > 0 (stress).
+        sine: sin φ in [0, 1).
+        tension: f > 0 (stress), less than c cot φ.
+    """
+
+    tension: Expr
+
+    def gauge(self, s: Expr) -> Expr:
+        """The larger one of both conditions, 0 where pressure makes it negative."""
+        return ufl.max_value(super().gauge(s), principal(s)[0] / self.tension)
+
+    def support(self, rate: Expr) -> Expr:
+        """(f − h) tr rate + h Σ|ε_i|, where tr rate ≥ sin φ Σ|ε_i| with the principal rates ε_i.
+
+        Half of the room between σ₁ = f and the least σ₃ is h = (c cos φ − f sin φ)/(1 − sin φ).
+        """
+        half = (self.cohesion * self._cosine - self.sine * self.tension) / (1 - self.sine)
+        sizes = sum(abs(value) for value in principal(rate))
+        return (self.tension - half) * trace(rate) + half * sizes
+
+    def cones(self, size: int) -> Sequence[PrincipalCone]:
+        """Of the principal stresses."""
+        bound = 2 * self.cohesion * self._cosine
+        return (PrincipalCone(bound, ufl.as_ufl(self.sine), ufl.as_ufl(self.tension)),)
 
 
 def principal(s: Expr) -> tuple[Expr, Expr, Expr]:

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.elastic import (
@@ -17,6 +16,7 @@ from perfplast_fenicsx.materials.nonassociated_flow import (
     check_dilatancy,
     reduced,
 )
+from perfplast_fenicsx.materials.tension_cut_off import CutOffLaw
 
 
 @dataclass(frozen=True)
@@ -28,21 +28,27 @@ class Tresca:
         poisson: Poisson's ratio ν in (−1, ½).
         cohesion: Largest shear stress (stress), positive; half of the uniaxial yield stress.
         expansion: Strain of a change of temperature by one degree (1/temperature).
+        tensile_strength: Largest tension f in any direction (stress), positive; None for no limit.
 
     Raises:
         InputError: If a number is out of its range.
     """
 
-    law: ClassVar[type[MohrCoulombLaw]] = TrescaLaw
-
     young: float
     poisson: float
     cohesion: float
     expansion: float = 0.0
+    tensile_strength: float | None = None
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
         require_positive("cohesion", self.cohesion)
+        check_tension(self.tensile_strength, self.cohesion)
+
+    @property
+    def law(self) -> type[MohrCoulombLaw]:
+        """With a tensile strength or without."""
+        return TrescaLaw if self.tensile_strength is None else CutOffLaw
 
     @property
     def bulk(self) -> float:
@@ -55,17 +61,18 @@ class Tresca:
         return Elastic(self.young, self.poisson).shear
 
     def reduced(self, factor: float) -> "Tresca":
-        """The same with c/F.
+        """The same with c/F and f/F.
 
         Args:
             factor: F > 0.
         """
-        return replace(self, cohesion=self.cohesion / factor)
+        tension = divided(self.tensile_strength, factor)
+        return replace(self, cohesion=self.cohesion / factor, tensile_strength=tension)
 
     def parameters(self) -> dict[str, float]:
-        """κ, μ, s and b of :class:`TrescaLaw`."""
-        strength = 2 * self.cohesion
-        return {"bulk": self.bulk, "shear": self.shear, "sine": 0.0, "strength": strength}
+        """κ, μ, s and b of :class:`TrescaLaw`, and f if there is one."""
+        numbers = {"bulk": self.bulk, "shear": self.shear, "sine": 0.0}
+        return numbers | {"strength": 2 * self.cohesion} | of_tension(self.tensile_strength)
 
 
 @dataclass(frozen=True)
@@ -82,12 +89,12 @@ class MohrCoulomb:
         nonassociated: What is made of ground that dilates by less: ``"radenkovic"`` for bounds of
             all that it may carry, ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` for associated
             ground that stands for it, an estimate.
+        tensile_strength: Largest tension f in any direction (stress), positive; None, or from
+            c cot φ on, for what cohesion and friction leave.
 
     Raises:
         InputError: If a number is out of its range.
     """
-
-    law: ClassVar[type[MohrCoulombLaw]] = MohrCoulombLaw
 
     young: float
     poisson: float
@@ -96,6 +103,7 @@ class MohrCoulomb:
     expansion: float = 0.0
     dilatancy_angle: float | None = None
     nonassociated: Stand | None = None
+    tensile_strength: float | None = None
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
@@ -106,6 +114,25 @@ class MohrCoulomb:
                 " angle of friction, or law = 'tresca' for ground without friction."
             )
         check_dilatancy(self)
+        check_tension(self.tensile_strength, self.cohesion)
+        if self.tensile_strength is not None and self.nonassociated == "radenkovic":
+            raise InputError(
+                f"tensile_strength = {self.tensile_strength:g} with nonassociated = 'radenkovic':"
+                " that pair of bounds is of ground without a limit of tension; leave it out, or"
+                " give nonassociated = 'davis-a' for an estimate."
+            )
+
+    @property
+    def law(self) -> type[MohrCoulombLaw]:
+        """With a tensile strength below the apex or without."""
+        return CutOffLaw if self._tension is not None else MohrCoulombLaw
+
+    @property
+    def _tension(self) -> float | None:
+        """F, None where the apex is no higher."""
+        apex = self.cohesion / math.tan(math.radians(self.friction_angle))
+        given = self.tensile_strength
+        return given if given is not None and given < apex else None
 
     @property
     def bulk(self) -> float:
@@ -118,15 +145,16 @@ class MohrCoulomb:
         return Elastic(self.young, self.poisson).shear
 
     def reduced(self, factor: float) -> "MohrCoulomb":
-        """The same ground with c/F and tan φ/F, and ψ by what is made of it.
+        """The same ground with c/F, tan φ/F and f/F, and ψ by what is made of it.
 
         Args:
             factor: F > 0.
         """
-        return reduced(self, factor)
+        ground: MohrCoulomb = reduced(self, factor)
+        return replace(ground, tensile_strength=divided(self.tensile_strength, factor))
 
     def parameters(self) -> dict[str, float]:
-        """κ, μ, s and b of :class:`MohrCoulombLaw`."""
+        """κ, μ, s and b of :class:`MohrCoulombLaw`, and f if there is one."""
         ground = associated(self)
         phi = math.radians(ground.friction_angle)
         strength = 2 * ground.cohesion * math.cos(phi)
@@ -135,4 +163,28 @@ class MohrCoulomb:
             "shear": self.shear,
             "sine": math.sin(phi),
             "strength": strength,
+            **of_tension(self._tension),
         }
+
+
+def check_tension(tension: float | None, cohesion: float) -> None:
+    """Refuse tensile strengths that are not positive.
+
+    Raises:
+        InputError: If one is not.
+    """
+    if tension is not None and not (tension > 0 and math.isfinite(tension)):
+        raise InputError(
+            f"tensile_strength = {tension} is no positive stress; give a small one, such as"
+            f" {1e-3 * cohesion or 1e-3:g}, for ground that bears no tension, or leave it out."
+        )
+
+
+def divided(tension: float | None, factor: float) -> float | None:
+    """A tensile strength over a factor, if there is one."""
+    return None if tension is None else tension / factor
+
+
+def of_tension(tension: float | None) -> dict[str, float]:
+    """F of :class:`CutOffLaw`, nothing without."""
+    return {} if tension is None else {"tension": tension}

@@ -118,13 +118,36 @@ class MohrCoulombLaw(Law):
         """½ s:C⁻¹s."""
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
-    def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
+    def _turned(self, stresses: Expr, strains: Expr) -> Expr:
         """What turning axes loses of 2μ, by the differences of the two values that they are of."""
         apart = ufl.gt(abs(strains), TINY)
         turns = ufl.conditional(apart, stresses / ufl.conditional(apart, strains, 1.0), 0.0)
-        turns = ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
-        lost = 2 * self.shear - turns
+        return 2 * self.shear - ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
+
+    def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
+        """The same where the stress yields, but at the apex."""
+        lost = self._turned(stresses, strains)
         return self._by_branch(e, [0.0, lost, lost, lost, 0.0])
+
+    def _keeps(self, e: Expr) -> Expr:
+        """0 at the apex, else 1."""
+        return self._by_branch(e, [1.0, 1.0, 1.0, 1.0, 0.0])
+
+    def _merged(self, e: Expr) -> list[Expr]:
+        """Principal values of U over √μ, by size: the difference of two that an edge makes one."""
+        left, right = (self._by_branch(e, one) for one in ([0.0, 0, 1, 0, 0], [0.0, 0, 0, 1, 0]))
+        return [left, right - left, -right]
+
+    def _pushes(self, e: Expr) -> list[Expr]:
+        """Principal values of M, by size: Cn/√(n·Cn)."""
+        found = []
+        for k in range(3):
+            pushes = [
+                (2 * self._lame * self.sine + 2 * self.shear * n[k]) / ufl.sqrt(self._steepness(i))
+                for i, n in enumerate(self._normals())
+            ]
+            found.append(self._by_branch(e, [0.0, *pushes, 0.0]))
+        return found
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
         """What :meth:`tangent` adds up: lame, a, shape (), and vectors, shape (m,).
@@ -146,23 +169,14 @@ class MohrCoulombLaw(Law):
                 strict=False,
             )
         }
-        left, right = (self._by_branch(e, one) for one in ([0.0, 0, 1, 0, 0], [0.0, 0, 0, 1, 0]))
-        keeps = self._by_branch(e, [1.0, 1.0, 1.0, 1.0, 0.0])
-        normal = []
-        for k in range(3):
-            pushes = [
-                (2 * self._lame * self.sine + 2 * self.shear * n[k]) / ufl.sqrt(self._steepness(i))
-                for i, n in enumerate(self._normals())
-            ]
-            normal.append(self._by_branch(e, [0.0, *pushes, 0.0]))
-        merged = on.vector([left, right - left, -right])
+        keeps = rho + share * self._keeps(e)
         return {
-            "lame": self._lame * (rho + share * keeps),
-            "a": 2 * self.shear * (rho + share * keeps),
-            "U": ufl.sqrt(share * self.shear) * merged,
+            "lame": self._lame * keeps,
+            "a": 2 * self.shear * keeps,
+            "U": ufl.sqrt(share * self.shear) * on.vector(self._merged(e)),
             "W": ufl.sqrt(share * lost) * on.turned,
             **tilts,
-            "M": ufl.sqrt(share) * on.vector(normal),
+            "M": ufl.sqrt(share) * on.vector(self._pushes(e)),
         }
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:

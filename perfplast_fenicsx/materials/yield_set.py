@@ -33,17 +33,19 @@ class Cone:
 
 @dataclass(frozen=True)
 class PrincipalCone:
-    """(1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound for the principal stresses σ₁ ≥ σ₂ ≥ σ₃.
+    """(1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound and σ₁ ≤ tension, principal stresses σ₁ ≥ σ₂ ≥ σ₃.
 
     It is the only cone of its set, of symmetric 3 × 3 tensors.
 
     Args:
         bound: Positive (stress), shape ().
         sine: In [0, 1), shape (); zero without friction.
+        tension: Positive (stress), shape (); None where nothing else bounds σ₁.
     """
 
     bound: Expr
     sine: Expr
+    tension: Expr | None = None
 
 
 class YieldSet(Protocol):

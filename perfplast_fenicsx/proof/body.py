@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.proof.cell_shapes import check_cells, check_sections, with_kind
+from perfplast_fenicsx.proof.cell_shapes import check_cells, check_sections, in_order_of, with_kind
 from perfplast_fenicsx.proof.cones import Cones
 from perfplast_fenicsx.proof.load_kinds import EVERY, KINDS, NAMES, Loads, with_all
 from perfplast_fenicsx.proof.plain_arrays import ProofError, checked
@@ -35,6 +35,7 @@ class Body:
         cone_matrix: M, shape (num_cones, m, m).
         cone_sine: s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, which has q = 0
             and M = 0, NaN of others; shape (num_cones,).
+        cone_tension: f of each σ₁ ≤ f beside it, NaN of none; the same.
         sought: Loads of λ = 1.
         constant: Loads that stay as they are.
         others: Loads that may have any factor, of factor 1.
@@ -61,6 +62,7 @@ class Body:
     cone_slope: Floats
     cone_matrix: Floats
     cone_sine: Floats
+    cone_tension: Floats
     sought: Loads
     constant: Loads
     others: Loads
@@ -194,7 +196,8 @@ class Body:
     @cached_property
     def cones(self) -> Cones:
         """What bounds stresses."""
-        return Cones(self.cone_bound, self.cone_slope, self.cone_matrix, self.cone_sine)
+        quadratic = self.cone_bound, self.cone_slope, self.cone_matrix
+        return Cones(*quadratic, self.cone_sine, self.cone_tension)
 
     @cached_property
     def yield_radius(self) -> Floats:
@@ -283,14 +286,8 @@ class Body:
     def _found(self) -> tuple[Longs, bool]:
         """Sides of the facets on file, and whether those are all the outer ones, each once."""
         outer = self.sides[1]
-        mine = np.sort(self.cells[:, self.corners].reshape(-1, self.dim)[outer], axis=1)
-        given = np.sort(self.facets, axis=1)
-        if len(mine) != len(given):
-            return outer[:0], False
-        by_mine, by_given = np.lexsort(mine.T), np.lexsort(given.T)
-        found = np.empty(len(given), dtype=np.int64)
-        found[by_given] = outer[by_mine]
-        return found, bool((mine[by_mine] == given[by_given]).all())
+        mine = self.cells[:, self.corners].reshape(-1, self.dim)[outer]
+        return in_order_of(outer, mine, self.facets)
 
     def _check_facets(self) -> None:
         if not self._found[1]:

@@ -8,10 +8,16 @@ import numpy.typing as npt
 from perfplast_fenicsx.proof.load_kinds import Floats
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 
+Longs = npt.NDArray[np.int64]
+
 
 def with_kind(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Arrays with what says that cells are no sections of rings, where nothing does."""
-    return {"revolved": np.zeros((), dtype=bool), **arrays}
+    """Arrays with what says that cells are no sections of rings, where nothing does.
+
+    And that no cone has a tensile strength.
+    """
+    cuts = np.full(np.shape(arrays.get("cone_sine", ())), np.nan)
+    return {"revolved": np.zeros((), dtype=bool), "cone_tension": cuts, **arrays}
 
 
 def check_cells(places: Floats, volumes: Floats, gradients: Callable[[], Floats]) -> None:
@@ -58,3 +64,20 @@ def check_sections(
         raise ProofError("a cone has no bound, which is told of no body of revolution.")
     if any(pressure.any() for pressure in pores):
         raise ProofError("pressures in pores are not known of bodies of revolution.")
+
+
+def in_order_of(sides: Longs, mine: Longs, given: Longs) -> tuple[Longs, bool]:
+    """Sides of facets in the order in which these are given, and whether they are the same ones.
+
+    Args:
+        sides: Shape (n,).
+        mine: Vertices of each, shape (n, d).
+        given: Those of facets, shape (num_facets, d).
+    """
+    mine, given = np.sort(mine, axis=1), np.sort(given, axis=1)
+    if len(mine) != len(given):
+        return sides[:0], False
+    by_mine, by_given = np.lexsort(mine.T), np.lexsort(given.T)
+    found = np.empty(len(given), dtype=np.int64)
+    found[by_given] = sides[by_mine]
+    return found, bool((mine[by_mine] == given[by_given]).all())

@@ -13,7 +13,7 @@ class Strengths(NamedTuple):
 
     Attributes:
         family: A number of MᵀM and the direction of q, for a matrix M of size 1, or of all cones of
-            principal stresses.
+            principal stresses with the same ratio of c to a tensile strength.
         slope: |q|, or the sine.
         bound: Of cones whose M has size 1.
         axial: Whether M q = 0, or the cone is one of principal stresses: less of a slope and no
@@ -61,7 +61,7 @@ def strengths_of(*bodies: Body) -> list[Strengths]:
     m, n = bodies[0].components, normals_of(bodies[0])
     plain = np.eye(m)
     plain[:n, :n] -= 1 / n
-    none: Floats = np.zeros((1, m + 1))
+    none: Floats = np.zeros((1, m + 2))
     shapes, cones = [np.append(_shape(plain[None]), none, axis=1)], []
     for body in bodies:
         principal = body.cones.is_principal
@@ -73,7 +73,8 @@ def strengths_of(*bodies: Body) -> list[Strengths]:
         lost = np.linalg.norm(np.einsum("cij,cj->ci", matrices, along), axis=1)
         axial = principal | (lost <= 1e-11 * sizes)
         along[principal] = 0.0
-        shapes.append(np.column_stack([_shape(matrices), along, principal]))
+        cuts = np.nan_to_num(body.cone_bound / body.cone_tension)
+        shapes.append(np.column_stack([_shape(matrices), along, principal, cuts]))
         steep = np.where(principal, body.cone_sine, steep)
         cones.append((steep, body.cone_bound / sizes, axial))
     numbers = _alike_rows(np.concatenate(shapes))

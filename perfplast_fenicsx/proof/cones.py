@@ -1,7 +1,9 @@
 """What bounds the stress of each material: ‖Mσ‖ ≤ c − q·σ, and what flow then dissipates.
 
-Or, in space, (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses. Rates are admissible then where
-tr ε ≥ s Σ|ε_i| and dissipate (c/2s) tr ε; of s = 0 where tr ε = 0, and then (c/2) Σ|ε_i|.
+Or (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses (:mod:`principal`). Rates are admissible then
+where tr ε ≥ s Σ|ε_i| and dissipate (c/2s) tr ε; of s = 0 where tr ε = 0, and then (c/2) Σ|ε_i|.
+With σ₁ ≤ f as well it is tr ε ≥ s Σ|ε_i| of any s ≥ 0, and (f − h) tr ε + h Σ|ε_i| with
+h = (c/2 − sf)/(1 − s).
 
 Stresses are vectors (σ_xx, σ_yy, √2σ_xy) in the plane, of what is in it, around an axis (σ_rr,
 σ_zz, σ_θθ, √2σ_rz), and in space (σ_xx, σ_yy, σ_zz, √2σ_yz, √2σ_xz, √2σ_xy); strain rates alike, so
@@ -22,6 +24,12 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.proof.plain_arrays import ProofError, check_sizes
+from perfplast_fenicsx.proof.principal import (
+    check_principal,
+    eigenvalues,
+    power_factors,
+    rate_sizes,
+)
 
 Floats = npt.NDArray[np.float64]
 Longs = npt.NDArray[np.int64]
@@ -48,22 +56,6 @@ def vectors(tensors: Floats) -> Floats:
     return np.stack(columns, axis=-1)
 
 
-def eigenvalues(vector: Floats) -> Floats:
-    """Principal values, the least first, shape (..., 3) of vectors (..., 4) or (..., 6)."""
-    tensors = np.zeros((*vector.shape[:-1], 3, 3))
-    for i in range(3):
-        tensors[..., i, i] = vector[..., i]
-    pairs = [(0, 1)] if vector.shape[-1] == 4 else [(1, 2), (0, 2), (0, 1)]
-    for place, (i, j) in enumerate(pairs, start=3):
-        tensors[..., i, j] = tensors[..., j, i] = np.sqrt(0.5) * vector[..., place]
-    return np.asarray(np.linalg.eigvalsh(tensors), dtype=np.float64)
-
-
-def _sizes(rates: Floats) -> tuple[Floats, Floats]:
-    """Tr ε and Σ|ε_i|."""
-    return rates[..., :3].sum(axis=-1), np.abs(eigenvalues(rates)).sum(axis=-1)
-
-
 @dataclass(frozen=True)
 class Cones:
     """Those of all materials, by number.
@@ -74,12 +66,19 @@ class Cones:
         matrix: M, of rank m or m − 1, rows of zeros allowed; shape (num_cones, m, m).
         sine: s of bounds of principal stresses, of which M and q are zero; NaN of others; shape
             (num_cones,).
+        tension: f of these, NaN of none and of others.
     """
 
     bound: Floats
     slope: Floats
     matrix: Floats
     sine: Floats
+    tension: Floats
+
+    @property
+    def is_cut(self) -> Flags:
+        """Whether there is a tensile strength."""
+        return ~np.isnan(self.tension)
 
     @property
     def is_principal(self) -> Flags:
@@ -102,17 +101,13 @@ class Cones:
             raise ProofError("a cone's bound is not positive and finite, nor zero.")
         if not (np.isfinite(self.slope).all() and np.isfinite(self.matrix).all()):
             raise ProofError("a cone's slope or matrix is not finite.")
-        if self.sine.shape != (n,):
-            raise ProofError("the shape of cone_sine fits nothing.")
+        if self.sine.shape != (n,) or self.tension.shape != (n,):
+            raise ProofError("the shape of cone_sine or cone_tension fits nothing.")
         principal = self.is_principal
-        sines = self.sine[principal]
-        if not ((sines == 0) | ((sines > RANK) & (sines < STEEPEST))).all():
-            raise ProofError("cone_sine is nearly zero, negative or too near to 1.")
-        spaces = (4, 6)  # components of stresses with three principal values: of rings, of space
-        if principal.any() and m not in spaces:
-            raise ProofError("cone_sine is of principal stresses of space, and this is the plane.")
-        if not (self.bound[principal] > 0).all():
-            raise ProofError("a bound of principal stresses is not positive.")
+        if self.is_cut[~principal].any():
+            raise ProofError("cone_tension is of a cone that bounds no principal stresses.")
+        bound, sine, tension = self.bound[principal], self.sine[principal], self.tension[principal]
+        check_principal(bound, sine, tension, (RANK, STEEPEST))
         if self.slope[principal].any() or self.matrix[principal].any():
             raise ProofError("a cone of principal stresses has a slope or a matrix.")
         sizes = [np.abs(part).reshape(n, -1).max(axis=1) for part in (self.slope, self.matrix)]
@@ -157,7 +152,12 @@ class Cones:
     def grows(self) -> Flags:
         """Whether the bound falls along what the matrix leaves free: such bodies dilate."""
         falls = np.abs(self._pull) > RANK * np.linalg.norm(self.slope, axis=1)
-        return falls | (self.sine > 0)
+        return falls | (self.sine > 0) | self.is_cut
+
+    @property
+    def is_linear(self) -> Flags:
+        """Whether what such bodies dissipate is linear in the rates."""
+        return self.grows & ~self.is_cut
 
     @cached_property
     def _back(self) -> Floats:
@@ -174,12 +174,13 @@ class Cones:
     def radius(self) -> Floats:
         """A stress that the material bears: c over the largest singular value.
 
-        Of principal stresses all of size c/√(2(1 + s²)) are borne.
+        Of principal stresses all of size c/√(2(1 + s²)) are borne, if none exceeds f.
         """
         values = np.linalg.svd(self.matrix, compute_uv=False)[:, 0]
         sines = np.where(self.is_principal, self.sine, 0.0)
         steepest = np.where(self.is_principal, np.sqrt(2 * (1 + sines**2)), values)
-        return np.asarray(self.bound / steepest, dtype=np.float64)
+        found = self.bound / steepest
+        return np.where(self.is_cut, np.minimum(found, self.tension), found)
 
     def own_radius(self, at: Longs, stress: Floats) -> Floats:
         """The same of each cell; where c = 0 what the stress has itself, −q·σ in the place of c.
@@ -214,6 +215,9 @@ class Cones:
         if here.any():
             s, values = self.sine[at[here], None], eigenvalues(stress[here])
             along[here] = (1 + s) * values[..., 2] - (1 - s) * values[..., 0]
+            cut, pulled = self.is_cut[at[here]], self.bound[at[here]] / self.tension[at[here]]
+            pulled = np.where(cut, pulled, 0.0)[:, None] * values[..., 2]
+            along[here] = np.where(cut[:, None], np.maximum(along[here], pulled), along[here])
         loose = self.bound[at] == 0
         found: Floats = (sizes + along) / np.where(loose, 1.0, self.bound[at])[:, None]
         if loose.any():
@@ -237,8 +241,9 @@ class Cones:
         found: Floats = root * np.where(self.grows[at, None], short, np.abs(free))
         here = self.is_principal[at]
         if here.any():
-            s, (traces, sizes) = self.sine[at[here], None], _sizes(rates[here])
-            found[here] = np.where(s > 0, np.maximum(s * sizes - traces, 0.0), np.abs(traces))
+            s, (traces, sizes) = self.sine[at[here], None], rate_sizes(rates[here])
+            short, dilates = np.maximum(s * sizes - traces, 0.0), self.grows[at[here], None]
+            found[here] = np.where(dilates, short, np.abs(traces))
         return found
 
     def _at_apex(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
@@ -251,19 +256,22 @@ class Cones:
         return heads, sizes
 
     def linear_power(self, at: Longs, rates: Floats) -> Floats:
-        """What cells that grow dissipate per volume at places, those that lack growth as if not."""
+        """What cells dissipate per volume at places, linear in rates, as if none lacked growth."""
         heads, sizes = self._at_apex(at, rates)
         found: Floats = self.bound[at, None] * np.maximum(heads, sizes)
         here = self.is_principal[at]
         if here.any():
-            s, (traces, sizes) = self.sine[at[here], None], _sizes(rates[here])
+            s, (traces, sizes) = self.sine[at[here], None], rate_sizes(rates[here])
             found[here] = self.bound[at[here], None] / (2 * s) * np.maximum(traces, s * sizes)
         return found
 
     def principal_power(self, at: Longs, rates: Floats) -> Floats:
-        """The same of cells of principal stresses that do not grow, convex in the rates."""
-        _, sizes = _sizes(rates)
-        found: Floats = self.bound[at, None] / 2 * sizes
+        """The same of other cells of principal stresses, convex in the rates."""
+        factors = power_factors(self.bound[at], self.sine[at], self.tension[at])
+        of_trace, of_sizes = (factor[:, None] for factor in factors)
+        (traces, sizes), s = rate_sizes(rates), self.sine[at, None]
+        short = np.where(self.is_cut[at, None], np.maximum(s * sizes - traces, 0.0), 0.0)
+        found: Floats = of_trace * traces + np.abs(of_trace) * short + of_sizes * sizes
         return found
 
     def convex_power(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from perfplast_fenicsx.proof.load_kinds import EVERY
 
 FLOATS = (
-    *("vertices", "cone_bound", "cone_slope", "cone_matrix", "cone_sine"),
+    *("vertices", "cone_bound", "cone_slope", "cone_matrix", "cone_sine", "cone_tension"),
     "obstacle_normals",
     *EVERY,
     *("contact_adhesion", "contact_friction", "obstacle_adhesion", "obstacle_friction"),

@@ -162,17 +162,17 @@ def ring_flow(body: Body, v: Floats, subdivisions: int) -> tuple[float, float, f
     lacking = np.einsum("ci,ci->", weights[plastic], cones.lacking(at, rates[plastic]))
     sizes = np.linalg.norm(rates[~plastic], axis=2)
     strains = np.einsum("ci,ci->", weights[~plastic], sizes)
-    grows, principal = cones.grows[at], cones.is_principal[at]
+    linear, principal = cones.is_linear[at], cones.is_principal[at]
     parts, total = parts_of(2, subdivisions), 0.0
     for part in parts:
         q = np.einsum("ua,vb,cabm->cuvm", part, part, rates[plastic][:, PAIRS], optimize=True)
         first, second = np.concatenate([np.tile(np.arange(3)[:, None], 2), ENDS]).T
         q = q[:, first, second]
         powers = np.zeros(q.shape[:2])
-        powers[grows] = cones.linear_power(at[grows], q[grows])
-        some = ~grows & principal
+        powers[linear] = cones.linear_power(at[linear], q[linear])
+        some = ~linear & principal
         powers[some] = cones.principal_power(at[some], q[some])
-        some = ~grows & ~principal
+        some = ~linear & ~principal
         convex, along = cones.convex_power(at[some], q[some])
         powers[some] = np.linalg.norm(convex, axis=2) + along
         shares = over_radius(radii[plastic] @ part.T, body.volumes[plastic] / len(parts))

@@ -65,7 +65,9 @@ def _cone(body: Body, number: np.int64) -> str:
     if body.cones.is_principal[number]:
         s = body.cone_sine[number]
         what = f"{1 + s:.6g} σ₁ − {1 - s:.6g} σ₃" if s else "σ₁ − σ₃"
-        return f"{body.cone_bound[number]:.6g} as the largest {what}"
+        words = f"{body.cone_bound[number]:.6g} as the largest {what}"
+        cut, tension = body.cones.is_cut[number], body.cone_tension[number]
+        return words + (f" and {tension:.6g} as the largest σ₁" if cut else "")
     d, M, q = normals_of(body), body.cone_matrix[number], body.cone_slope[number]
     unit = np.append(np.ones(d), np.zeros(len(q) - d))
     size = np.sqrt((M**2).sum() / (len(q) - 1))

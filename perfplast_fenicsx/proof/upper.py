@@ -209,13 +209,13 @@ def _plain_flow(body: Body, v: Floats, subdivisions: int) -> tuple[float, float,
 def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, float]:
     """What rates at the vertices lack, zero in elastic cells, and ∫D from above."""
     cones, wrong = body.cones, np.zeros(rates.shape[:2])
-    plastic, grows = body.plastic, np.zeros(len(rates), dtype=bool)
+    plastic, linear = body.plastic, np.zeros(len(rates), dtype=bool)
     wrong[plastic] = cones.lacking(body.cone[plastic], rates[plastic])
-    grows[plastic] = cones.grows[body.cone[plastic]]
-    powers = cones.linear_power(body.cone[grows], rates[grows]).mean(axis=1)
-    total = float(powers @ body.volumes[grows])
+    linear[plastic] = cones.is_linear[body.cone[plastic]]
+    powers = cones.linear_power(body.cone[linear], rates[linear]).mean(axis=1)
+    total = float(powers @ body.volumes[linear])
     principal = np.append(cones.is_principal, False)[body.cone]
-    some = np.flatnonzero(plastic & ~grows & ~principal)
+    some = np.flatnonzero(plastic & ~linear & ~principal)
     points, shares = halved(body.dim, subdivisions)
     at_once = 10_000  # cells whose dissipation is found together, for the memory it takes
     for cells in np.array_split(some, len(some) // at_once + 1):
@@ -225,7 +225,7 @@ def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, f
             squares += (component @ points.T) ** 2
         weights = body.volumes[cells]
         total += float(weights @ np.sqrt(squares) @ shares + weights @ along.mean(axis=1))
-    some = np.flatnonzero(plastic & ~grows & principal)
+    some = np.flatnonzero(plastic & ~linear & principal)
     parts = -(-len(some) * len(points) // (100 * at_once))
     for cells in np.array_split(some, parts) if parts else []:
         powers = cones.principal_power(body.cone[cells], points @ rates[cells])

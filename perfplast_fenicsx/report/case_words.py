@@ -24,6 +24,7 @@ NUMBERS = {
     "yield_stress": ("yield stress", "stress"),
     "cohesion": ("cohesion", "stress"),
     "friction_angle": ("angle of friction in degrees", ""),
+    "tensile_strength": ("tensile strength", "stress"),
     "dilatancy_angle": ("angle of dilatancy in degrees", ""),
     "nonassociated": ("of ground that dilates by less", ""),
     "match": ("as strong as Mohr–Coulomb in", ""),

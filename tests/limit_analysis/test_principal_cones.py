@@ -164,7 +164,8 @@ def test_smooth_circular_footings(read: Read, angle: float, exact: float) -> Non
     assert found.lower == pytest.approx(exact, rel=2e-2)
 
 
-def test_moduli_are_those_of_the_linear_system() -> None:
+@pytest.mark.parametrize("cut", [False, True])
+def test_moduli_are_those_of_the_linear_system(cut: bool) -> None:
     """One step's stress, rates and multipliers fulfil the equations of a point, by their parts."""
     from perfplast_fenicsx.limit_analysis.conic.principal_blocks import Blocks
     from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
@@ -174,7 +175,10 @@ def test_moduli_are_those_of_the_linear_system() -> None:
     random = np.random.default_rng(3)
     frame = never_yields(6, 3).frame
     sines = np.array([0.0, 0.4, 0.4])
-    cones = PrincipalCones(np.arange(3), np.array([2.0, 3.0, 1.0]), sines, matrices(frame.T))
+    bounds, tensions = np.array([2.0, 3.0, 1.0]), np.full(3, np.inf)
+    if cut:
+        tensions[1:] = 0.1, 0.5
+    cones = PrincipalCones(np.arange(3), bounds, sines, tensions, matrices(frame.T))
     blocks = Blocks(cones)
     p, s, t = random.normal(size=3), random.normal(size=(3, 5)), random.normal(size=3)
     X = blocks.members(t, p, s)
@@ -183,12 +187,17 @@ def test_moduli_are_those_of_the_linear_system() -> None:
     # the middle t leaves the matrices as much room as there is to yield
     X = blocks.members(blocks.middle(p, s), p, s)
     room = np.linalg.eigvalsh(X)[:, :, 0]
+    assert room.shape == (3, 3 if cut else 2)
     assert np.allclose(room[:, 0], room[:, 1], rtol=0, atol=1e-7)
     used = (1 + sines) * values[:, 2] - (1 - sines) * values[:, 0]
-    assert np.allclose(cones.ratios(p, s) * cones.bounds, used)
+    ratios = used / bounds
+    if cut:
+        assert np.allclose(room[1:, 2], tensions[1:] - values[1:, 2])
+        ratios[1:] = np.maximum(ratios, values[:, 2] / tensions)[1:]
+    assert np.allclose(cones.ratios(p, s), ratios)
     assert np.allclose(2 * room[:, 0], cones.bounds - used, rtol=0, atol=1e-7)
     # works are the transpose of changes, and the least z has them
-    Z = matrices(random.normal(size=(3, 2, 6)))
+    Z = matrices(random.normal(size=(3, room.shape[1], 6)))
     works = blocks.works(Z)
     changes = np.einsum("nkab,nkab->n", blocks.changes(t, p, s), Z)
     theirs = np.einsum("ni,ni->n", works, np.column_stack([t, p, s]))

@@ -52,7 +52,7 @@ def cone(k: int, m: int, steep: float, seed: int) -> Cones:
     matrix[:k] = random.normal(size=(k, m))
     inside = random.normal(size=k)
     slope = steep * matrix[:k].T @ inside / np.linalg.norm(inside)
-    return Cones(np.array([2.0]), slope[None], matrix[None], NONE)
+    return Cones(np.array([2.0]), slope[None], matrix[None], NONE, NONE)
 
 
 def best(cones: Cones, rate: np.ndarray, seed: int) -> float:
@@ -90,7 +90,7 @@ def test_dissipation_of_what_grows(seed: int) -> None:
     random = np.random.default_rng(seed)
     flat = cone(2, 3, 0.5, seed)
     free = np.linalg.svd(flat.matrix[0])[2][-1]
-    cones = Cones(flat.bound, flat.slope + 0.8 * free, flat.matrix, NONE)
+    cones = Cones(flat.bound, flat.slope + 0.8 * free, flat.matrix, NONE, NONE)
     cones.check(3)
     assert cones.grows.all()
     M, q = cones.matrix[0], cones.slope[0]
@@ -159,7 +159,7 @@ def steeper(them: Arrays) -> None:
 
 def more_cones(them: Arrays) -> None:
     """One that no cell has, which is none."""
-    for name in ("cone_bound", "cone_slope", "cone_matrix", "cone_sine"):
+    for name in ("cone_bound", "cone_slope", "cone_matrix", "cone_sine", "cone_tension"):
         them[name] = np.concatenate([them[name], -them[name][:1]])
 
 
@@ -168,6 +168,8 @@ FORGED: dict[str, tuple[Forgery, str]] = {
     "no bounds": (both(drop("cone_bound")), "missing"),
     "no slopes": (both(drop("cone_slope")), "missing"),
     "no sines": (both(drop("cone_sine")), "missing"),
+    "a tensile strength as well": (both(put("cone_tension", 0, 0.5)), "bounds no principal"),
+    "a tensile strength too few": (both(make("cone_tension", lambda a: a[1:])), "fits nothing"),
     "a sine too few": (both(make("cone_sine", lambda a: a[1:])), "fits nothing"),
     "principal as well": (both(put("cone_sine", 0, 0.5)), "has a slope or a matrix"),
     "no matrices": (both(drop("cone_matrix")), "missing"),

@@ -89,7 +89,7 @@ def facets_of(them: Arrays, cell: int) -> npt.NDArray:
 
 def one_weaker_cell(them: Arrays) -> None:
     """One cell of the weaker block bears a tenth less."""
-    for name in ("cone_bound", "cone_slope", "cone_matrix", "cone_sine"):
+    for name in ("cone_bound", "cone_slope", "cone_matrix", "cone_sine", "cone_tension"):
         them[name] = np.concatenate([them[name], them[name][:1]])
     them["cone_bound"][-1] = 0.9 * them["cone_bound"].min()
     weak = np.flatnonzero(them["cone"] == np.argmin(them["cone_bound"][:-1]))
@@ -181,7 +181,7 @@ def in_row(them: Arrays, columns: tuple[int, int], changed: Change) -> None:
 
 def two_cones(them: Arrays) -> None:
     """A second cone, of no cell, that bears twice as much; claims are modest."""
-    for name in ("cone_bound", "cone_slope", "cone_matrix", "cone_sine"):
+    for name in ("cone_bound", "cone_slope", "cone_matrix", "cone_sine", "cone_tension"):
         them[name] = np.concatenate([them[name], them[name][:1]])
     them["cone_bound"][1] *= 2
     if "velocity" in them:

@@ -63,6 +63,7 @@ def free_cell(
             "cone_slope": np.zeros((1, d * (d + 1) // 2)),
             "cone_matrix": them["cone_matrix"][:1],
             "cone_sine": them["cone_sine"][:1],
+            "cone_tension": them["cone_tension"][:1],
             "body_force": np.zeros((1, d)),
             "facets": np.array([[v for v in cell if v != out] for out in cell]),
             "surface": np.zeros(d + 1, dtype=int),

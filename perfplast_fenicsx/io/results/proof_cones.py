@@ -27,20 +27,22 @@ def cones_on_file(problem: Problem, of_cells: Ordering) -> dict[str, Block]:
     rows: list[tuple[Any, ...]] = []
     for number, cone in enumerate(found.cones):
         if (principal := cone.principal) is not None:
-            rows.append((principal.bound, np.zeros(m), np.zeros((m, m)), principal.sine))
+            cut = principal.tension if np.isfinite(principal.tension) else np.nan
+            rows.append((principal.bound, np.zeros(m), np.zeros((m, m)), principal.sine, cut))
         elif (plain := cone.plain) is not None:
             matrix = np.pad(plain.matrix, ((0, m - len(plain.matrix)), (0, 0)))
-            rows.append((plain.bound, plain.slope, matrix, np.nan))
+            rows.append((plain.bound, plain.slope, matrix, np.nan, np.nan))
         else:
             continue
         numbers[number] = len(rows) - 1
-    bounds, slopes, forms, sines = zip(*rows, strict=True) if rows else ((), (), (), ())
+    bounds, slopes, forms, sines, cuts = zip(*rows, strict=True) if rows else ((),) * 5
     return {
         "cone": block(of_cells, numbers[found.of_cells]),
         "cone_bound": table_of(problem, bounds, (), np.float64),
         "cone_slope": table_of(problem, slopes, (m,), np.float64),
         "cone_matrix": table_of(problem, forms, (m, m), np.float64),
         "cone_sine": table_of(problem, sines, (), np.float64),
+        "cone_tension": table_of(problem, cuts, (), np.float64),
     }
 
 

@@ -23,7 +23,7 @@ class Products:
 
     Attributes:
         cones: Jordan's products of scaled members, shape (num_cones, 1 + m).
-        matrices: The same of semidefinite ones, shape (num, 2, 3, 3).
+        matrices: The same of semidefinite ones, shape (num, k, 3, 3).
         pairs: Forces times rooms, shape (num_pairs,).
     """
 

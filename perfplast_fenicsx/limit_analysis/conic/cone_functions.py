@@ -66,6 +66,8 @@ def _steepness(heads: Floats, deviator: Floats) -> Floats:
 def own_strengths(cones: ConesAtPoints, pressure: Floats) -> Floats:
     """What is left of a stress is measured by it: γ, or −αp of a stress without cohesion.
 
+    No more than a tensile strength.
+
     Args:
         cones: The cones.
         pressure: p (stress), shape (count,).
@@ -76,7 +78,8 @@ def own_strengths(cones: ConesAtPoints, pressure: Floats) -> Floats:
     heads = -cones.slopes * pressure
     own = np.where(heads > 0, heads, np.inf)
     found: Floats = np.where(cones.radii > 0, cones.radii, own)
-    return found
+    principal = cones.principal
+    return principal.put(found, np.minimum(found[principal.at], principal.tensions))
 
 
 def powers(cones: ConesAtPoints, trace: Floats, deviator: Floats) -> Floats:

@@ -28,7 +28,6 @@ from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic.cone_functions import powers, yield_ratios
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Discretisation, Moduli
 from perfplast_fenicsx.limit_analysis.conic.principal_blocks import MOST_VISCOUS, Blocks
-from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import SIZE
 
 PROXIMAL = 1e-5
 """Proximal parameter δ of stresses that nothing bounds: they change by 1/δ times a strain. Larger:
@@ -136,7 +135,7 @@ class ConicProgram:
         self.radii = np.where(loose, 0.0, self.strengths[self.round])
         self.dilating = self.slopes > 0
         self.viscosities = np.minimum(self.strengths[self.round] ** 2, MOST_VISCOUS)
-        mine = len(self.radii) + 2 * SIZE * self.blocks.cones.count
+        mine = len(self.radii) + self.blocks.degree
         dilating = np.count_nonzero(self.strains.slopes[self.plastic])
         many, some = self.comm.allreduce(np.array([mine, dilating]))
         self.degree, self.dilates = self.num_pairs + int(many), bool(some)
@@ -173,10 +172,11 @@ class ConicProgram:
         return float(self.comm.allreduce(ratios.max(initial=0.0), MPI.MAX))
 
     def start(self) -> Floats:
-        """Pressures in the middle of the cones of the round points, shape (count,)."""
+        """Pressures in the middle of the cones of the points, shape (count,)."""
         found: Floats = np.zeros(self.strains.count)
         room = self.strengths[self.round] - self.radii
         found[self.round] = -room / np.where(room > 0, self.slopes, 1.0)
+        found[self.blocks.cones.at] = self.blocks.pressures
         return found
 
     def members(self, stress: Stress) -> Floats:
@@ -224,7 +224,7 @@ class ConicProgram:
             soft = self.viscosities[self.dilating] / self.slopes[self.dilating] ** 2
             bulk[np.flatnonzero(self.round)[self.dilating]] = soft
         at = self.blocks.cones.at
-        bulk[at], viscosity[at] = self.blocks.moduli(self.blocks.viscosities, 1 / PROXIMAL)
+        bulk[at], viscosity[at] = self.blocks.moduli(1 / PROXIMAL)
         none: Floats = np.zeros((len(viscosity), self.strains.size))
         return Moduli(bulk, viscosity, none)
 

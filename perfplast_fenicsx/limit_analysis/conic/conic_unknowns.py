@@ -21,7 +21,7 @@ class Unknowns:
         S: Rows (γ − αp, s + γt) of points with second-order cones (:mod:`standard_cones`).
         Z: Rows (d, −w dev ε(v)) of these, with d ≥ w‖dev ε(v)‖.
         t: Of points whose principal stresses are bounded (:mod:`principal_cones`), shape (num,).
-        X: Their semidefinite matrices, shape (num, 2, 3, 3).
+        X: Their semidefinite matrices, shape (num, k, 3, 3).
         Y: The multipliers of these, the same.
         forces: r, shape (num_pairs,).
         rooms: −[v], shape (num_pairs,).

@@ -1,4 +1,8 @@
-"""The two matrices of a point whose principal stresses are bounded, and what they are linear in."""
+"""The matrices of a point whose principal stresses are bounded, and what they are linear in.
+
+They are two, or three where any of a rank's points has a tensile strength: the third one of a point
+without is a constant.
+"""
 
 import numpy as np
 
@@ -20,18 +24,31 @@ class Blocks:
 
     Attributes:
         cones: Of the points.
+        pressures: In the middle of the sets (stress), shape (num,).
     """
 
     def __init__(self, cones: PrincipalCones) -> None:
         """Write them down."""
         self.cones = cones
-        s, one = cones.sines, np.ones(cones.count)
-        self._of_t = np.stack([one, -one], axis=1)
-        self._of_p = np.stack([0 * s, -2 * s], axis=1)
-        self._of_d = np.stack([-(1 + s), 1 - s], axis=1)
+        s, one, none = cones.sines, np.ones(cones.count), np.zeros(cones.count)
+        cut = np.where(cones.cut, one, none)
+        half = cones.bounds / 2
+        self.pressures: Floats = -half * cut
+        middle = half * (1 + s * cut)
+        columns = [(one, none, -(1 + s), none, middle), (-one, -2 * s, 1 - s, 2 * half, middle)]
+        if cut.any():
+            strengths = np.where(cones.cut, cones.tensions, half)
+            columns.append((none, -cut, -cut, strengths, strengths - self.pressures))
+        parts = (np.stack(of, axis=1) for of in zip(*columns, strict=True))
+        self._of_t, self._of_p, self._of_d, self._constant, self._rooms = parts
+
+    @property
+    def degree(self) -> int:
+        """Rows of all matrices."""
+        return SIZE * self._of_t.size
 
     def members(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
-        """X, shape (num, 2, 3, 3).
+        """X, shape (num, k, 3, 3).
 
         Args:
             t: Shape (num,).
@@ -39,7 +56,7 @@ class Blocks:
             deviator: The same.
         """
         found = self.changes(t, pressure, deviator)
-        found[:, 1] += self.cones.bounds[:, None, None] * np.eye(SIZE)
+        found += self._constant[:, :, None, None] * np.eye(SIZE)
         return found
 
     def changes(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
@@ -52,32 +69,33 @@ class Blocks:
         return found
 
     @property
-    def viscosities(self) -> Floats:
-        """What unit tensors P are multiples of, squared, in the middle; shape (num,)."""
-        found: Floats = np.minimum((self.cones.bounds / 2) ** 2, MOST_VISCOUS)
+    def _viscosities(self) -> Floats:
+        """What unit tensors P are multiples of, squared, in the middle; shape (num, k)."""
+        found: Floats = np.minimum(self._rooms**2, MOST_VISCOUS)
         return found
 
-    def moduli(self, squares: Floats, loose: float) -> tuple[Floats, Floats]:
-        """κ and a where both matrices are scaled by the same multiple of the unit tensor.
+    def moduli(self, loose: float) -> tuple[Floats, Floats]:
+        """κ and a at the start, where matrices are scaled by multiples of the unit tensor.
 
         Args:
-            squares: Of the factor, shape (num,).
             loose: κ where nothing bounds the mean stress.
 
         Returns:
             Shapes (num,).
         """
-        s = self.cones.sines
-        safe = np.where(s > 0, s, 1.0)
-        bulk = np.where(s > 0, squares / (2 * SIZE * safe**2), loose)
-        return bulk, squares / (2 * (1 + s**2))
+        grows, squares = self.cones.grows, self._viscosities
+        # with the t that makes the first two the same
+        of_p = self._of_p.copy()
+        of_p[:, :2] = self._of_p[:, :2].mean(axis=1, keepdims=True)
+        soft = SIZE * (of_p**2 / squares).sum(axis=1)
+        bulk = np.where(grows, 1 / np.where(grows, soft, 1.0), loose)
+        return bulk, 1 / (self._of_d**2 / squares).sum(axis=1)
 
     def start(self) -> tuple[Floats, Floats, Floats]:
-        """T, X and Z in the middle of the sets, without stress."""
-        half = self.cones.bounds / 2
-        unit = np.broadcast_to(np.eye(SIZE), (self.cones.count, 2, SIZE, SIZE))
-        apart = (half / self.viscosities)[:, None, None, None]
-        return half, half[:, None, None, None] * unit, apart * unit
+        """T, X and Z in the middle of the sets, without a deviator."""
+        apart = self._rooms / self._viscosities
+        X, Z = (of[:, :, None, None] * np.eye(SIZE) for of in (self._rooms, apart))
+        return self._rooms[:, 0].copy(), X, Z
 
     def middle(self, pressure: Floats, deviator: Floats) -> Floats:
         """The t that leaves both members as much room, shape (num,)."""
@@ -90,11 +108,11 @@ class Blocks:
         """What members are of (t, p, s), as vectors.
 
         Args:
-            primal: Unit tensor and deviators as each member scales them, shape (num, 2, 1 + m, 3,
+            primal: Unit tensor and deviators as each member scales them, shape (num, k, 1 + m, 3,
                 3).
 
         Returns:
-            Shape (num, 12, 2 + m).
+            Shape (num, 6k, 2 + m).
         """
         numbers = vectors(primal)
         of_t, of_p = (
@@ -119,7 +137,7 @@ class Blocks:
 
     def least(self, works: Floats) -> Floats:
         """The smallest z of given :meth:`works`, that of p being left out where none is."""
-        grows = self.cones.sines > 0
+        grows = self.cones.grows
         grid = np.empty((len(works), 2, 2))
         both = np.stack([self._of_t, self._of_p], axis=1)
         grid[:] = SIZE * both @ np.swapaxes(both, 1, 2)

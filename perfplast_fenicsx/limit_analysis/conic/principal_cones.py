@@ -1,5 +1,7 @@
 """Sets of principal stresses, (1 + s)σ₁ − (1 − s)σ₃ ≤ b: Mohr–Coulomb, and Tresca of s = 0.
 
+Or that and a tensile strength, σ₁ ≤ f.
+
 With the mean stress p and the deviator d such a set is the shadow of one in (p, d, t) that two
 semidefinite matrices bound,
 
@@ -8,7 +10,11 @@ semidefinite matrices bound,
 since the one says t ≥ (1 + s)d₁ and the other t ≤ b − 2sp + (1 − s)d₃ (K. Krabbenhøft, A. V.
 Lyamin, S. W. Sloan, Int. J. Solids Struct. 45 (2008), 6552). Strain rates are admissible where
 tr ε ≥ s Σ|ε_i|, and dissipate (b/2s) tr ε; of s = 0 where tr ε = 0, and then (b/2) Σ|ε_i|.
-NumPy only.
+
+With f < b/2s there is a third matrix, f I − pI − d ⪰ 0. The set then ends at three vertices with
+σ₁ = f, and σ₂ and σ₃ each f or r = ((1 + s)f − b)/(1 − s). It holds no other stress without end
+where s > 0, and pressure alone where s = 0: so the same rates are admissible, of s = 0 those with
+tr ε ≥ 0, and dissipate (f − h) tr ε + h Σ|ε_i|, h = (f − r)/2. NumPy only.
 """
 
 from dataclasses import dataclass, replace
@@ -28,39 +34,53 @@ class PrincipalCones:
         at: Their numbers, shape (num,).
         bounds: b > 0 (stress), shape (num,).
         sines: s in [0, 1), shape (num,).
+        tensions: f > 0 (stress), ∞ where nothing else bounds σ₁, shape (num,).
         tensors: Unit tensor and orthonormal deviators that p and the first k of s are factors of,
             shape (1 + k, 3, 3); others are of other sets.
+        flat: Whether no rate is out of the plane, and the stress there the mean of those in it.
     """
 
     at: Longs
     bounds: Floats
     sines: Floats
+    tensions: Floats
     tensors: Floats
+    flat: bool = False
 
     @classmethod
     def none(cls) -> "PrincipalCones":
         """Of no point."""
         nothing: Floats = np.zeros(0)
-        return cls(np.zeros(0, dtype=np.int64), nothing, nothing, np.zeros((1, 3, 3)))
+        return cls(np.zeros(0, dtype=np.int64), nothing, nothing, nothing, np.zeros((1, 3, 3)))
 
     @property
     def count(self) -> int:
         """Points."""
         return len(self.at)
 
-    def those(self, chosen: npt.NDArray[np.bool_]) -> "PrincipalCones":
+    @property
+    def cut(self) -> npt.NDArray[np.bool_]:
+        """Which have a tensile strength, shape (num,)."""
+        return np.isfinite(self.tensions)
+
+    @property
+    def grows(self) -> npt.NDArray[np.bool_]:
+        """Where the mean stress is bounded, so that bodies dilate, shape (num,)."""
+        return (self.sines > 0) | self.cut
+
+    def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> "PrincipalCones":
         """Some of the points.
 
         Args:
-            chosen: Which, shape (num,).
+            chosen: Which, flags of shape (num,) or places among them.
         """
-        return replace(
-            self, at=self.at[chosen], bounds=self.bounds[chosen], sines=self.sines[chosen]
-        )
+        numbers = {name: getattr(self, name)[chosen] for name in ("bounds", "sines", "tensions")}
+        return replace(self, at=self.at[chosen], **numbers)
 
     def divided(self, unit: float) -> "PrincipalCones":
         """The same with stresses measured in a unit."""
-        return replace(self, bounds=np.asarray(self.bounds / unit, dtype=np.float64))
+        bounds, tensions = (np.asarray(of / unit) for of in (self.bounds, self.tensions))
+        return replace(self, bounds=bounds, tensions=tensions)
 
     def put(self, values: Floats, of_these: Floats) -> Floats:
         """Values at all points with those of these points in their places."""
@@ -77,7 +97,8 @@ class PrincipalCones:
         d = eigenvalues(self.deviators(deviator))
         along = (1 + self.sines) * d[:, 2] - (1 - self.sines) * d[:, 0]
         found: Floats = (along + 2 * self.sines * pressure[self.at]) / self.bounds
-        return found
+        pulled = (pressure[self.at] + d[:, 2]) / self.tensions  # 0 without a strength
+        return np.where(self.cut, np.maximum(found, pulled), found)
 
     def powers(self, trace: Floats, deviator: Floats) -> Floats:
         """What admissible rates dissipate per volume, shape (num,).
@@ -86,10 +107,20 @@ class PrincipalCones:
             trace: tr ε at all points, shape (count,).
             deviator: The deviator of ε there, shape (count, m).
         """
-        safe = np.where(self.sines > 0, self.sines, 1.0)
-        sizes = self.sizes(trace, deviator)
-        found: Floats = self.bounds / 2 * np.where(self.sines > 0, trace[self.at] / safe, sizes)
+        of_trace, of_sizes = self.factors
+        found: Floats = of_trace * trace[self.at] + of_sizes * self.sizes(trace, deviator)
         return found
+
+    @property
+    def factors(self) -> tuple[Floats, Floats]:
+        """What tr ε and Σ|ε_i| of admissible rates are multiplied by for :meth:`powers`, (num,)."""
+        steep, cut = self.sines > 0, self.cut
+        of_trace = np.where(steep, self.bounds / np.where(steep, 2 * self.sines, 1.0), 0.0)
+        of_sizes = np.where(steep, 0.0, self.bounds / 2)
+        tensions = self.tensions[cut]
+        half = (self.bounds[cut] / 2 - self.sines[cut] * tensions) / (1 - self.sines[cut])
+        of_trace[cut], of_sizes[cut] = tensions - half, half
+        return of_trace, of_sizes
 
     def lacking(self, trace: Floats, deviator: Floats) -> Floats:
         """What tr ε lacks of s Σ|ε_i|, shape (num,); see :meth:`powers`."""
@@ -97,9 +128,10 @@ class PrincipalCones:
         return found
 
     def sizes(self, trace: Floats, deviator: Floats) -> Floats:
-        """Σ|ε_i|, without the trace where s = 0, shape (num,); see :meth:`powers`."""
-        means = np.where(self.sines > 0, trace[self.at] / 3, 0.0)
-        values = eigenvalues(self.deviators(deviator)) + means[:, None]
+        """Σ|ε_i|, without the trace where nothing bounds p, shape (num,); see :meth:`powers`."""
+        unit = np.diag([1.0, 1.0, 0.0 if self.flat else 1.0])
+        means = np.where(self.grows, trace[self.at], 0.0) / np.trace(unit)
+        values = eigenvalues(self.deviators(deviator) + means[:, None, None] * unit)
         found: Floats = np.abs(values).sum(axis=1)
         return found
 

@@ -1,4 +1,4 @@
-"""Points of an iterate whose principal stresses are bounded, by two semidefinite matrices each.
+"""Points of an iterate whose principal stresses are bounded, by semidefinite matrices.
 
 The members X_k = a_k t I + d_k dev σ + e_k p I + c_k b I (:mod:`principal_cones`) are linear in
 y = (t, p, s), X = h + Gy, and their multipliers Z_k fulfil −Gᵀz = (0, w tr ε, w dev ε). With the
@@ -44,7 +44,7 @@ class PrincipalPoints:
         scaled = [self._scaling.primal(tensor) for tensor in self._cones.tensors]
         self._columns = self._blocks.columns(np.stack(scaled, axis=2))
         soft = np.zeros((self._cones.count, 1, self._columns.shape[2]))
-        soft[:, 0, 1] = np.where(self._cones.sines > 0, 0.0, np.sqrt(PROXIMAL))
+        soft[:, 0, 1] = np.where(self._cones.grows, 0.0, np.sqrt(PROXIMAL))
         rows = np.concatenate([self._columns, soft], axis=1)
         self._R: Floats = np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
         self._off = self._blocks.works(now.Y) + self._rates(trace, deviator)

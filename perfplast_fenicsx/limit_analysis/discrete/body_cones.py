@@ -113,9 +113,12 @@ class BodyCones:
             return PrincipalCones.none()
         sets = [it.principal or PlainPrincipal(0.0, 0.0) for it in self.cones]
         at = np.flatnonzero(np.isin(numbers, found))
-        bounds, sines = (np.array(of)[numbers[at]] for of in zip(*map(astuple, sets), strict=True))
-        frame = self.cones[found[0]].standard.frame
-        return PrincipalCones(at, bounds, sines, matrices(frame.T))
+        of_sets: Floats = np.array([astuple(it) for it in sets])[numbers[at]]
+        bounds, sines, tensions = of_sets.T
+        rows, flat = self.cones[found[0]].standard.frame.T, self.normal == OUT_OF_PLANE
+        if flat:  # the stress out of the plane is between the others
+            rows = np.insert(rows, OUT_OF_PLANE, np.eye(len(rows))[0], axis=1)
+        return PrincipalCones(at, bounds, sines, tensions, matrices(rows), flat)
 
     def at_cells(self) -> tuple[Floats, Floats, Floats | None]:
         """γ (stress), α and t of the cells; None for t where all are zero."""
@@ -201,10 +204,11 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
         return BodyCone(None, never_yields(n, normal), none)
     if isinstance(cones[0], PrincipalCone):
         principal = _principal(cones[0], law)
-        if not flat and principal.bound == 0:
+        by_matrices = not flat or np.isfinite(principal.tension)
+        if by_matrices and principal.bound == 0:
             return None  # no stress is inside of its matrices to start from
-        if not flat:
-            return BodyCone(None, principal.around(n, normal), None, principal)
+        if by_matrices:
+            return BodyCone(None, principal.around(n, normal), none, principal)
         plain = principal.in_plane()
     else:
         plain = plain_cone(cones[0], law, size)
@@ -235,13 +239,16 @@ def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
 
 def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:
     """The numbers of a cone of principal stresses."""
-    found = PlainPrincipal(float(numbers_of(cone.bound)), float(numbers_of(cone.sine)))
+    tension = np.inf if cone.tension is None else float(numbers_of(cone.tension))
+    found = PlainPrincipal(float(numbers_of(cone.bound)), float(numbers_of(cone.sine)), tension)
     least = 0.0 if found.sine > 0 else TINY
-    if not (found.bound >= least and 0 <= found.sine < 1):
+    within = 2 * found.sine * tension < found.bound or tension == np.inf
+    if not (found.bound >= least and 0 <= found.sine < 1 and tension > 0 and within):
         raise InputError(
             f"the set of {type(law).__name__} has bound = {found.bound:.6g}, which has to be"
-            f" positive, or 0 with a sine, and sine = {found.sine:.6g}, which has to be in [0, 1);"
-            " mend what its yields.cones returns."
+            f" positive, or 0 with a sine, sine = {found.sine:.6g}, which has to be in [0, 1), and"
+            f" tension = {tension:.6g}, which has to be positive and below the apex; mend what its"
+            " yields.cones returns."
         )
     return found
 

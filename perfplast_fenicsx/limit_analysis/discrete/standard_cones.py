@@ -146,15 +146,17 @@ def never_yields(n: int, normal: int) -> StandardCone:
 
 @dataclass(frozen=True)
 class PlainPrincipal:
-    """(1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound, numbers.
+    """(1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound and σ₁ ≤ tension, numbers.
 
     Attributes:
         bound: b ≥ 0 (stress), 0 where there is a sine alone.
         sine: s in [0, 1).
+        tension: f > 0 (stress), ∞ where nothing else bounds σ₁.
     """
 
     bound: float
     sine: float
+    tension: float = math.inf
 
     def in_plane(self) -> PlainCone:
         """What the stresses in the plane can be, the one out of it being free.
@@ -167,15 +169,20 @@ class PlainPrincipal:
         return PlainCone(half * self.bound, slope, matrix)
 
     def around(self, n: int, normal: int) -> StandardCone:
-        """The narrowest cone about the hydrostatic axis that has the set inside, of the same apex.
+        """A cone about the hydrostatic axis that has the set inside.
+
+        It is the narrowest one of the same apex, where friction makes one; a tensile strength
+        without friction has one of slope 1.
 
         Args:
             n: Components.
             normal: How many of them are normal stresses.
         """
         size = math.sqrt(6) / (3 - self.sine)
-        every = never_yields(n, normal)
-        return replace(every, radius=size * self.bound, slope=2 * size * self.sine, isotropic=False)
+        radius, slope = size * self.bound, 2 * size * self.sine
+        if not slope and math.isfinite(self.tension):
+            radius, slope = radius + self.tension, 1.0
+        return replace(never_yields(n, normal), radius=radius, slope=slope, isotropic=False)
 
 
 def standard_cone(cone: PlainCone, normal: int) -> StandardCone | None:

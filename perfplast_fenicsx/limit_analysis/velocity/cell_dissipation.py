@@ -86,8 +86,7 @@ def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[Princip
     here = np.flatnonzero(numbers >= 0)
     some = numbers[here]
     places: Longs = np.arange(len(here))
-    bounds, sines = given.bounds[some], given.sines[some]
-    return replace(given, at=places, bounds=bounds, sines=sines), here
+    return replace(given.those(some), at=places), here
 
 
 def dissipation_of_cells(
@@ -112,19 +111,6 @@ def dissipation_of_cells(
     volumes = rates.weights[points].sum(axis=1)
     scaled = at_vertices(problem, rates.deviator * radii[:, None])
     powers = work_of_cells(volumes, scaled, subdivisions)
-    cones, here = principal_of_cells(problem, rates)
-    if cones.count:
-        deviators = at_vertices(problem, rates.deviator)[here]
-        powers[here] = (
-            cones.bounds
-            / 2
-            * work_of_cells(
-                volumes[here],
-                deviators,
-                subdivisions,
-                lambda some: cones.sizes(np.zeros(len(some)), some),
-            )
-        )
     if rates.tilts is not None:
         along = (scaled * at_vertices(problem, rates.tilts)).sum(axis=2)
         powers -= volumes * along.mean(axis=1)
@@ -134,7 +120,36 @@ def dissipation_of_cells(
         growth += missing_growth(problem, rates)
         linear = radii[points][:, 0] * volumes * growth.mean(axis=1)
         powers[dilating] = linear[dilating] / slopes[dilating]
+    cones, here = principal_of_cells(problem, rates)
+    if cones.count:
+        missing = missing_growth(problem, rates)[here].mean(axis=1)
+        powers[here] = _of_principal(problem, rates, cones, here, subdivisions)
+        powers[here] += volumes[here] * sum(map(np.abs, cones.factors)) * missing
     return powers
+
+
+def _of_principal(
+    problem: Problem, rates: MechanismRates, cones: PrincipalCones, here: Longs, subdivisions: int
+) -> Floats:
+    """What cells dissipate whose principal stresses are bounded (:meth:`PrincipalCones.powers`).
+
+    Args:
+        problem: The bodies.
+        rates: Linear in each cell.
+        cones: Of these cells.
+        here: Their numbers.
+        subdivisions: Parts of a cell's edge.
+    """
+    there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))[here]
+    volumes = rates.weights[points_of_cells(problem)[here]].sum(axis=1)
+    of_trace, of_sizes = cones.factors
+    found: Floats = of_trace * volumes * there[..., 0].mean(axis=1)
+    if of_sizes.any():
+        sizes = work_of_cells(
+            volumes, there, subdivisions, lambda some: cones.sizes(some[:, 0], some[:, 1:])
+        )
+        found += of_sizes * sizes
+    return found
 
 
 def work_of_cells(

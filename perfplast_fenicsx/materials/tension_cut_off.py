@@ -1,0 +1,148 @@
+r"""Mohr and Coulomb's or Tresca's condition with a tensile strength as well, associated (Hencky).
+
+The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ b and σ₁ ≤ f for principal stresses σ₁ ≥ σ₂ ≥ σ₃, with
+f < b/2s, the apex of the former. A stress is the projection of Ce in the norm of C⁻¹: that on the
+one set if it keeps to the other; else both bound it, σ₁ = f and σ₃ = r = ((1 + s)f − b)/(1 − s),
+and the nearest σ₂ in [r, f] is left.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import ufl
+
+from perfplast_fenicsx.materials.coulomb_cone import CutOffSet
+from perfplast_fenicsx.materials.law import Old
+from perfplast_fenicsx.materials.mandel import Expr, trace
+from perfplast_fenicsx.materials.mohr_coulomb import MohrCoulombLaw
+from perfplast_fenicsx.materials.principal_axes import principal_axes
+
+
+@dataclass(frozen=True)
+class CutOffLaw(MohrCoulombLaw):
+    """(1 + s)σ₁ − (1 − s)σ₃ ≤ b and σ₁ ≤ f; see :class:`Law` for the methods.
+
+    Args:
+        tension: f > 0 (stress).
+    """
+
+    tension: Expr
+    dilates: ClassVar[bool] = True
+
+    @property
+    def _lowest(self) -> Expr:
+        """r, the least σ₃ beside σ₁ = f."""
+        return ((1 + self.sine) * self.tension - self.strength) / (1 - self.sine)
+
+    def _sheared(self, most: Expr, least: Expr) -> Expr:
+        return (1 + self.sine) * most - (1 - self.sine) * least - self.strength
+
+    @property
+    def _plain(self) -> MohrCoulombLaw:
+        """The law without the tensile strength."""
+        return MohrCoulombLaw(self.bulk, self.shear, self.sine, self.strength)
+
+    def _trial(self, e: Expr) -> list[Expr]:
+        """Principal values of Ce, by size."""
+        mean = self._lame * trace(e)
+        return [mean + 2 * self.shear * w for w in principal_axes(e).ordered]
+
+    def excess(self, e: Expr) -> Expr:
+        """The larger one of what Ce exceeds both conditions by (stress)."""
+        most, _, least = self._trial(e)
+        return ufl.max_value(self._sheared(most, least), most - self.tension)
+
+    def _cut(self, e: Expr) -> tuple[list[Expr], Expr, Expr]:
+        """Principal stresses of the projection on σ₁ ≤ f, and whether two of them are f, or all."""
+        f, lame = self.tension, self._lame
+        first, second, third = self._trial(e)
+        one = ufl.max_value(first - f, 0.0) / (lame + 2 * self.shear)
+        two = (first + second - 2 * f) / (2 * (lame + self.shear))
+        of_one = [first - (lame + 2 * self.shear) * one, second - lame * one, third - lame * one]
+        of_two = [f, f, third - lame * two]
+        edge = ufl.gt(of_one[1], f)
+        tip = ufl.And(edge, ufl.gt(of_two[2], f))
+        found = [
+            ufl.conditional(tip, f, ufl.conditional(edge, a, b))
+            for a, b in zip(of_two, of_one, strict=True)
+        ]
+        return found, edge, tip
+
+    def _middle(self, e: Expr) -> Expr:
+        """The σ₂ nearest to Ce beside σ₁ = f and σ₃ = r; it may be none between them."""
+        first, second, third = self._trial(e)
+        poisson = self._lame / (2 * (self._lame + self.shear))
+        return second + poisson * (self.tension + self._lowest - first - third)
+
+    def _by_kind(self, e: Expr, coulomb: Expr, cut: Sequence[Expr], both: Sequence[Expr]) -> Expr:
+        """One of six scalars.
+
+        Args:
+            e: The strain.
+            coulomb: Where Mohr and Coulomb's condition at most bounds the stress.
+            cut: Where the tensile strength alone does: of σ₁, of σ₁ and σ₂, of all three.
+            both: Where both do: with σ₂ between, and with σ₂ equal to another one.
+        """
+        (first, _, third), edge, tip = self._cut(e)
+        f, middle = self.tension, self._middle(e)
+        between = ufl.And(ufl.gt(middle, self._lowest), ufl.lt(middle, f))
+        of_both = ufl.conditional(between, both[0], both[1])
+        of_cut = ufl.conditional(tip, cut[2], ufl.conditional(edge, cut[1], cut[0]))
+        alone = ufl.le(self._sheared(first, third), 0.0)
+        rest = ufl.conditional(alone, of_cut, of_both)
+        return ufl.conditional(ufl.le(self._plain._returned(e)[0], f), coulomb, rest)
+
+    def _returned(self, e: Expr) -> list[Expr]:
+        """Principal stresses by size."""
+        (cut, *_), low, f = self._cut(e), self._lowest, self.tension
+        middle = ufl.max_value(ufl.min_value(self._middle(e), f), low)
+        return [
+            self._by_kind(e, a, [b, b, b], [c, c])
+            for a, b, c in zip(self._plain._returned(e), cut, (f, middle, low), strict=True)
+        ]
+
+    def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
+        """What turning axes loses of 2μ where the stress yields, but at a tip."""
+        lost = self._turned(stresses, strains)
+        without = super()._lost(e, stresses, strains)
+        return self._by_kind(e, without, [lost, lost, 0.0], [lost, lost])
+
+    def _keeps(self, e: Expr) -> Expr:
+        """0 where all principal stresses are f, else 1."""
+        return self._by_kind(e, super()._keeps(e), [1.0, 1.0, 0.0], [1.0, 1.0])
+
+    def _merged(self, e: Expr) -> list[Expr]:
+        """Principal values of U over √μ, by size: the difference of two that flow."""
+        own = (0.0, 1.0, 1.0, 1.0), (0.0, -1.0, 0.0, -1.0), (0.0, 0.0, -1.0, 0.0)
+        return [
+            self._by_kind(e, a, [face, edge, 0.0], [between, corner])
+            for a, (face, edge, between, corner) in zip(super()._merged(e), own, strict=True)
+        ]
+
+    def _pushes(self, e: Expr) -> list[Expr]:
+        """Principal values of M, by size: Cn/√(n·Cn)."""
+        lame, shear = self._lame, self.shear
+        normals = (1.0, 0.0, 0.0), (0.5, 0.5, 0.0), (0.5, 0.0, 0.5)
+        sizes = [ufl.sqrt(lame + 2 * shear * sum(x**2 for x in n)) for n in normals]
+        found = []
+        for k, without in enumerate(super()._pushes(e)):
+            face, edge, between = (
+                (lame + 2 * shear * n[k]) / size for n, size in zip(normals, sizes, strict=True)
+            )
+            corner = ufl.sqrt(self.bulk)
+            found.append(self._by_kind(e, without, [face, edge, 0.0], [between, corner]))
+        return found
+
+    def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
+        """As without the strength, and V with U and M where no principal stress changes."""
+        corner = self._by_kind(e, 0.0, [0.0, 0.0, 0.0], [0.0, 1.0])
+        third = principal_axes(e).vector([corner, corner, -2 * corner])
+        fields = super().tangent_fields(e, old, rho)
+        return {**fields, "V": ufl.sqrt((1 - rho) * self.shear / 3) * third}
+
+    @property
+    def yields(self) -> CutOffSet:
+        """Both conditions."""
+        cosine = ufl.sqrt(1 - ufl.as_ufl(self.sine) ** 2)
+        return CutOffSet(self.strength / (2 * cosine), self.sine, self.tension)
