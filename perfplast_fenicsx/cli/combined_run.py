@@ -33,7 +33,7 @@ def run_combined(
     Args:
         comm: The ranks.
         case: With combinations.
-        output: Folder of their folders, and of :data:`TABLE`.
+        output: Folder of their folders, and of ``combinations.csv``.
         force: Replace results in them.
         terminal: What is shown.
         log_level: As of :func:`run.run`.
