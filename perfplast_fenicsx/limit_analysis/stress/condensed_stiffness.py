@@ -168,11 +168,17 @@ class CondensedStiffness(SprungMatrix):
         strains = self._strains
         size = strains.layout.outer + strains.layout.inner
         scaled = strains.matrices[some] @ roots
-        parts = scaled @ np.swapaxes(scaled, 2, 3)
-        K = np.zeros((len(parts), size, size))
+        if strains.gdim == 3:  # where a point has few of the unknowns
+            parts = scaled @ np.swapaxes(scaled, 2, 3)
+            K = np.zeros((len(parts), size, size))
+            for p, at in enumerate(strains.rows):
+                K[:, at[:, None], at[None, :]] += parts[:, p]
+            return K
+        every = np.zeros((len(scaled), size, *scaled.shape[1::2]))
         for p, at in enumerate(strains.rows):
-            K[:, at[:, None], at[None, :]] += parts[:, p]
-        return K
+            every[:, at, p] = scaled[:, p]
+        every = every.reshape(len(scaled), size, -1)
+        return np.asarray(every @ np.swapaxes(every, 1, 2), dtype=np.float64)
 
     @phase("linear solve")
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
