@@ -30,6 +30,7 @@ test: environment
 verify: environment
 	$(RUN) mpirun -n 2 scripts/rank0 python3 demos/verification/verify.py
 	PERFPLAST_FUZZ=20 $(RUN) python3 -m pytest -q tests/functional/test_strictness.py
+	PERFPLAST_FUZZ=25 $(RUN) python3 -m pytest -q tests/functional/test_random_ground.py
 	PERFPLAST_FUZZ=25 $(RUN) python3 -m pytest -q tests/functional/test_random_statements.py
 	PERFPLAST_FUZZ=2 $(RUN) python3 -m pytest -q tests/combinations
 	PERFPLAST_FUZZ=5 $(RUN) python3 -m pytest -q tests/functional/test_fuzz.py
