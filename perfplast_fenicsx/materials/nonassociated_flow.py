@@ -198,6 +198,11 @@ def flow_words(materials: Mapping[str, Material]) -> list[str]:
     return told
 
 
+def by_davis(materials: Mapping[str, Material]) -> bool:
+    """Whether associated ground stands for any, so that all numbers are estimates."""
+    return any(_dilates_less(it) and not _has_pair(it) for it in materials.values())
+
+
 def _numbers(ground: Ground) -> str:
     return f"cohesion {ground.cohesion:.5g} and angle of friction {ground.friction_angle:.5g}°"
 

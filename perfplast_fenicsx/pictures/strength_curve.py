@@ -25,7 +25,7 @@ def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
     """Draw both strict bounds over the factor, with the two at which they are 1.
 
     Args:
-        table: Of :meth:`safety_factor.FactorOfSafety.table`.
+        table: Of :meth:`safety_factor.FactorOfSafety.table`; of an estimate the legend says so.
         title: Heading.
         path: The png file.
 
@@ -35,7 +35,11 @@ def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
     figure = Figure(figsize=(7, 5), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    for side, (colour, says, proves) in SIDES.items():
+    estimate = bool(table.get("estimate"))
+    for side, (colour, carried, proves) in SIDES.items():
+        says = (
+            f"{carried.removesuffix(' for certain')} (estimate by Davis)" if estimate else carried
+        )
         known = [(row["factor"], row[side]) for row in table["curve"] if row[side] is not None]
         if known:
             axes.plot(*zip(*known, strict=True), "o-", color=colour, markersize=4, label=says)

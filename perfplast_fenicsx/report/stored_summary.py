@@ -143,6 +143,7 @@ class _Strength(TypedDict):
     lower: float | None
     upper: float | None
     curve: list[_Times]
+    estimate: NotRequired[bool]
 
 
 class _Degree(TypedDict):

@@ -66,12 +66,14 @@ def _of_path(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
 def _of_strength(table: Mapping[str, Any]) -> Verdict:
     """The factor by which strengths may fall."""
     lower, upper = table["lower"], table["upper"]
-    sides, files = [], []
+    estimate, sides, files = table.get("estimate", False), [], []
     if lower is not None:
-        sides.append(f"stand with F = {rounded_down(lower)} for certain")
+        certain = "" if estimate else " for certain"
+        sides.append(f"stand with F = {rounded_down(lower)}{certain}")
         files.append(STANDS)
     if upper is not None:
-        sides.append(f"fall at F = {rounded_up(upper)} at the latest")
+        latest = "" if estimate else " at the latest"
+        sides.append(f"fall at F = {rounded_up(upper)}{latest}")
         files.append(FALLS)
     says = (
         "F divides yield stresses, cohesions and slopes of friction of all bodies alike, and the"
@@ -81,6 +83,13 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
         return Verdict("open", "Nothing is proven of the factor of safety.", [says, FINER])
     proof = " and ".join(f"python3 -m perfplast_fenicsx.proof {name}" for name in files)
     strict = "It is" if len(sides) == 1 else "Both are"
+    if estimate:
+        stands = (
+            f"{strict} of associated ground that stands for this one, and no bound of it. Of that"
+            f" ground it is proven anew by {proof}."
+        )
+        words = f"By Davis' estimate the bodies {', and '.join(sides)}."
+        return Verdict("found", words, [says, stands])
     details = [says, f"{strict} strict, and proven anew by {proof}."]
     mark: Mark = "proven" if len(sides) == 2 else "one-sided"
     return Verdict(mark, f"The bodies {', and '.join(sides)}.", details)

@@ -137,6 +137,9 @@ def test_factors_of_safety(stand: str, read: Read) -> None:
         assert sign * (stays - strength(stands(of.reduced(value)))) >= -1e-9 * stays
     name = "Radenkovic's pair" if stand == "radenkovic" else f"Davis' {stand[-1].upper()}"
     assert name in found.in_words()
+    assert found.estimate == (stand != "radenkovic")
+    assert ("for certain" in found.in_words()) == (stand == "radenkovic")
+    assert found.in_words().startswith("By Davis' estimate") == found.estimate
 
 
 def test_what_davis_reduces() -> None:

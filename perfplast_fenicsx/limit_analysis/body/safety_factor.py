@@ -26,6 +26,7 @@ from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_fac
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.materials.elastic import all_elastic
+from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -54,6 +55,7 @@ class FactorOfSafety:
         searches: Bounds that were computed, of meshes before the last one too.
         taken: What bodies are taken as, in clauses: ground that dilates by less than its friction,
             and surfaces whose chords differ.
+        estimate: Whether they are of ground that stands for another one by Davis, and no bounds.
     """
 
     lower: float | None
@@ -64,23 +66,27 @@ class FactorOfSafety:
     curve: tuple[tuple[float, float | None, float | None], ...]
     searches: int
     taken: tuple[str, ...] = ()
+    estimate: bool = False
 
     def table(self) -> dict[str, Any]:
         """What ``summary.json`` says of it."""
         curve = [dict(zip(("factor", "lower", "upper"), row, strict=True)) for row in self.curve]
         known = {"lower": self.lower, "upper": self.upper, "in_words": self.in_words()}
-        return known | {"curve": curve, "searches": self.searches}
+        return known | {"curve": curve, "searches": self.searches, "estimate": self.estimate}
 
     def in_words(self) -> str:
         """What is proven, in a sentence."""
         sides = []
         if self.lower is not None:
-            sides.append(f"stands with F = {rounded_down(self.lower)} for certain")
+            certain = "" if self.estimate else " for certain"
+            sides.append(f"stands with F = {rounded_down(self.lower)}{certain}")
         if self.upper is not None:
-            sides.append(f"falls at F = {rounded_up(self.upper)} at the latest")
+            latest = "" if self.estimate else " at the latest"
+            sides.append(f"falls at F = {rounded_up(self.upper)}{latest}")
         if not sides:
             return "Nothing is proven of the factor of safety."
-        said = f"The body {', and '.join(sides)}, if all strengths are divided by F."
+        body = "By Davis' estimate the body" if self.estimate else "The body"
+        said = f"{body} {', and '.join(sides)}, if all strengths are divided by F."
         return said + sentences(self.taken)
 
 
@@ -124,6 +130,7 @@ def factor_of_safety(
         curve=tuple(sorted((factor, *sides) for factor, sides in rows.items())),
         searches=above.searches + (0 if below is above else below.searches),
         taken=taken_as(problem),
+        estimate=by_davis(problem.given.materials),
     )
 
 
