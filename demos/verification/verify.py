@@ -42,6 +42,7 @@ CASES = (
     "bounds_in_space",
     "ring_bounds",
     "bounds_apart",
+    "statements",
     "bound_costs",
     "dead_loads",
     "shakedown",

@@ -79,15 +79,15 @@ def divided(
     chains = _chains(of_cells[cells[cut]], places[cut], counts, first + owned)
     whole = np.setdiff1d(np.arange(len(vertices)), cells[cut])
     parents = np.concatenate([whole, np.repeat(cells[cut], counts + 1)])
-    every = np.concatenate([of_cells[whole], chains])
+    triangles = np.concatenate([of_cells[whole], chains])
     element = basix.ufl.element("Lagrange", topology.cell_name(), 1, shape=(2,), dtype=known.dtype)
-    first_cell = comm.exscan(len(every)) or 0
+    first_cell = comm.exscan(len(triangles)) or 0
     finer = create_mesh(
         comm,
-        every,
+        triangles,
         x=np.concatenate([known[:owned], new]),
         e=ufl.Mesh(element),
-        partitioner=sent_to(np.full(len(every), comm.rank)),
+        partitioner=sent_to(np.full(len(triangles), comm.rank)),
     )
     tags = np.zeros(len(vertices), dtype=np.int32)
     mine = tagged_mesh.cell_tags.indices < len(vertices)

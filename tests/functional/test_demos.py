@@ -28,7 +28,7 @@ LONG = (
     *("cracked_strips", "curved_seams", "dead_loads", "ground", "hertz_sphere", "joints"),
     *("bounds_apart", "platens", "published", "ring_bounds"),
     *("published_blocks", "published_contact", "rigid_footing", "strip_footing", "thick_sphere"),
-    *("torsion", "towers"),
+    *("statements", "torsion", "towers"),
 )
 """Cases of the verification that take more than 5 s of one core where they are coarse."""
 

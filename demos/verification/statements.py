@@ -1,0 +1,200 @@
+# %% [markdown]
+# # Bounds of each kind of statement
+#
+# Strict bounds of a strip footing, and of a strong punch on the same ground, k = 1, on one mesh
+# each: with constant loads, friction, ties, a rigid surface, around an axis, and several of them at
+# once.
+#
+# - Both bounds are those that one rank found, to the tolerance of the search, on any number of
+#   ranks.
+# - What they cost is told beside frictionless loads that grow in proportion, on the same mesh: at
+#   most 1.5 times the factorisations, and at most 1.3 times the processor time of each, which is
+#   shown and not judged, as other work on the machine changes it.
+#
+#     ./fenicsx mpirun -n 2 python3 demos/verification/statements.py
+
+# %%
+import statistics
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from mpi4py import MPI
+
+from demos.verification.bounded_bodies import of_shear
+from demos.verification.study import Row, mesh, run
+from meshes.strip_footing import write_strip_footing
+from perfplast_fenicsx import (
+    BodyBounds,
+    Contact,
+    Force,
+    Pressure,
+    Problem,
+    RigidSurface,
+    Support,
+    Tie,
+    Traction,
+    limit_bounds,
+)
+from perfplast_fenicsx.io import ResultFolder, ResultWriter, Scene
+from perfplast_fenicsx.pictures import draw
+from perfplast_fenicsx.problem import Prescribed
+
+TITLE = "Bounds of each kind of statement"
+TOLERANCE = 1e-4
+"""Of the search, which is how near a bound comes to the best of its kind on the mesh."""
+MORE = 1.5
+"""How many times as many factorisations as without the statement."""
+REPEATED = 3
+"""Measurements of processor time, after one that is not counted."""
+GROUND, PUNCH = of_shear(1.0), of_shear(50.0)
+SEAM = ("ground_footing", "punch_footing")
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What a problem says, and what is known of its bounds.
+
+    Attributes:
+        words: The name of the case.
+        beside: Name of the frictionless proportional case on the same mesh; its own for itself.
+        known: Both bounds, as one rank found them.
+        given: What is not as in the plain footing or punch: arguments of :class:`Problem`.
+        punch: Whether a strong punch stands on the ground.
+        turned: Whether the bodies are of revolution.
+    """
+
+    words: str
+    beside: str
+    known: tuple[float, float]
+    given: dict[str, Any]
+    punch: bool = False
+    turned: bool = False
+
+    def problem(self, folder: ResultFolder, size: float) -> Problem:
+        """On its mesh. Collective."""
+        section = mesh(folder, write_strip_footing, size=size, punch=self.punch)
+        supports = [Support("side", "x"), Support("bottom")]
+        supports += [] if self.turned else [Support("x0", "x")]
+        given: dict[str, Any] = {
+            "loads": [Pressure("top" if self.punch else "footing", 1.0)],
+            "contacts": [Contact(*SEAM)] if self.punch else [],
+        }
+        return Problem(
+            section.turned() if self.turned else section,
+            {"ground": GROUND} | ({"punch": PUNCH} if self.punch else {}),
+            supports,
+            degree=2,
+            **(given | self.given),
+        )
+
+
+# %%
+DOWN, ASIDE = Pressure("footing", 1.0), Traction("footing", (0.3, 0.0))
+AROUND = Pressure("free", 1.0, constant=True)
+PLATE = {"rigid": [RigidSurface("footing", held="x")], "loads": [Force("footing", [0.0, -1.0])]}
+
+
+def rubbing(**friction: float | bool) -> dict[str, Any]:
+    """A contact with friction."""
+    return {"contacts": [Contact(*SEAM, **friction)]}  # type: ignore[arg-type]
+
+
+STATEMENTS = (
+    Statement("V", "V", (3.245466, 5.172423), {}),
+    Statement("V and H", "V and H", (2.145893, 3.263486), {"loads": [DOWN, ASIDE]}),
+    Statement(
+        "dead H", "V and H", (2.733033, 4.856214), {"loads": [DOWN, replace(ASIDE, constant=True)]}
+    ),
+    Statement("dead pressure beside", "V", (4.245429, 6.172423), {"loads": [DOWN, AROUND]}),
+    Statement("rigid surface", "V", (4.96447, 5.260535), PLATE),
+    Statement("V, around", "V, around", (3.245458, 5.230256), {}, turned=True),
+    Statement("rigid surface, around", "V, around", (16.969, 17.88393), PLATE, turned=True),
+    Statement("contact", "contact", (4.902652, 5.207787), {}, punch=True),
+    Statement("Tresca", "contact", (4.963977, 5.24753), rubbing(tresca=0.5), punch=True),
+    Statement("Drucker's pair", "contact", (4.902652, 5.25575), rubbing(coulomb=0.2), punch=True),
+    Statement(
+        "joint", "contact", (4.964481, 5.25575), rubbing(coulomb=0.2, associated=True), punch=True
+    ),
+    Statement(
+        "tie", "contact", (4.964483, 5.260535), {"contacts": [], "ties": [Tie(*SEAM)]}, punch=True
+    ),
+    Statement(
+        "contact, around", "contact, around", (5.100111, 5.346279), {}, punch=True, turned=True
+    ),
+    Statement(
+        "Tresca, dead, around",
+        "contact, around",
+        (6.36655, 6.605872),
+        rubbing(tresca=0.5) | {"loads": [Pressure("top", 1.0), AROUND]},
+        punch=True,
+        turned=True,
+    ),
+)
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Bounds and their cost. Collective."""
+    seconds: dict[str, list[float]] = {it.words: [] for it in STATEMENTS}
+    found: dict[str, BodyBounds] = {}
+    for turn in range(1 if coarse else 1 + REPEATED):
+        for it in STATEMENTS:
+            problem = it.problem(folder, 0.4)
+            began = time.process_time()
+            found[it.words] = limit_bounds(problem, TOLERANCE)
+            if turn or coarse:
+                seconds[it.words].append(comm.allreduce(time.process_time() - began))
+    each = {
+        words: statistics.median(seconds[words]) / bounds.factorisations
+        for words, bounds in found.items()
+    }
+    rows: list[Row] = []
+    for it in STATEMENTS:
+        bounds, plain = found[it.words], found[it.beside]
+        lower, upper = bounds.lower, bounds.upper
+        assert lower.strict and upper.strict, f"{lower!r}, {upper!r}"
+        assert lower.value is not None and upper.value is not None
+        more = bounds.factorisations / plain.factorisations
+        told: list[tuple[str, float, float, float | None, bool]] = [
+            ("below, of one rank", lower.value, it.known[0], TOLERANCE, False),
+            ("above, of one rank", upper.value, it.known[1], TOLERANCE, False),
+        ]
+        if it.words != it.beside:
+            told += [
+                ("factorisations, over", more, MORE, 0.0, True),
+                ("time of one, over", each[it.words] / each[it.beside], 1.0, None, False),
+            ]
+        rows += [
+            Row(
+                case=it.words,
+                quantity=quantity,
+                element="P1 and P2",
+                size=0.4,
+                dofs=bounds.problem.num_dofs,
+                computed=computed,
+                exact=exact,
+                allowed=allowed,
+                solves=0,
+                seconds=statistics.median(seconds[it.words]),
+                bound=at_most,
+                bracket=f"{lower.shown} ... {upper.shown}",
+            )
+            for quantity, computed, exact, allowed, at_most in told
+        ]
+    last, given = found["contact"], found["contact"].problem.given
+    scene = Scene(TITLE, given.loads, given.contacts)
+    writer = ResultWriter(folder, last.problem, scene, "interior-point", prescribed=Prescribed.WORK)
+    writer.write_limit(last.mesh, last, None)
+    draw(folder)
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
