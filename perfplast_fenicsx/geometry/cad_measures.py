@@ -41,17 +41,20 @@ def _quadrature(dim: int, tag: int) -> tuple[Floats, Floats]:
     return np.concatenate(points), np.concatenate(weights)
 
 
-def worst_area(dim: int, parts: Sequence[Part]) -> float:
-    """By what share a face of the mesh misses its area, the worst of those that matter.
+def missed_areas(dim: int, parts: Sequence[Part]) -> dict[int, float]:
+    """By what share each face of the mesh misses its area, of those that matter.
 
-    In the plane lengths of curves are meant. 0 where nothing is known.
+    In the plane lengths of curves are meant. Faces whose area is not known are left out.
     """
     tags = [tag for part in parts for tag in part.tags]
     faces = sorted({int(f) for tag in tags for f in gmsh.model.getAdjacencies(dim, tag)[1]})
     meant = [(face, cad_measure(dim - 1, [face])) for face in faces]
-    known = [(face, area) for face, area in meant if area]
+    known = {face: area for face, area in meant if area}
     # Share of the area of all faces that a face has which is to have its area in the mesh.
     matters = 0.01
-    least = matters * sum(area for _, area in known)
-    missed = [abs(mesh_measure(dim - 1, f) / area - 1) for f, area in known if area > least]
-    return float(np.max(missed, initial=0.0))
+    least = matters * sum(known.values())
+    return {
+        face: abs(mesh_measure(dim - 1, face) / area - 1)
+        for face, area in known.items()
+        if area > least
+    }

@@ -1,6 +1,6 @@
 """Sizes of elements: the largest, the smallest, those of bodies, and what a mesh begins with."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import gmsh
@@ -29,12 +29,14 @@ class Sizes:
         dim: Of the bodies.
         parts: The bodies.
         points: Those that have no size of their own, as scripts may give.
+        scripted: Whether a script has fields of sizes, which are left as they are.
         least: Smallest size that curvature may ask for, relative to the largest.
     """
 
     dim: int
     parts: Sequence[Part]
     points: tuple[tuple[int, int], ...]
+    scripted: bool
     least: float
 
     @staticmethod
@@ -47,7 +49,9 @@ class Sizes:
         # them may ask for less in proportion. Without it fillets, threads and
         # letters take all elements and all time.
         smallest = 0.2
-        return Sizes(dim, parts, free, smallest if len(free) == len(points) else 0.0)
+        scripted = bool(len(gmsh.model.mesh.field.list()))
+        least = smallest if len(free) == len(points) else 0.0
+        return Sizes(dim, parts, free, scripted, least)
 
     @property
     def usual(self) -> float:
@@ -62,11 +66,14 @@ class Sizes:
         share = elements[self.dim] / {2: 2, 3: 6}[self.dim]
         return float(room / share) ** (1 / self.dim)
 
-    def set(self, options: MeshingOptions) -> float:
+    def set(
+        self, options: MeshingOptions, finer: Mapping[tuple[int, int], float] | None = None
+    ) -> float:
         """Tell gmsh how large elements are to be; the largest edge length.
 
         Args:
             options: What is given.
+            finer: Edge lengths of curves and faces that are to be meshed more finely.
 
         Raises:
             InputError: If a body with a size of its own is unknown.
@@ -84,26 +91,38 @@ class Sizes:
         chosen = [size, *options.sizes.values()]
         gmsh.option.setNumber("Mesh.MeshSizeMax", max(chosen))
         least = self.least * size * min(1.0, USUAL / max(curvature, 1.0))
-        gmsh.option.setNumber("Mesh.MeshSizeMin", min([least, *options.sizes.values()]))
+        gmsh.option.setNumber(
+            "Mesh.MeshSizeMin", min([least, *options.sizes.values(), *(finer or {}).values()])
+        )
         if self.points:  # gmsh would take a tenth of the model's diagonal
             gmsh.model.mesh.setSize(self.points, max(chosen))
-        _sizes_by_body(self.dim, self.parts, options.sizes, size)
+        places = _of_bodies(self.dim, self.parts, options.sizes, size) | dict(finer or {})
+        if not self.scripted:
+            for field in gmsh.model.mesh.field.list():
+                gmsh.model.mesh.field.remove(field)
+        if places:
+            _sizes_in_places(places)
         return size
 
 
-def _sizes_by_body(
+def _of_bodies(
     dim: int, parts: Sequence[Part], sizes: dict[str, float], elsewhere: float
-) -> None:
-    """Bodies of sizes of their own, the smaller one where two meet."""
+) -> dict[tuple[int, int], float]:
+    """Edge lengths in bodies, where some have their own."""
     if not sizes:
-        return
+        return {}
+    return {(dim, tag): sizes.get(part.name, elsewhere) for part in parts for tag in part.tags}
+
+
+def _sizes_in_places(sizes: Mapping[tuple[int, int], float]) -> None:
+    """Let entities have edge lengths of their own, the smaller one where several meet."""
     fields = []
-    for part in parts:
+    for (dim, tag), size in sizes.items():
         one = gmsh.model.mesh.field.add("Constant")
-        gmsh.model.mesh.field.setNumber(one, "VIn", sizes.get(part.name, elsewhere))
+        gmsh.model.mesh.field.setNumber(one, "VIn", size)
         gmsh.model.mesh.field.setNumber(one, "VOut", 1e22)
-        where = {3: "VolumesList", 2: "SurfacesList"}[dim]
-        gmsh.model.mesh.field.setNumbers(one, where, part.tags)
+        where = {3: "VolumesList", 2: "SurfacesList", 1: "CurvesList"}[dim]
+        gmsh.model.mesh.field.setNumbers(one, where, [tag])
         fields.append(one)
     least = gmsh.model.mesh.field.add("Min")
     gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)

@@ -15,7 +15,7 @@ import pytest
 from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.geometry import MeshingOptions, Survey, mesher
+from perfplast_fenicsx.geometry import MeshingOptions, Survey, generated_mesh, mesher
 from perfplast_fenicsx.geometry.first_case import first_case
 from perfplast_fenicsx.geometry.geometry_file import check_file
 from perfplast_fenicsx.geometry.glued import Glued
@@ -414,14 +414,14 @@ def test_elements_without_volume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
             now = tuple(gmsh.option.getNumber(name) for name in names)
             if not tried or tried[-1] != now:
                 tried.append(now)
-            return np.array([worst[mesher.ALGORITHMS.index(now)], 0.5])  # type: ignore[arg-type]
+            return np.array([worst[generated_mesh.ALGORITHMS.index(now)], 0.5])  # type: ignore[arg-type]
 
-        monkeypatch.setattr(mesher, "qualities", worst_of)
+        monkeypatch.setattr(generated_mesh, "qualities", worst_of)
         with gmsh_session():
             mesher.mesh_file(step, tmp_path / "block.msh", MeshingOptions(size=0.5))
         return tried
 
-    first, second, third = mesher.ALGORITHMS
+    first, second, third = generated_mesh.ALGORITHMS
     assert meshed(0.3, 0.0, 0.0) == [first]
     assert meshed(0.0, 0.3, 0.0) == [first, second]
     assert meshed(-1e-12, 2e-8, 1e-9) == [first, second, third, second]
@@ -436,5 +436,5 @@ def test_elements_without_volume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def test_a_drawing_of_others_with_tiny_edges(shared_tmp_path: Path) -> None:
     """By default gmsh gives it elements of no volume."""
     found = survey_of(FOREIGN / "occ" / "CrankArm.brep", shared_tmp_path / "crank.msh")
-    assert min(body.worst for body in found.bodies) > mesher.NO_VOLUME
+    assert min(body.worst for body in found.bodies) > generated_mesh.NO_VOLUME
     assert read_gmsh(MPI.COMM_WORLD, shared_tmp_path / "crank.msh").volumes

@@ -123,7 +123,8 @@ def adaptive_bounds(
     Args:
         problem: The bodies and their loads, on the first mesh.
         adaptation: When to end.
-        rtol: How near each bound comes to the best of its kind on its mesh, relative.
+        rtol: How near each bound comes to the best of its kind on its mesh, relative; a twentieth
+            of how far bounds were apart on the mesh before is near enough.
         monitor: Called on every rank after each mesh.
         steps: Called on every rank after each step of the interior point method.
         design: Load factor of the design load, for the end where that is decided.
@@ -165,7 +166,7 @@ def adaptive_bounds(
                 break
             finer_problem = problem.on(finer)
             try:
-                found = limit_bounds(finer_problem, rtol, steps)
+                found = limit_bounds(finer_problem, _near(rtol, gap), steps)
             except TooLarge as fault:
                 reason = f"the next mesh has {number_of_cells(finer)} cells: {fault}"
                 break
@@ -181,3 +182,14 @@ def adaptive_bounds(
         stop.adapted = AdaptiveBounds(low, high, found, problem, of_both, rounds, reason)
         raise
     return AdaptiveBounds(low, high, found, problem, (of_low, of_high), rounds, reason)
+
+
+def _near(rtol: float, gap: float | None) -> float:
+    """How near each bound is to come to the best of its kind on the next mesh, relative.
+
+    Args:
+        rtol: What is asked for.
+        gap: Of the bounds so far; None where one of them is missing.
+    """
+    share, most = 0.05, 0.02  # of the gap, which a mesh halves at best
+    return max(rtol, min(share * gap, most)) if gap is not None else rtol

@@ -83,9 +83,9 @@ def _wanted(now: int, gap: float | None, adaptation: Adaptation) -> tuple[float,
     """
     growth, steady = 2.0, 1.5
     if gap is not None and not isinstance(adaptation.until, str):
-        order = 0.8  # gaps fall with the number of cells to the power of minus that
+        order = 0.9  # gaps fall with the number of cells to the power of minus that
         growth = float(np.clip((gap / adaptation.until) ** (1 / order), steady, growth))
-    roughly = 1.15  # either way
+    roughly = 1.05  # either way
     most = min(growth * roughly * now, adaptation.cells)
     return min(growth / roughly * now, 0.95 * adaptation.cells), most
 
