@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.geometry.survey import Joint, Survey
+from perfplast_fenicsx.geometry.survey import Survey
 
 ADAPTED = {2: 20_000, 3: 9_000}
 """Cells up to which it has the mesh adapted as well, which takes three to five times as long."""
@@ -56,9 +56,8 @@ def loading_for(survey: Survey, options: MeshingOptions) -> str:
 
 def _against(survey: Survey, options: MeshingOptions) -> Iterator[str]:
     """Why no bounds are asked for."""
-    straight = survey.dim == 2 and not any(_curved(joint) for joint in survey.joints)
-    if survey.joints and options.meshed == "apart" and not straight:
-        yield "none are known where the nodes of bodies do not match (meshed apart)"
+    if survey.joints and options.meshed == "apart" and survey.dim == 3:
+        yield "none are known where the nodes of bodies in space do not match (meshed apart)"
     if survey.degree > 1:
         yield "none are known of curved elements (order = 2)"
     # Cells by dimension up to which a first case asks for bounds: some minutes on one core.
@@ -71,10 +70,6 @@ def _against_adapting(survey: Survey) -> Iterator[str]:
     """Why bounds are asked for on one mesh."""
     if _cells(survey) > _most(survey, ADAPTED):
         yield f"finer ones than {_cells(survey)} elements take long; see adapt under [mesh]"
-
-
-def _curved(joint: Joint) -> bool:
-    return any(shape not in ("flat", "straight") for shape in joint.shapes)
 
 
 def _most(survey: Survey, cells: Mapping[int, int]) -> float:

@@ -63,6 +63,14 @@ def test_blocks_that_are_meshed_apart(
         assert not of.faults
 
 
+def test_mortar_contact_that_was_asked_for_is_at_each_point_in_bounds() -> None:
+    found = blocks(2, 3, "contacts")
+    given = vars(found.given) | {"contacts": [Contact(*PAIR, formulation="mortar")]}
+    bounds = limit_bounds(Problem(found.tagged_mesh, **given), 1e-4)
+    assert bounds.strict
+    assert bounds.upper.value == pytest.approx(EXACT, rel=1e-5)
+
+
 def test_as_the_body_whose_nodes_match() -> None:
     """Pushed aside and pressed on a seam that is inclined: both brackets hold one number."""
     loads = [Pressure("top", 1.0), Traction("top", (0.4, 0.0))]

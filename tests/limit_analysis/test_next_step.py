@@ -12,6 +12,7 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT
 from perfplast_fenicsx.limit_analysis.body.next_step import Effort, clock, next_steps
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.limit_analysis.discrete.locking import _largest
+from perfplast_fenicsx.limit_analysis.facets.bound_body import UNMATCHED
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED
 from perfplast_fenicsx.limit_analysis.statements.bound import NO_MECHANISM, Bound, Scope
 from tests.models import two_blocks_problem
@@ -53,6 +54,19 @@ def test_wide_bounds() -> None:
 def test_wide_bounds_of_several_meshes_say_why_there_are_no_more() -> None:
     (step,) = steps(lower(20.0), upper(27.4), Effort(3, 9, 1.0, "the next one is too large"))
     assert "37 % apart, and the next one is too large; more meshes (a smaller until" in step
+
+
+@pytest.mark.serial
+def test_surfaces_that_do_not_match() -> None:
+    none, above = (
+        Bound(value, kind, Scope.MESH, (UNMATCHED,))
+        for value, kind in ((None, "lower"), (2.0, "upper"))
+    )
+    (flat,) = steps(none, above, Effort(2, 9, 1.0))
+    (spatial,) = steps(none, above)
+    assert flat.startswith("surfaces that match have bounds: mesh their bodies as one and split")
+    assert "end at the same places without a gap" in flat
+    assert "end at the same places" not in spatial
 
 
 @pytest.mark.serial

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
+from perfplast_fenicsx.limit_analysis.facets.bound_body import UNMATCHED
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED, ENTERS
 from perfplast_fenicsx.limit_analysis.statements.bound import NO_MECHANISM
 from perfplast_fenicsx.mesh_estimate import percent
@@ -78,6 +79,12 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
         yield (
             f"no mechanism of this mesh keeps all volumes{whose}. Elements of half the size there"
             f" (sizes under [geometry]){divided if lower == NOT_SOUGHT else ''} may have one"
+        )
+    if UNMATCHED in (*lower.why_not, *upper.why_not):
+        where = "" if dim == 3 else ", or let both surfaces end at the same places without a gap"
+        yield (
+            f"surfaces that match have bounds: mesh their bodies as one and split them{where};"
+            " a gap changes no limit load"
         )
     if CURVED in upper.why_not and lower.strict and lower.value:
         yield (

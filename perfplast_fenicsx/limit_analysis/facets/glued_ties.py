@@ -1,6 +1,7 @@
 """Ties of surfaces whose facets match, in bounds of the body: they are glued for good."""
 
 import logging
+from dataclasses import replace
 
 from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.limit_analysis.facets.divided_interfaces import with_divided_interfaces
@@ -14,9 +15,20 @@ log = logging.getLogger(__name__)
 def with_matching_facets(problem: Problem) -> Problem:
     """The problem on a mesh whose facets match where bodies meet, and are one where they are tied.
 
-    As far as that can be had. Collective.
+    As far as that can be had. Contact is at each point, also where mortar rows were asked for.
+    Collective.
     """
-    return with_glued_ties(with_divided_interfaces(problem))
+    return with_glued_ties(with_divided_interfaces(_at_each_point(problem)))
+
+
+def _at_each_point(problem: Problem) -> Problem:
+    """The problem with contact of nodes wherever they match. Collective."""
+    given, mesh = problem.given, problem.tagged_mesh.mesh
+    in_mean = any(it.formulation == "mortar" for it in given.contacts)
+    if not in_mean or not problem.as_declared or has_curved_cells(mesh):
+        return problem
+    contacts = [replace(it, formulation=None, hosts=None) for it in given.contacts]
+    return Problem(problem.tagged_mesh, **(vars(given) | {"contacts": contacts}))
 
 
 def with_glued_ties(problem: Problem) -> Problem:
