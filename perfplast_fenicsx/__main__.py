@@ -6,6 +6,7 @@ a solution (a result like any other: the levels before it are valid).
 
 import io
 import json
+import signal
 import sys
 import traceback
 from collections.abc import Sequence
@@ -63,7 +64,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         status = BAD_INPUT
     except SystemExit as end:  # --help and --version
         status = int(end.code or 0)
-    except (Exception, KeyboardInterrupt):
+    except KeyboardInterrupt as stop:
+        number = signal.Signals(stop.args[0] if stop.args else signal.SIGINT)
+        told = f"perfplast: ended at once by {number.name}; levels that were solved are on file."
+        print(told, file=sys.stderr, flush=True)
+        status = 128 + number
+        if comm.size > 1:
+            comm.Abort(status)
+        return status
+    except Exception:
         traceback.print_exc()
         sys.stderr.flush()
         if comm.size > 1:  # the others may wait for this rank

@@ -103,6 +103,8 @@ class RunLog:
     ) -> None:
         if isinstance(error, InputError):  # the command line says it
             log.info("ended: %s", error)
+        elif isinstance(error, KeyboardInterrupt):
+            log.info("ended at once by a signal")
         elif error is not None:
             text = "".join(traceback.format_exception(error)).rstrip()
             log.error("ended by %s\n%s", type(error).__name__, text)

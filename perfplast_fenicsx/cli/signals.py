@@ -2,7 +2,8 @@
 
 A signal may reach one rank alone, and at any place. It is noted there, and all ranks look together
 after each iteration whether any has one. The same signal once more ends the process at once;
-nothing on the disk is harmed by that either.
+nothing on the disk is harmed by that either. So does a signal that ends what the process waits for,
+such as a compiler.
 """
 
 import signal
@@ -11,6 +12,7 @@ from types import FrameType, TracebackType
 
 from mpi4py import MPI
 
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
 
 
@@ -49,6 +51,10 @@ class Interrupts:
     ) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
+        # a compiler or a file that was interrupted too is no fault of the program
+        expected = (StopSearch, InputError)
+        if self._noted and isinstance(error, Exception) and not isinstance(error, expected):
+            raise KeyboardInterrupt(self._noted) from error
 
     def check(self) -> None:
         """Look whether any rank has had a signal. Collective.

@@ -23,6 +23,7 @@ import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.signals import Interrupts
 from perfplast_fenicsx.io.results.checkpoint_header import NEWEST
 from tests.cli.paused_run import LEVEL
 from tests.functional.test_restart import fields_of, path_of, same_path, solved_by
@@ -273,3 +274,29 @@ def test_nobody_reads_to_the_end(
     assert process.returncode == SOLVED
     if "results" in arguments:
         same_path(tmp_path / "results", whole[1])
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="it would end all ranks")
+def test_ended_at_once_with_a_sentence(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """By a signal that has ended a compiler as well, and by the second one."""
+
+    def compiled(*_: object) -> int:
+        with Interrupts(MPI.COMM_WORLD):
+            signal.raise_signal(signal.SIGTERM)
+            raise OSError("cc1: interrupted")
+
+    def twice(*_: object) -> int:
+        with Interrupts(MPI.COMM_WORLD):
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
+        return 0
+
+    for command, number in ((compiled, signal.SIGTERM), (twice, signal.SIGINT)):
+        monkeypatch.setattr("perfplast_fenicsx.__main__._command", command)
+        assert main(["info"]) == 128 + number
+        said = capfd.readouterr().err
+        assert said == (
+            f"perfplast: ended at once by {number.name}; levels that were solved are on file.\n"
+        )
