@@ -35,10 +35,12 @@ def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDAr
 def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:
     """Owned cells with a part of the gap or of the multipliers' dissipation. Collective.
 
+    In the plane they have a part of the sum of both, each in its own, and the latter half.
+
     Args:
         problem: The bodies with their loads.
         found: Bounds on its mesh.
-        part: Of either, between 0 and 1; all cells with 1.
+        part: Of these, between 0 and 1; all cells with 1.
     """
     dissipation = None if found.static is None else found.static.dissipation
     topology = problem.tagged_mesh.mesh.topology
@@ -51,7 +53,17 @@ def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[n
         here = largest_shares(problem.comm, dissipation, most)
         if problem.comm.allreduce(int(here.sum())) < few * cells.size_global:
             return marked | here
-    for shares in (found.shares, dissipation):
-        if shares is not None:
-            marked |= largest_shares(problem.comm, shares, part)
+    every = [it for it in (found.shares, dissipation) if it is not None]
+    if topology.dim == 2 and len(every) == 2:
+        # A mechanism dissipates most next to singular points, where little of the gap is left soon.
+        every = [_in_all(problem.comm, every[0]) + _in_all(problem.comm, every[1]) / 2]
+    for shares in every:
+        marked |= largest_shares(problem.comm, shares, part)
     return marked
+
+
+def _in_all(comm: MPI.Intracomm, shares: Floats) -> Floats:
+    """Shares in the sum of all, those below zero as zero. Collective."""
+    shares = np.maximum(shares, 0.0)
+    whole = comm.allreduce(float(shares.sum()))
+    return shares / whole if whole > 0 else shares
