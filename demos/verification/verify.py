@@ -41,6 +41,7 @@ CASES = (
     "body_bounds",
     "bounds_in_space",
     "ring_bounds",
+    "ground_bounds",
     "bounds_apart",
     "statements",
     "bound_costs",
