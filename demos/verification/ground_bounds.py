@@ -42,7 +42,6 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io import ResultFolder
 from perfplast_fenicsx.limit_analysis import AdaptiveBounds
-from perfplast_fenicsx.pictures.picture_file import replace_picture
 
 TITLE = "Ground from both sides"
 FOOTING = {"width": 12.0, "depth": 8.0, "size": 3.0, "grading": 1.0}
@@ -100,7 +99,7 @@ def draw_factors(folder: ResultFolder, found: dict[str, dict[float, tuple[float,
     axes.set(xlabel="angle of friction (degrees)", ylabel="bearing capacity factor")
     axes.grid(alpha=0.3)
     axes.legend()
-    replace_picture(folder.file("factors.png"), figure)
+    figure.savefig(folder.file("factors.png"))
 
 
 # %%

@@ -27,6 +27,7 @@ COARSE = {
     "nozzle": {"size = 16.0": "size = 60.0", "curvature = 32": "curvature = 10"},
     "press_fit": {"size = 1.0": "size = 6.0", "curvature = 48": "curvature = 16"},
     "slope": {"size = 1.0": "size = 2.0"},
+    "retaining_wall": {"size = 1.5": "size = 2.5", "cells = 2500": "cells = 250"},
     "dovetail": {"size = 1.5": "size = 5.0", "{blade = 1.0}": "{blade = 3.0}"},
 }
 """What is written otherwise for a small mesh."""
@@ -85,3 +86,11 @@ def test_parts_have_names_in_each_file_of_a_process(tmp_path: Path) -> None:
         texts.append((tmp_path / name).read_text(encoding="ascii"))
     for text in texts:
         assert all(f"PRODUCT('{part}'" in text for part in ("wall", "bracket", "bolt_1", "nut_4"))
+
+
+@pytest.mark.long
+def test_a_factor_of_safety(shared_tmp_path: Path) -> None:
+    """Of the wall on finer meshes it is between 1.1939 and 1.2350."""
+    found = run_small(shared_tmp_path, "retaining_wall")["limit"]["strength"]
+    assert 0.8 < found["lower"] < 1.235
+    assert 1.193 < found["upper"] < 1.6

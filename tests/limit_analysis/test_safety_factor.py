@@ -104,6 +104,14 @@ def test_joints_are_reduced_as_bodies_are() -> None:
     assert found.upper == pytest.approx(exact, rel=1e-4)
     assert (found.lower or 0.0) <= exact * (1 + 1e-9)
     assert (found.upper or 0.0) >= exact * (1 - 1e-9)
+    assert found.falls is not None
+    forces = found.falls.mesh.contact_forces  # of pairs, which carry the part of q along the normal
+    assert forces is not None
+    assert len(forces) == len(found.falls.problem.basis.index)
+    pressed = float(problem.comm.allreduce(forces.sum()))
+    times = found.falls.mesh.standing
+    assert times is not None and times.lower is not None
+    assert pressed == pytest.approx(times.lower * q * COSINE, rel=1e-3)
 
 
 def test_friction_of_a_reduced_problem_is_that_of_a_new_one() -> None:

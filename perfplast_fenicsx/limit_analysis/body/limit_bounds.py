@@ -136,8 +136,7 @@ def _bounds(
         problem = with_points_at_vertices(problem)
     log.info("upper bound: a mechanism on %s", problem)
     limit = resisted(interior_point(with_strict_contact(problem), rtol, monitor))
-    if np.isfinite(limit.lower) and limit.stress is not None:  # of pairs, not of coefficients
-        limit = replace(limit, contact_forces=contact_forces(problem, limit.stress, limit.lower))
+    limit = _with_forces_of_pairs(problem, limit)
     bounds, rates = _of_mesh(problem, limit)
     log.info("lower bound: a stress on the same cells")
     static = strict_lower_bound(below, rtol, monitor, bounds.question, form)
@@ -175,6 +174,17 @@ def _bounds(
         steps=bounds.steps + len(static.steps),
         factorisations=bounds.factorisations + static.factorisations,
     )
+
+
+def _with_forces_of_pairs(problem: Problem, limit: LimitLoad) -> LimitLoad:
+    """A limit load with contact forces of pairs, not of coefficients; None unknown. Collective."""
+    forces = None
+    if limit.stress is not None and np.isfinite(limit.lower):
+        forces = contact_forces(problem, limit.stress, limit.lower)
+    elif limit.stress is not None and limit.standing is not None and not problem.loads.grows():
+        if limit.standing.lower is not None:
+            forces = contact_forces(problem, limit.stress, 0.0, limit.standing.lower)
+    return replace(limit, contact_forces=forces)
 
 
 def _split(problem: Problem, split: AlfeldSplit | None) -> Problem:

@@ -42,10 +42,16 @@ class LoadCase:
         out.axpy(zeta, self.live)
         return out
 
-    def subtract_from(self, force: PETSc.Vec, zeta: float) -> None:
-        """Take L₀ + ζL₁ from the internal forces, which leaves the gradient of J_ζ."""
+    def subtract_from(self, force: PETSc.Vec, zeta: float, times: float = 1.0) -> None:
+        """Take L₀ + ζL₁ from the internal forces, which leaves the gradient of J_ζ.
+
+        Args:
+            force: The internal forces.
+            zeta: ζ.
+            times: So many times L₀.
+        """
         force.axpy(-zeta, self.live)
-        force.axpy(-1.0, self.dead)
+        force.axpy(-times, self.dead)
 
     def norm(self, zeta: float) -> float:
         """Euclidean norm of L₀ + ζL₁ (force)."""

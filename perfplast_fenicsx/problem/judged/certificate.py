@@ -116,13 +116,21 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     return certificate
 
 
-def contact_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floats:
+def contact_forces(
+    problem: Problem, stress: fem.Function, zeta: float, times: float = 1.0
+) -> Floats:
     """Contact forces that balance a stress and the loads, as a certificate has them. Collective.
+
+    Args:
+        problem: The bodies.
+        stress: Mandel vectors at the points.
+        zeta: ζ of the loads that grow.
+        times: Factor of those that stay.
 
     Returns:
         Shape (num_pairs,), those of the pairs hosted by this rank.
     """
-    r = _left(problem, stress, zeta)
+    r = _left(problem, stress, zeta, times)
     forces = -r.array_r[problem.basis.index]
     r.destroy()
     return forces
@@ -136,11 +144,11 @@ def friction_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floa
     return forces
 
 
-def _left(problem: Problem, stress: fem.Function, zeta: float) -> PETSc.Vec:
+def _left(problem: Problem, stress: fem.Function, zeta: float, times: float = 1.0) -> PETSc.Vec:
     """What stress and loads leave to contact, in the jump basis. Collective."""
     residual, r = problem.create_vector(), problem.create_vector()
     assemble_force(residual, fem.form(problem.internal_form(stress)), problem.bcs)
-    problem.loads.subtract_from(residual, zeta)
+    problem.loads.subtract_from(residual, zeta, times)
     problem.basis.T.multTranspose(residual, r)
     residual.destroy()
     return r
