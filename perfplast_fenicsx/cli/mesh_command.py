@@ -5,6 +5,7 @@ import logging
 import os
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -29,6 +30,7 @@ from perfplast_fenicsx.materials.common import MATERIALS
 from perfplast_fenicsx.materials.material_table import find
 from perfplast_fenicsx.materials.soil import SOILS
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
+from perfplast_fenicsx.problem.contact_check import refused_contact
 from perfplast_fenicsx.report.mesh_page import FaceRow, mesh_page
 from perfplast_fenicsx.units import SYSTEMS, Name
 
@@ -181,7 +183,8 @@ def _mesh(
         survey = _survey(source, made, options, trust)
         case = first_case(survey, source.stem, file, options, filled, glued)
         fill(output, made, case)
-    return survey
+        refused = refused_contact(case, output / MESH)
+    return replace(survey, remarks=[*survey.remarks, refused]) if refused else survey
 
 
 def _survey(source: Path, output: Path, options: MeshingOptions, trust: bool) -> Survey:

@@ -138,6 +138,33 @@ def test_command(shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> No
         assert "--force" in capfd.readouterr().err
 
 
+def pyramid_in_block() -> None:
+    """Its apex has four normals, and a node has three components."""
+    occ = gmsh.model.occ
+    base = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+    corners = [occ.addPoint(x, y, -1) for x, y in base]
+    apex = occ.addPoint(0, 0, 1)
+    around = [occ.addLine(corners[k], corners[(k + 1) % 4]) for k in range(4)]
+    up = [occ.addLine(corner, apex) for corner in corners]
+    loops = [occ.addCurveLoop(around)]
+    loops += [occ.addCurveLoop([around[k], up[(k + 1) % 4], up[k]]) for k in range(4)]
+    faces = [occ.addPlaneSurface([loop]) for loop in loops]
+    pyramid = occ.addVolume([occ.addSurfaceLoop(faces)])
+    occ.fragment([(3, occ.addBox(-2, -2, -2, 4, 4, 4))], [(3, pyramid)])
+
+
+def test_contacts_that_a_run_would_refuse(
+    shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    step, folder = write(shared_tmp_path / "in.step", pyramid_in_block), shared_tmp_path / "case"
+    command = ["mesh", str(step), "-o", str(folder), "--size", "2", "--force"]
+    for glued, told in (([], True), (["--tied"], False)):
+        assert main([*command, *glued]) == 0
+        if MPI.COMM_WORLD.rank == 0:
+            said = capfd.readouterr().out
+            assert ("warning: perfplast run would refuse these contacts: 1 contact" in said) == told
+
+
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [

@@ -31,6 +31,10 @@ from perfplast_fenicsx.contact.rows.sparse_rows import (
 from perfplast_fenicsx.errors import InputError
 
 
+class TooManyConditions(InputError):
+    """Contact nodes have more independent conditions than freedom."""
+
+
 @dataclass(frozen=True)
 class JumpBasis:
     """u = T y and y = M u for u that vanishes at supports, and where y is bounded.
@@ -220,7 +224,7 @@ def _refuse(comm: MPI.Intracomm, nodes: int, contacts: Sequence[str]) -> None:
     """Refuse nodes of this rank with more conditions than freedom, of these contacts. Collective.
 
     Raises:
-        InputError: On every rank, if there are any on one.
+        TooManyConditions: On every rank, if there are any on one.
     """
     total = comm.allreduce(nodes)
     if not total:
@@ -229,7 +233,7 @@ def _refuse(comm: MPI.Intracomm, nodes: int, contacts: Sequence[str]) -> None:
     most = 4  # contacts that are named
     named = ", ".join(found[:most])
     more = f" and {len(found) - most} more" if len(found) > most else ""
-    raise InputError(
+    raise TooManyConditions(
         f"{total} contact nodes{f' of {named}' if named else ''}{more} carry more independent"
         " conditions than they have freedom for; name each pair of faces once, leave nodes that"
         " supports hold out of the contact surfaces, or glue bodies that meet at so coarse a corner"
