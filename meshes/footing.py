@@ -15,17 +15,18 @@ from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 WIDTH, DEPTH = 6.0, 4.0
 """Extent of the ground; the half width of the footing is 1."""
-FINER, REACH = 10.0, 2.2
-"""How much smaller the elements are at the footing's edges; how far from them ``size`` holds."""
+REACH = 2.2
+"""How far from the footing's edges ``size`` holds."""
 
 
-def write_footing(path: str | Path, size: float = 0.4, order: int = 1) -> None:
+def write_footing(path: str | Path, size: float = 0.4, order: int = 1, finer: float = 10.0) -> None:
     """Mesh the ground and write a .msh file. On one process.
 
     Args:
         path: The file to write.
-        size: Edge length in the region of the slip lines; it is a tenth at the footing's edges.
+        size: Edge length in the region of the slip lines.
         order: Degree of the geometry, 1 or 2.
+        finer: How many times smaller it is at the footing's edges.
     """
     with gmsh_session() as gmsh:
         occ, mesh = gmsh.model.occ, gmsh.model.mesh
@@ -44,14 +45,16 @@ def write_footing(path: str | Path, size: float = 0.4, order: int = 1) -> None:
         labels = ("bottom", "sides", "free", "footing")
         name(2, {"ground": halves})
         name(1, {label: [right[i], left[i]] for i, label in enumerate(labels)})
-        one, other = (finer_at((x, 0.0), size / FINER, size, reach=REACH) for x in (-1.0, 1.0))
+        one, other = (finer_at((x, 0.0), size / finer, size, reach=REACH) for x in (-1.0, 1.0))
         generate(2, lambda x, y, z: min(one(x, y, z), other(x, y, z)), order)
         write_split(path)
 
 
 def main() -> None:
     """Write the mesh that the command line asks for."""
-    write_from(mesh_parser(write_footing, "Mesh a strip footing."), write_footing)
+    parser = mesh_parser(write_footing, "Mesh a strip footing.")
+    parser.add_argument("--finer", type=float, help="how many times smaller they are at its edges")
+    write_from(parser, write_footing)
 
 
 if __name__ == "__main__":
