@@ -3,7 +3,7 @@
 import runpy
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import asin, cos, pi, sin, sqrt
+from math import asin, cos, pi, sin, sqrt, tan
 from pathlib import Path
 
 from mpi4py import MPI
@@ -18,14 +18,18 @@ from meshes.beam_on_prop import write_beam_on_prop
 from meshes.contact_patch import write_contact_patch
 from meshes.corner_seat import LEG, write_corner_seat
 from meshes.cracked_strip import write_cracked_strip
+from meshes.fanned_footing import write_fanned_footing
 from meshes.footing import write_footing
 from meshes.hertz_line import ARC, write_hertz_line
 from meshes.hertz_sphere import CAP, write_hertz_sphere
+from meshes.hollow_shaft import write_hollow_shaft
+from meshes.loaded_beam import write_loaded_beam
 from meshes.plate_with_hole import write_plate_with_hole
 from meshes.platens import PLATEN, write_platens
 from meshes.ring import write_ring
 from meshes.rough_cube import HALF, write_rough_cube
 from meshes.rough_cube import PLATEN as LAYER
+from meshes.round_hole import write_round_hole
 from meshes.shaft import write_shaft
 from meshes.square_bar import write_square_bar
 from meshes.square_punch import DEPTH as DEEP
@@ -219,6 +223,34 @@ CASES = [
         {"size": 1.0},
         {"ground": 48},
         {"bottom": (0, -12), "sides": (0, 0), "footing": (0, 2), "free": (0, 10)},
+    ),
+    Case(
+        write_fanned_footing,
+        {"cells": 6},
+        {"ground": 48},
+        {"bottom": (0, -12), "sides": (0, 0), "footing": (0, 2), "free": (0, 10)},
+    ),
+    Case(
+        write_round_hole,
+        {"size": 0.4, "order": 2},
+        {"plate": 25 - pi / 4},
+        {"x0": (-4, 0), "y0": (0, -4), "side": (5, 0), "top": (0, 5), "hole": (-1, -1)},
+    ),
+    Case(
+        write_loaded_beam,
+        {"size": 0.5},
+        {"beam": 24},
+        {"left": (-1, 0), "right": (1, 0), **{f"at{i}": (0, 0.5) for i in range(3)}},
+    ),
+    Case(
+        write_hollow_shaft,
+        {"size": 1.0},
+        {"shaft": 16 * tan(pi / 8) * 0.05},
+        {
+            f"{end}{i}": (0, 0, sign * 2 * tan(pi / 8) * 0.05)
+            for end, sign in (("bottom", -1), ("top", 1))
+            for i in range(8)
+        },
     ),
     Case(
         write_shaft,
