@@ -235,6 +235,7 @@ CASES = [
         {"size": 0.4, "order": 2},
         {"plate": 25 - pi / 4},
         {"x0": (-4, 0), "y0": (0, -4), "side": (5, 0), "top": (0, 5), "hole": (-1, -1)},
+        rel=1e-4,
     ),
     Case(
         write_loaded_beam,
@@ -251,6 +252,7 @@ CASES = [
             for end, sign in (("bottom", -1), ("top", 1))
             for i in range(8)
         },
+        gdim=3,
     ),
     Case(
         write_shaft,
