@@ -68,7 +68,7 @@ BOUNDED, TOLERANCE = 0.015, 1e-4
 WIDTHS, QUICK = {"central": 0.006, "inclined": 0.015, "eccentric": 0.015}, 0.2
 """Of strict brackets, by their loads; the same for a quick look."""
 CELLS = 4000
-APART, FOR_POLYGONS = 0.01, Adaptation(until=0.0045, cells=25000)
+APART, FOR_POLYGONS = 0.01, Adaptation(until=0.004, cells=25000)
 """Distance of the polygons of V and H, and how the mesh of each direction is adapted for that."""
 UNIT = 5 * SHEAR
 """V/B of one unit, near all that is carried, so that directions are spread evenly."""
