@@ -23,7 +23,6 @@ import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
-from perfplast_fenicsx.cli.signals import Interrupts
 from perfplast_fenicsx.io.results.checkpoint_header import NEWEST
 from tests.cli.paused_run import LEVEL
 from tests.functional.test_restart import fields_of, path_of, same_path, solved_by
@@ -276,27 +275,40 @@ def test_nobody_reads_to_the_end(
         same_path(tmp_path / "results", whole[1])
 
 
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="it would end all ranks")
-def test_ended_at_once_with_a_sentence(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """By a signal that has ended a compiler as well, and by the second one."""
+ENDED = """
+import signal, sys
+from mpi4py import MPI
+import perfplast_fenicsx.__main__ as program
+from perfplast_fenicsx.cli.signals import Interrupts
 
-    def compiled(*_: object) -> int:
-        with Interrupts(MPI.COMM_WORLD):
-            signal.raise_signal(signal.SIGTERM)
-            raise OSError("cc1: interrupted")
+def command(*_):
+    with Interrupts(MPI.COMM_WORLD):
+        signal.raise_signal(signal.{name})
+        {then}
+    return 0
 
-    def twice(*_: object) -> int:
-        with Interrupts(MPI.COMM_WORLD):
-            signal.raise_signal(signal.SIGINT)
-            signal.raise_signal(signal.SIGINT)
-        return 0
+program._command = command
+sys.exit(program.main(["info"]))
+"""
 
-    for command, number in ((compiled, signal.SIGTERM), (twice, signal.SIGINT)):
-        monkeypatch.setattr("perfplast_fenicsx.__main__._command", command)
-        assert main(["info"]) == 128 + number
-        said = capfd.readouterr().err
-        assert said == (
-            f"perfplast: ended at once by {number.name}; levels that were solved are on file.\n"
-        )
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("name", "then"),
+    [
+        ("SIGTERM", 'raise OSError("cc1: interrupted")'),
+        ("SIGINT", "signal.raise_signal(signal.SIGINT)"),
+    ],
+)
+def test_ended_at_once_with_a_sentence(name: str, then: str) -> None:
+    """By a signal that has ended a compiler as well, and by the second one; in its own process."""
+    found = subprocess.run(
+        [sys.executable, "-c", ENDED.format(name=name, then=then)],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    said = f"perfplast: ended at once by {name}; levels that were solved are on file.\n"
+    assert found.stderr == said
+    assert found.returncode == 128 + signal.Signals[name]
