@@ -4,9 +4,8 @@ import re
 import shlex
 
 from perfplast_fenicsx.io.results.summary import Summary
-from perfplast_fenicsx.solvers.linear.petsc_options import KINDS
 
-OF_SOLVERS = re.compile(rf"-({'|'.join(sorted(KINDS))})\d+_\S+ \S+ ?")
+OF_SOLVERS = re.compile(r"-perfplast_([a-z]+_)?\d+_\S+ \S+ ?")
 """Options that solvers set for themselves, each behind a number of its own."""
 
 

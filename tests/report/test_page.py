@@ -1,7 +1,10 @@
 """What the page says in words, marks and a curve."""
 
 import hashlib
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -224,6 +227,19 @@ def test_where_the_proof_is(tmp_path: Path) -> None:
     assert hashlib.sha256(b"bounds.h5").hexdigest() in page
     assert "2 directions" in page
     assert hashlib.sha256(b"direction_0.h5direction_45.h5").hexdigest() in page
+
+
+def test_pages_start_no_mpi() -> None:
+    """Pages are of one process: what they import imports neither PETSc nor MPI."""
+    program = "import sys, perfplast_fenicsx.report.page; print(*sys.modules)"
+    found = subprocess.run(
+        [sys.executable, "-c", program],
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert not {"petsc4py", "mpi4py.MPI", "dolfinx"} & set(found.stdout.split())
 
 
 def test_rows_that_say_the_same_are_one() -> None:
