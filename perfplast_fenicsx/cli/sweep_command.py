@@ -1,7 +1,5 @@
 """``perfplast sweep``: a case with other values, one after the other, and a table of all."""
 
-import csv
-import io
 import json
 import logging
 import shlex
@@ -16,6 +14,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.run import NO_SOLUTION, SOLVED, run
 from perfplast_fenicsx.cli.terminal import Terminal
+from perfplast_fenicsx.csv_table import csv_table
 from perfplast_fenicsx.errors import InputError, on_rank0, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import case_of, read_case
@@ -168,12 +167,8 @@ def _written(
     rows: Sequence[Mapping[str, Any]], keys: Sequence[str], title: str, output: Path
 ) -> str | None:
     """Write table and picture; what the system refused, if anything."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
     try:
-        replace(output / TABLE, text.getvalue().encode())
+        replace(output / TABLE, csv_table(rows))
         # Matplotlib takes a fifth of the time in which other commands start.
         from perfplast_fenicsx.pictures.sweep_curve import save_sweep
 

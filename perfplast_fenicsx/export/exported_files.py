@@ -1,13 +1,12 @@
 """Files for other programs, made of a result folder. Single-process."""
 
-import csv
-import io
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.csv_table import csv_table
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.export.result_rows import Row, bound_rows, level_rows, resultant_rows
 from perfplast_fenicsx.export.vtu_writer import vtu_of
@@ -79,7 +78,7 @@ def export(
     if csv:
         for name, rows_of in TABLES.items():
             if rows := rows_of(reader):
-                write(name, table_of(rows))
+                write(name, csv_table(rows))
     if not written:
         raise InputError(
             f"the folder '{folder}' has nothing to export yet: no fields, no level, no limit load."
@@ -106,12 +105,3 @@ def _write_series(
 def _pvd(lines: Iterable[str]) -> bytes:
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
     return f"{head}{''.join(lines)}</Collection>\n</VTKFile>\n".encode()
-
-
-def table_of(rows: Sequence[Row]) -> bytes:
-    """Rows as CSV: commas, points in numbers, all digits; what is not known is empty."""
-    text = io.StringIO()
-    table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    return text.getvalue().encode()

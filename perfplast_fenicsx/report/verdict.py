@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from perfplast_fenicsx.factor_words import factor_words
 from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, STANDS
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
@@ -66,15 +67,9 @@ def _of_path(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
 def _of_strength(table: Mapping[str, Any]) -> Verdict:
     """The factor by which strengths may fall."""
     lower, upper = table["lower"], table["upper"]
-    estimate, sides, files = table.get("estimate", False), [], []
-    if lower is not None:
-        certain = "" if estimate else " for certain"
-        sides.append(f"stand with F = {rounded_down(lower)}{certain}")
-        files.append(STANDS)
-    if upper is not None:
-        latest = "" if estimate else " at the latest"
-        sides.append(f"fall at F = {rounded_up(upper)}{latest}")
-        files.append(FALLS)
+    estimate = table.get("estimate", False)
+    sides = factor_words(lower, upper, estimate, many=True)
+    files = [name for name, found in ((STANDS, lower), (FALLS, upper)) if found is not None]
     says = (
         "F divides yield stresses, cohesions and slopes of friction of all bodies alike, and the"
         " loads stay: it is their factor of safety."

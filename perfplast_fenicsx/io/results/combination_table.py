@@ -1,12 +1,12 @@
 """``combinations.csv``: what is known of each combination of loads, the worst first."""
 
 import csv
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.csv_table import csv_table
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
@@ -32,12 +32,8 @@ def write_table(folder: Path, found: Mapping[str, Mapping[str, Any] | None]) -> 
         InputError: If the file cannot be written.
     """
     rows = sorted(map(_row, found, found.values()), key=_worst)
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
     try:
-        replace(folder / TABLE, text.getvalue().encode())
+        replace(folder / TABLE, csv_table(rows))
     except OSError as error:
         raise InputError(f"'{TABLE}' cannot be written: {error.strerror}.") from error
     return rows

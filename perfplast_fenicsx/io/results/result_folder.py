@@ -4,10 +4,8 @@ What goes wrong on a rank is raised on every rank. Files are replaced as a whole
 reads them, at any time, after any crash and with a full disk, finds them whole.
 """
 
-import csv
 import dataclasses
 import errno
-import io
 import os
 import resource
 import time
@@ -20,6 +18,7 @@ from typing import Any
 from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.csv_table import csv_table
 from perfplast_fenicsx.errors import raise_together
 from perfplast_fenicsx.io.results.given_table import given_table
 from perfplast_fenicsx.io.results.limit_rows import limit_rows
@@ -243,18 +242,13 @@ class Results:
         table = dataclasses.asdict(report)
         self.summary.steps.append({key: table[key] for key in STEP_KEYS})
 
-    def _path(self) -> str:
+    def _path(self) -> bytes:
         """What ``path.csv`` says."""
-        text = io.StringIO()
         axes = self.summary.model["axes"]
         rows = [_row(step, report, axes) for step, report in enumerate(self.reports, start=1)]
         if not rows and self.summary.limit is not None:
             rows = limit_rows(self.summary)
-        writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
-        if rows:
-            writer.writeheader()
-        writer.writerows(rows)
-        return text.getvalue()
+        return csv_table(rows)
 
     @contextmanager
     def timed(self, activity: str) -> Iterator[None]:
@@ -269,7 +263,7 @@ class Results:
         self.summary.peak_memory_mb = self.folder.comm.allreduce(peak_memory())
 
         def write() -> None:
-            replace(self.folder.file("path.csv"), self._path().encode())
+            replace(self.folder.file("path.csv"), self._path())
             text = to_json(dataclasses.asdict(self.summary))
             replace(self.folder.file("summary.json"), text.encode())
 

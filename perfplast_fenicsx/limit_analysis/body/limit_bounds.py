@@ -21,7 +21,7 @@ from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import resisted
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
-from perfplast_fenicsx.limit_analysis.facets.contact_strength import strengths_of
+from perfplast_fenicsx.limit_analysis.facets.contact_strength import any_loose
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, without_pores
 from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
 from perfplast_fenicsx.limit_analysis.statements.bound import (
@@ -149,7 +149,7 @@ def _bounds(
                 0.0, problem.loads.dead_work(bounds.mechanism.x.petsc_vec)
             )
             value = bounds.upper.value
-            loose = body_cones(problem).loose or any(it.loose for it in strengths_of(problem))
+            loose = body_cones(problem).loose or any_loose(problem)
             power = measure_of(value + dead, value, loose)
             lower = beside_mechanism(lower, static.certificate, power, bounds.mechanism)
     stress = shares = None

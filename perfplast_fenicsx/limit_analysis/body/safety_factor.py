@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from perfplast_fenicsx.factor_words import factor_words
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
@@ -76,13 +77,7 @@ class FactorOfSafety:
 
     def in_words(self) -> str:
         """What is proven, in a sentence."""
-        sides = []
-        if self.lower is not None:
-            certain = "" if self.estimate else " for certain"
-            sides.append(f"stands with F = {rounded_down(self.lower)}{certain}")
-        if self.upper is not None:
-            latest = "" if self.estimate else " at the latest"
-            sides.append(f"falls at F = {rounded_up(self.upper)}{latest}")
+        sides = factor_words(self.lower, self.upper, self.estimate)
         if not sides:
             return "Nothing is proven of the factor of safety."
         body = "By Davis' estimate the body" if self.estimate else "The body"

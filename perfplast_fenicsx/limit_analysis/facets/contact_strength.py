@@ -48,6 +48,11 @@ def strength_of(terms: FrictionTerms) -> ContactStrength:
     return ContactStrength(terms.tresca or 0.0, terms.coulomb or 0.0, terms.associated)
 
 
+def any_loose(problem: Problem) -> bool:
+    """Whether any contact or obstacle slips and parts, and dissipates nothing by that."""
+    return any(it.loose for it in strengths_of(problem))
+
+
 def strengths_of(problem: Problem) -> list[ContactStrength]:
     """Those of all contacts and obstacles."""
     return [strength_of(it) for it in (*problem.given.contacts, *problem.given.obstacles)]

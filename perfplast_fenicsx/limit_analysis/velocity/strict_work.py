@@ -19,7 +19,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.facets.bound_body import TWICE, bound_body
-from perfplast_fenicsx.limit_analysis.facets.contact_strength import strengths_of
+from perfplast_fenicsx.limit_analysis.facets.contact_strength import any_loose
 from perfplast_fenicsx.limit_analysis.facets.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
@@ -148,7 +148,7 @@ def strict_upper_bound(
     sums += [volumes @ sizes.max(axis=1), (rates.radii == 0).sum()]
     dissipation, allowed, lost, volume, most, loose = comm.allreduce(np.array(sums))
     body = bound_body(problem)
-    loose += any(it.loose for it in strengths_of(problem))
+    loose += any_loose(problem)
     dissipation += slip.power
     at_one, at_zero, _ = question.of(
         *(_largest_load(problem, of, float(volume)) for of in (body.live, body.dead))
