@@ -8,7 +8,8 @@ A place may also open, by w along its normal, and be held by what presses there:
 trace of its strain, and its cone is ‖μ‖ ≤ c − αp with the slope α and p < 0 of a pressure.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Protocol
 
 from petsc4py import PETSc
@@ -69,7 +70,8 @@ class SlipPlaces:
 
     def and_those(self, others: "SlipPlaces") -> "SlipPlaces":
         """These, then others whose jumps are of as many unknowns."""
-        both = (np.concatenate([getattr(self, it), getattr(others, it)]) for it in vars(self))
+        names = (it.name for it in fields(self))
+        both = (np.concatenate([getattr(self, it), getattr(others, it)]) for it in names)
         return SlipPlaces(*both)
 
     def shared_out(self, pressure: Floats, slips: Floats) -> Floats:
@@ -97,12 +99,12 @@ class SlipPlaces:
         found[rest] = both - found[one]
         return found
 
-    @property
+    @cached_property
     def unknowns(self) -> Ints:
         """All that w and the jump are made of, −1 for none, shape (num_places, 1 + k)."""
         return np.column_stack([self.closing, self.index]).astype(np.int32)
 
-    @property
+    @cached_property
     def rows(self) -> Floats:
         """Of these in (w, jump), shape (num_places, gdim, 1 + k)."""
         count, size, k = self.shares.shape
