@@ -16,11 +16,11 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.combined_run import run_combined
-from perfplast_fenicsx.cli.follow import Follower
 from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
 from perfplast_fenicsx.cli.model_command import is_model, mesh_model
 from perfplast_fenicsx.cli.parser import read_arguments
 from perfplast_fenicsx.cli.refined_run import run_refined
+from perfplast_fenicsx.cli.result_commands import draw, export_results, follow, report
 from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED, run, warn_of
 from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.signals import leave_pipes_to_python
@@ -28,17 +28,13 @@ from perfplast_fenicsx.cli.sweep_command import sweep
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.errors import InputError, on_rank0, visible
-from perfplast_fenicsx.export.exported_files import export
 from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.io.case.code_templates import TEMPLATES, templates_in_words
 from perfplast_fenicsx.io.case.load_words import meaning
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
-from perfplast_fenicsx.pictures.drawing_process import animate, plot
 from perfplast_fenicsx.problem.judged.slip import check_slip_is_true
-from perfplast_fenicsx.report.beside import write_beside
-from perfplast_fenicsx.report.report_file import write_report
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -67,18 +63,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as stop:
         number = signal.Signals(stop.args[0] if stop.args else signal.SIGINT)
         told = f"perfplast: ended at once by {number.name}; levels that were solved are on file."
-        print(told, file=sys.stderr, flush=True)
-        status = 128 + number
-        if comm.size > 1:
-            comm.Abort(status)
-        return status
+        return _at_once(comm, told, 128 + number)
     except Exception:
-        traceback.print_exc()
-        sys.stderr.flush()
-        if comm.size > 1:  # the others may wait for this rank
-            comm.Abort(FAULT)
-        return FAULT
+        return _at_once(comm, traceback.format_exc().rstrip(), FAULT)
     comm.barrier()  # a launcher may end the others as soon as one rank has ended
+    return status
+
+
+def _at_once(comm: MPI.Intracomm, told: str, status: int) -> int:
+    """Say why this rank ends and end the others, which may wait for it."""
+    print(told, file=sys.stderr, flush=True)
+    if comm.size > 1:
+        comm.Abort(status)
     return status
 
 
@@ -156,99 +152,6 @@ def schema(comm: MPI.Intracomm, output: str | None) -> int:
     else:
         on_rank0(comm, write)
         Terminal(comm).say(output)
-    return SOLVED
-
-
-def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -> int:
-    """Show and draw what a run writes until it ends, by rank 0. Collective.
-
-    Args:
-        comm: The ranks; the others wait.
-        results: Folder of the run.
-        output: Where the pictures go; by default to the results.
-        wait: Longest time for first results (s).
-
-    Raises:
-        InputError: If none come in that time.
-    """
-    terminal = Terminal(comm)
-
-    def watch() -> None:
-        try:
-            Follower(Path(results), terminal, lambda: plot(results, output), wait).follow()
-        finally:
-            terminal.clear()
-
-    on_rank0(comm, watch)
-    return SOLVED
-
-
-def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) -> int:
-    """Draw pictures or an animation of results on rank 0. Collective.
-
-    Args:
-        comm: The ranks; the others wait.
-        command: "plot" or "animate".
-        results: Folder of the results.
-        output: Where the pictures go, or the animation; by default to the results.
-
-    Raises:
-        InputError: If there are no results, or nothing can be drawn.
-    """
-    terminal = Terminal(comm)
-
-    def write() -> None:
-        terminal.status("drawing")
-        try:
-            {"plot": plot, "animate": animate}[command](results, output, terminal.say)
-        finally:
-            terminal.clear()
-
-    on_rank0(comm, write)
-    return SOLVED
-
-
-def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> int:
-    """Write a page about a run, or about two beside each other, on rank 0. Collective.
-
-    Args:
-        comm: The ranks; the others wait.
-        folders: Of the results, one or two.
-        output: The page; by default in the first of them.
-
-    Raises:
-        InputError: If there are no results, or not one or two folders.
-    """
-    terminal = Terminal(comm)
-
-    def write() -> None:
-        terminal.status("writing the page")
-        try:
-            one = len(folders) == 1
-            page = write_report(folders[0], output) if one else write_beside(folders, output)
-            terminal.say(str(page))
-        finally:
-            terminal.clear()
-
-    on_rank0(comm, write)
-    return SOLVED
-
-
-def export_results(comm: MPI.Intracomm, results: str, output: str | None, kinds: set[str]) -> int:
-    """Write fields and tables for other programs, by rank 0. Collective.
-
-    Args:
-        comm: The ranks; the others wait.
-        results: Folder of the results.
-        output: For the files; by default in the results.
-        kinds: What to write, "vtu" and "csv"; both if empty.
-
-    Raises:
-        InputError: If there are no results, they cannot be read, or the files not be written.
-    """
-    terminal = Terminal(comm)
-    wanted = {kind: kind in kinds or not kinds for kind in ("vtu", "csv")}
-    on_rank0(comm, lambda: export(results, output, **wanted, say=terminal.say))
     return SOLVED
 
 

@@ -1,0 +1,108 @@
+"""Commands that read results: pictures, animations, pages, files for other programs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mpi4py import MPI
+
+from perfplast_fenicsx.cli.follow import Follower
+from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.terminal import Terminal
+from perfplast_fenicsx.errors import on_rank0
+from perfplast_fenicsx.export.exported_files import export
+from perfplast_fenicsx.pictures.drawing_process import animate, plot
+from perfplast_fenicsx.report.beside import write_beside
+from perfplast_fenicsx.report.report_file import write_report
+
+
+def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -> int:
+    """Show and draw what a run writes until it ends, by rank 0. Collective.
+
+    Args:
+        comm: The ranks; the others wait.
+        results: Folder of the run.
+        output: Where the pictures go; by default to the results.
+        wait: Longest time for first results (s).
+
+    Raises:
+        InputError: If none come in that time.
+    """
+    terminal = Terminal(comm)
+
+    def watch() -> None:
+        try:
+            Follower(Path(results), terminal, lambda: plot(results, output), wait).follow()
+        finally:
+            terminal.clear()
+
+    on_rank0(comm, watch)
+    return SOLVED
+
+
+def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) -> int:
+    """Draw pictures or an animation of results on rank 0. Collective.
+
+    Args:
+        comm: The ranks; the others wait.
+        command: "plot" or "animate".
+        results: Folder of the results.
+        output: Where the pictures go, or the animation; by default to the results.
+
+    Raises:
+        InputError: If there are no results, or nothing can be drawn.
+    """
+    terminal = Terminal(comm)
+
+    def write() -> None:
+        terminal.status("drawing")
+        try:
+            {"plot": plot, "animate": animate}[command](results, output, terminal.say)
+        finally:
+            terminal.clear()
+
+    on_rank0(comm, write)
+    return SOLVED
+
+
+def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> int:
+    """Write a page about a run, or about two beside each other, on rank 0. Collective.
+
+    Args:
+        comm: The ranks; the others wait.
+        folders: Of the results, one or two.
+        output: The page; by default in the first of them.
+
+    Raises:
+        InputError: If there are no results, or not one or two folders.
+    """
+    terminal = Terminal(comm)
+
+    def write() -> None:
+        terminal.status("writing the page")
+        try:
+            one = len(folders) == 1
+            page = write_report(folders[0], output) if one else write_beside(folders, output)
+            terminal.say(str(page))
+        finally:
+            terminal.clear()
+
+    on_rank0(comm, write)
+    return SOLVED
+
+
+def export_results(comm: MPI.Intracomm, results: str, output: str | None, kinds: set[str]) -> int:
+    """Write fields and tables for other programs, by rank 0. Collective.
+
+    Args:
+        comm: The ranks; the others wait.
+        results: Folder of the results.
+        output: For the files; by default in the results.
+        kinds: What to write, "vtu" and "csv"; both if empty.
+
+    Raises:
+        InputError: If there are no results, they cannot be read, or the files not be written.
+    """
+    terminal = Terminal(comm)
+    wanted = {kind: kind in kinds or not kinds for kind in ("vtu", "csv")}
+    on_rank0(comm, lambda: export(results, output, **wanted, say=terminal.say))
+    return SOLVED
