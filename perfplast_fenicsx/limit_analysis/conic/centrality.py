@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import SIZE
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import SIZE, least_eigenvalue
 from perfplast_fenicsx.rounding import TINY
 
 NEAR = 0.1
@@ -52,8 +52,12 @@ class Products:
         cones[:, 0] = (low + high) / 2
         share = (high - low) / 2 / np.maximum(size, TINY)
         cones[:, 1:] = share[:, None] * self.cones[:, 1:]
-        values, axes = np.linalg.eigh(self.matrices)
-        matrices = (axes * _missing(values, mu)[..., None, :]) @ np.swapaxes(axes, -1, -2)
+        matrices = np.zeros_like(self.matrices)
+        near = 1 + 1e-6  # most matrices have nothing to be moved, which their ends tell sooner
+        least, most = least_eigenvalue(self.matrices), -least_eigenvalue(-self.matrices)
+        far = (least < near * NEAR * mu) | (most * near > mu / NEAR)
+        values, axes = np.linalg.eigh(self.matrices[far])
+        matrices[far] = (axes * _missing(values, mu)[..., None, :]) @ np.swapaxes(axes, -1, -2)
         return Products(cones, matrices, _missing(self.pairs, mu))
 
 

@@ -46,7 +46,8 @@ class PrincipalPoints:
         soft = np.zeros((self._cones.count, 1, self._columns.shape[2]))
         soft[:, 0, 1] = np.where(self._cones.grows, 0.0, np.sqrt(PROXIMAL))
         rows = np.concatenate([self._columns, soft], axis=1)
-        self._R: Floats = np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
+        triangles = np.linalg.qr(rows, mode="r")
+        self._roots: Floats = np.asarray(np.linalg.inv(triangles), dtype=np.float64)
         self._off = self._blocks.works(now.Y) + self._rates(trace, deviator)
 
     def _rates(self, trace: Floats, deviator: Floats) -> Floats:
@@ -57,7 +58,7 @@ class PrincipalPoints:
 
     def moduli(self, moduli: Moduli) -> Moduli:
         """Those of all points, with the whole ones of these."""
-        roots: Floats = np.asarray(np.linalg.inv(self._R[:, 1:, 1:]), dtype=np.float64)
+        roots = self._roots[:, 1:, 1:]  # of a triangle's part, as it is a triangle too
         more = moduli.normal.shape[1] + 1 - roots.shape[2]
         return moduli.with_whole(self._cones.at, np.pad(roots, ((0, 0), (0, more), (0, more))))
 
@@ -92,8 +93,8 @@ class PrincipalPoints:
             right += self._off
             numbers = vectors(aim).reshape(len(aim), -1, 1)
             right += (np.swapaxes(self._columns, 1, 2) @ numbers)[:, :, 0]
-        half = np.linalg.solve(np.swapaxes(self._R, 1, 2), right[:, :, None])
-        found: Floats = np.linalg.solve(self._R, half)[:, :, 0]
+        half = np.einsum("nji,nj->ni", self._roots, right)
+        found: Floats = np.einsum("nij,nj->ni", self._roots, half)
         return found
 
     def put(self, dy: Floats, pressure: Floats, deviator: Floats) -> None:
