@@ -3,7 +3,7 @@
 The cube's octant is (−HALF, 0)²×(0, HALF), in which the diagonals of gmsh's layers suit the slip
 lines: bounds are closer by a third than in (0, HALF)³. Volumes ``cube`` and ``platen``, one body of
 shared nodes whose common face has no name; surfaces ``x0``, ``y0``, ``z0`` (the symmetry planes, x0
-and y0 of both) and ``top``, which is the platen's.
+and y0 of both) and ``top``, which is the platen's. Without the platen ``top`` is the cube's.
 """
 
 from pathlib import Path
@@ -17,23 +17,29 @@ HALF, PLATEN = 0.5, 0.1
 """Edge of the octant; thickness of the platen, which is one layer."""
 
 
-def write_rough_cube(path: str | Path, size: float = 0.125, order: int = 1) -> None:
+def write_rough_cube(
+    path: str | Path, size: float = 0.125, order: int = 1, platen: bool = True
+) -> None:
     """Mesh the octant and the platen and write a .msh file. On one process.
 
     Args:
         path: The file to write.
         size: Edge length, of which the octant's edge is about a multiple.
         order: Degree of the geometry, 1 or 2.
+        platen: Whether there is one.
     """
     with gmsh_session() as gmsh:
         cube = add_box([-HALF, -HALF, 0.0], [HALF, HALF, HALF])
-        above = add_box([-HALF, -HALF, HALF], [HALF, HALF, PLATEN])
-        _, ((cube,), (above,)) = gmsh.model.occ.fragment([cube], [above])
+        bodies = {"cube": [cube[1]]}
+        if platen:
+            above = add_box([-HALF, -HALF, HALF], [HALF, HALF, PLATEN])
+            _, ((cube,), (above,)) = gmsh.model.occ.fragment([cube], [above])
+            bodies = {"cube": [cube[1]], "platen": [above[1]]}
         gmsh.model.occ.synchronize()
 
-        name(3, {"cube": [cube[1]], "platen": [above[1]]})
+        name(3, bodies)
         sides = {"x0": (0, 0.0), "y0": (1, 0.0), "z0": (2, 0.0)}
-        name_planes(2, sides | {"top": (2, HALF + PLATEN)})
+        name_planes(2, sides | {"top": (2, HALF + PLATEN if platen else HALF)})
         layers = max(1, round(HALF / size))
         for _, curve in gmsh.model.getEntities(1):
             length = gmsh.model.occ.getMass(1, curve)
@@ -54,6 +60,7 @@ def write_rough_cube(path: str | Path, size: float = 0.125, order: int = 1) -> N
 def main() -> None:
     """Write the mesh that the command line asks for."""
     parser = mesh_parser(write_rough_cube, "Mesh an octant of a cube and a platen on it.")
+    parser.add_argument("--no-platen", dest="platen", action="store_false", help="the cube alone")
     write_from(parser, write_rough_cube)
 
 

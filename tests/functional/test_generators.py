@@ -32,6 +32,9 @@ from meshes.rough_cube import PLATEN as LAYER
 from meshes.round_hole import write_round_hole
 from meshes.shaft import write_shaft
 from meshes.square_bar import write_square_bar
+from meshes.square_footing import DEPTH as BELOW
+from meshes.square_footing import WIDTH as BROAD
+from meshes.square_footing import write_square_footing
 from meshes.square_punch import DEPTH as DEEP
 from meshes.square_punch import PUNCH, write_square_punch
 from meshes.square_punch import WIDTH as GROUND
@@ -185,6 +188,31 @@ CASES = [
             "y0": (0, HALF * (HALF + LAYER), 0),
             "z0": (0, 0, -(HALF**2)),
             "top": (0, 0, HALF**2),
+        },
+        gdim=3,
+    ),
+    Case(
+        write_rough_cube,
+        {"size": 0.25, "platen": False},
+        {"cube": HALF**3},
+        {
+            "x0": (HALF**2, 0, 0),
+            "y0": (0, HALF**2, 0),
+            "z0": (0, 0, -(HALF**2)),
+            "top": (0, 0, HALF**2),
+        },
+        gdim=3,
+    ),
+    Case(
+        write_square_footing,
+        {"cells": 3, "layers": 2},
+        {"ground": BROAD**2 * BELOW},
+        {
+            "x0": (-BROAD * BELOW, 0, 0),
+            "y0": (0, -BROAD * BELOW, 0),
+            "bottom": (0, 0, -(BROAD**2)),
+            "sides": (BROAD * BELOW, BROAD * BELOW, 0),
+            "footing": (0, 0, 1),
         },
         gdim=3,
     ),

@@ -1,0 +1,87 @@
+"""Ground under a square footing 2×2, a quarter of it by symmetry, with fans around its edges.
+
+The ground is (0, WIDTH)²×(−DEPTH, 0), the footing the square |x|, |y| ≤ 1 of z = 0. Volume
+``ground``; surfaces ``x0``, ``y0`` (the symmetry planes), ``bottom``, ``sides`` and ``footing``.
+Long cells lie along the edges of the footing, as little changes there, and each fan of them turns
+from the free surface to what is under the footing.
+"""
+
+import math
+from pathlib import Path
+
+import gmsh
+import numpy as np
+
+from meshes.command_line import mesh_parser, write_from
+from meshes.mitred import mitred, on, straight_fan, write_body
+from meshes.shapes import add_outline, add_polygon
+from meshes.sizes import generate
+from perfplast_fenicsx.mesh import gmsh_session
+
+WIDTH, DEPTH = 3.0, 2.0
+"""Width and depth of the quarter of the ground."""
+RADIUS = 0.2
+"""Of the fans; half the width of the footing is 1."""
+GROWTH = 0.4
+"""Growth of the edge length per distance from them."""
+
+
+def write_square_footing(
+    path: str | Path, size: float = 1.0, order: int = 1, cells: int = 6, layers: int = 1
+) -> None:
+    """Mesh the ground and write a .msh file. On one process.
+
+    Args:
+        path: The file to write.
+        size: Largest edge length of the section.
+        order: Degree of the geometry, 1 or 2.
+        cells: Of each fan.
+        layers: From the middle of each edge to its end.
+    """
+    width = math.pi * RADIUS / cells
+
+    def law(x: float, z: float, _: float) -> float:
+        return min(size, width + GROWTH * abs(math.hypot(x - 1, z) - RADIUS))
+
+    with gmsh_session():
+        corners = [(0.0, 0.0), (0.0, -DEPTH), (WIDTH, -DEPTH), (WIDTH, 0.0)]
+        ground = add_polygon(add_outline(corners))
+        fan = straight_fan((1.0, 0.0), RADIUS, [-180.0 * i / cells for i in range(cells + 1)])
+        gmsh.model.occ.fragment([(2, ground)], [(2, tag) for tag in fan])
+        gmsh.model.occ.synchronize()
+        for _, curve in gmsh.model.getEntities(1):
+            ends = gmsh.model.getBoundary([(1, curve)], oriented=False)
+            values = [gmsh.model.getValue(0, end, []) for _, end in ends]
+            away = np.array([math.hypot(x - 1, z) for x, z, _ in values])
+            if (np.isclose(away, 0) | np.isclose(away, RADIUS)).all():
+                gmsh.model.mesh.setTransfiniteCurve(curve, 2)
+        generate(2, law, 1)
+        tags, places, _ = gmsh.model.mesh.getNodes()
+        _, _, (triangles,) = gmsh.model.mesh.getElements(2)
+        points = places.reshape(-1, 3)[np.argsort(tags), :2]
+        section = np.searchsorted(np.sort(tags), triangles).reshape(-1, 3)
+
+        far = -np.hypot(points[:, 0] - 1, points[:, 1])
+        x, tetrahedra = mitred(points, section, [i / layers for i in range(layers + 1)], far)
+        surfaces = {
+            "x0": [on(0, 0.0)],
+            "y0": [on(1, 0.0)],
+            "bottom": [on(2, -DEPTH)],
+            "sides": [on(0, WIDTH), on(1, WIDTH)],
+            "footing": [on(2, 0.0, within=1.0)],
+        }
+        write_body(path, "ground", x, tetrahedra, surfaces, order)
+
+
+def main() -> None:
+    """Write the mesh that the command line asks for."""
+    parser = mesh_parser(
+        write_square_footing, "Mesh a quarter of the ground under a square footing."
+    )
+    parser.add_argument("--cells", type=int, help="of each fan")
+    parser.add_argument("--layers", type=int, help="from the middle of each edge to its end")
+    write_from(parser, write_square_footing)
+
+
+if __name__ == "__main__":
+    main()
