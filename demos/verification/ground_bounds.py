@@ -6,8 +6,8 @@
 # - Weightless ground of cohesion 1 bears N_c under a smooth strip footing, and ground without
 #   cohesion N_q beside a surcharge of 1: N_q = e^(π tan φ) N with N = tan²(45° + φ/2), and
 #   N_c = (N_q − 1) cot φ (L. Prandtl 1920, H. Reissner 1924).
-# - Ground of weight 1 alone bears N_γ = 7.6532 under a smooth stiff footing of half width 1, with
-#   φ = 30° (C. M. Martin 2005, by characteristics).
+# - Ground of weight 1 alone bears N_γ = 7.6532 under a smooth stiff footing of half width 1, and
+#   14.7543 under a rough one, with φ = 30° (C. M. Martin 2005, by characteristics).
 # - A vertical cut and a slope of 60° fall at γH/c that log spirals through the toe tell; they are
 #   mechanisms, and so the least that is proven must not be above them.
 # - A vertical cut in ground that bears hardly any tension stands up to γH/c = 2 tan(45° + φ/2)
@@ -42,6 +42,7 @@ from perfplast_fenicsx import (
     Problem,
     Support,
     TaggedMesh,
+    Tie,
     adaptive_bounds,
 )
 from perfplast_fenicsx.io import ResultFolder
@@ -79,14 +80,16 @@ def footing(
     return adaptive_bounds(problem, Adaptation(until, cells))
 
 
-def on_sand(ground: TaggedMesh, degrees: float, cells: int, until: float) -> AdaptiveBounds:
-    """A stiff smooth footing on ground of weight 1 without cohesion. Collective."""
+def on_sand(ground: TaggedMesh, rough: bool, cells: int, until: float) -> AdaptiveBounds:
+    """A stiff footing on ground of 30° and of weight 1 without cohesion. Collective."""
+    touches = ("ground_footing", "punch_footing")
     problem = Problem(
         ground,
-        {"ground": MohrCoulomb(1e4, 0.3, 0.0, degrees), "punch": Elastic(1e6, 0.3)},
+        {"ground": MohrCoulomb(1e4, 0.3, 0.0, 30.0), "punch": Elastic(1e6, 0.3)},
         SUPPORTS,
         [Pressure("top", 1.0), BodyForce("ground", (0.0, -1.0), constant=True)],
-        [Contact("ground_footing", "punch_footing")],
+        [] if rough else [Contact(*touches)],
+        ties=[Tie(*touches)] if rough else [],
         degree=2,
     )
     return adaptive_bounds(problem, Adaptation(until, cells))
@@ -141,14 +144,18 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
             told += [] if coarse else [("gap in %", 100 * (high / low - 1), percent)]
             rows += at_most(f"{name}, φ {degrees:g}°", found, time.perf_counter() - began, told)
     show_bounds(subfolder(folder, "footing"), "Smooth strip footing", found)
-    if not coarse:
-        began, exact = time.perf_counter(), 7.6532
-        sand = {"punch": True, "width": 4.0, "depth": 2.0, "size": 1.0, "grading": 1.0}
-        found = on_sand(mesh(folder, write_strip_footing, **sand), 30.0, cells, 0.03)
+    sands = {
+        "smooth": (7.6532, 3.0, {"width": 4.0, "depth": 2.0, "size": 1.0}),
+        "rough": (14.7543, 6.0, {"width": 5.0, "depth": 2.5, "size": 1.5}),
+    }
+    for name, (exact, percent, shape) in sands.items() if not coarse else ():
+        began = time.perf_counter()
+        ground = mesh(folder, write_strip_footing, punch=True, grading=1.0, **shape)
+        found = on_sand(ground, name == "rough", cells, percent / 100)
         low, high = ends(found)
         told = [("below, exact", low, exact), ("exact, above", exact, high)]
-        told += [("gap in %", 100 * (high / low - 1), 3.0)]
-        rows += at_most("N_γ, φ 30°, smooth", found, time.perf_counter() - began, told)
+        told += [("gap in %", 100 * (high / low - 1), percent)]
+        rows += at_most(f"N_γ, φ 30°, {name}", found, time.perf_counter() - began, told)
     if comm.rank == 0:
         draw_factors(folder, brackets)
     cut, steep = {"size": 0.5}, {"run": math.tan(math.radians(30.0)), "depth": 0.5, "size": 0.3}

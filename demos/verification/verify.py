@@ -42,6 +42,7 @@ CASES = (
     "bounds_in_space",
     "ring_bounds",
     "ground_bounds",
+    "wall_bounds",
     "bounds_apart",
     "statements",
     "bound_costs",

@@ -29,7 +29,7 @@ LONG = (
     "ground_bounds",
     *("bounds_apart", "platens", "published", "ring_bounds"),
     *("published_blocks", "published_contact", "rigid_footing", "strip_footing", "thick_sphere"),
-    *("statements", "torsion", "towers"),
+    *("statements", "torsion", "towers", "wall_bounds"),
 )
 """Cases of the verification that take more than 5 s of one core where they are coarse."""
 

@@ -26,6 +26,7 @@ from meshes.hollow_shaft import write_hollow_shaft
 from meshes.loaded_beam import write_loaded_beam
 from meshes.plate_with_hole import write_plate_with_hole
 from meshes.platens import PLATEN, write_platens
+from meshes.retaining_wall import write_retaining_wall
 from meshes.ring import write_ring
 from meshes.rough_cube import HALF, write_rough_cube
 from meshes.rough_cube import PLATEN as LAYER
@@ -257,6 +258,23 @@ CASES = [
         {"cells": 6},
         {"ground": 48},
         {"bottom": (0, -12), "sides": (0, 0), "footing": (0, 2), "free": (0, 10)},
+    ),
+    Case(
+        write_retaining_wall,
+        {"size": 0.5, "width": 3.0},
+        {"ground": 6, "wall": 0.5},
+        {
+            "bottom": (0, -3),
+            "side": (2, 0),
+            "top": (0, 3),
+            "below": (-1, 0),
+            "back": (-1, 0),
+            "crest": (0, 0.5),
+            "base": (0, -0.5),
+            "ground_face": (-1, 0),
+            "wall_face": (1, 0),
+        },
+        [("ground_face", "wall_face")],
     ),
     Case(
         write_round_hole,

@@ -1,0 +1,131 @@
+# %% [markdown]
+# # A wall that rubs, from both sides
+#
+# A stiff wall of height 1 is pushed against ground of the angle of friction φ without cohesion and
+# weight, beside a surcharge of 1, or lets it follow. Wall and ground have a joint of the angle δ
+# that parts as it slips. The wall does not turn, and the force along its way is
+#
+#     K = cos δ (cos δ ± √(sin²φ − sin²δ))/(1 ∓ sin φ) exp(±θ tan φ),  θ = asin(sin δ/sin φ) ± δ
+#
+# with the upper signs where it is pushed (K_pq), the lower ones where it yields (K_aq).
+#
+# The velocity of the mechanism jumps at the toe. Ground that is one body cannot follow on a mesh if
+# it is held there; so it reaches below the toe, and its face there has neither a support nor a
+# contact but a constant pressure, between what would let the ground follow it and what would push
+# it away. In the mechanism of K the ground below the toe is at rest, so that this pressure does no
+# work, and K is an upper bound beside any; that it is carried is what the lower bound shows.
+#
+#     ./fenicsx python3 demos/verification/wall_bounds.py
+
+# %%
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+from demos.verification.published import at_most, ends, show_bounds
+from demos.verification.slip import subfolder
+from demos.verification.study import Row, mesh, run
+from meshes.retaining_wall import write_retaining_wall
+from perfplast_fenicsx import (
+    Adaptation,
+    Contact,
+    Elastic,
+    MohrCoulomb,
+    Pressure,
+    Problem,
+    Support,
+    TaggedMesh,
+    adaptive_bounds,
+)
+from perfplast_fenicsx.io import ResultFolder
+
+TITLE = "Walls from both sides"
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A wall and its ground.
+
+    Attributes:
+        friction: Angle of the ground (degrees).
+        joint: Angle of the joint (degrees).
+        below: Pressure on the ground's face below the toe.
+        pushed: Whether the wall is pushed against the ground.
+        width: Of the ground.
+    """
+
+    friction: float
+    joint: float
+    below: float
+    pushed: bool = True
+    width: float = 6.0
+
+    @property
+    def name(self) -> str:
+        """Which factor it is."""
+        return f"{'K_pq' if self.pushed else 'K_aq'}, φ {self.friction:g}°, δ {self.joint:g}°"
+
+    @property
+    def exact(self) -> float:
+        """The limit load, over surcharge and height; below zero where the wall yields."""
+        phi, delta = math.radians(self.friction), math.radians(self.joint)
+        sign = 1 if self.pushed else -1
+        turned = math.asin(math.sin(delta) / math.sin(phi)) + sign * delta
+        root = math.sqrt(math.sin(phi) ** 2 - math.sin(delta) ** 2)
+        least = math.cos(delta) * (math.cos(delta) + sign * root) / (1 - sign * math.sin(phi))
+        return sign * least * math.exp(sign * turned * math.tan(phi))
+
+
+PUSHED = Wall(30.0, 15.0, below=3.0)
+YIELDS = Wall(30.0, 15.0, below=1.0, pushed=False, width=3.0)
+ROUGH = Wall(30.0, 30.0, below=3.0)
+ASKED, CELLS, FEW = 0.015, 4000, 150
+"""Gap that is asked of both factors; cells for it; the same for a quick look."""
+
+
+# %%
+def beside(ground: TaggedMesh, wall: Wall) -> Problem:
+    """The wall and its ground, with a pressure on the wall's back that grows. Collective."""
+    rubs = math.tan(math.radians(wall.joint))
+    return Problem(
+        ground,
+        {"ground": MohrCoulomb(1e4, 0.3, 0.0, wall.friction), "wall": Elastic(1e6, 0.3)},
+        [Support("bottom"), Support("side"), Support("crest", "y")],
+        [
+            Pressure("back", 1.0 if wall.pushed else -1.0),
+            Pressure("top", 1.0, constant=True),
+            Pressure("below", wall.below, constant=True),
+        ],
+        [Contact("ground_face", "wall_face", coulomb=rubs, associated=True)],
+        degree=2,
+    )
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Brackets around the exact factors. Collective."""
+    rows: list[Row] = []
+    adaptation = Adaptation(ASKED, FEW if coarse else CELLS)
+    for wall in (PUSHED,) if coarse else (ROUGH, YIELDS, PUSHED):
+        began = time.perf_counter()
+        ground = mesh(folder, write_retaining_wall, width=wall.width)
+        found = adaptive_bounds(beside(ground, wall), adaptation)
+        low, high = ends(found)
+        told = [("below, exact", low, wall.exact), ("exact, above", wall.exact, high)]
+        if not coarse:
+            told += [("gap in %", 100 * (high - low) / abs(low), 100 * ASKED)]
+        rows += at_most(wall.name, found, time.perf_counter() - began, told)
+    show_bounds(subfolder(folder, "pushed"), "Wall that is pushed and rubs", found)
+    return rows
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
