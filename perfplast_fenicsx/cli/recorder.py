@@ -26,6 +26,7 @@ from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
+from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.problem.judged.report import Iteration
 from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
@@ -225,7 +226,7 @@ class Recorder:
         Raises:
             Interrupted: On every rank, if a signal has come.
         """
-        words = times_in_words(factor, lower, upper)
+        words = times_in_words(factor, lower, upper, by_davis(self._run.case.materials))
         self._run.terminal.say(words)
         self._run.journal.say(words)
         self._run.interrupts.check()
@@ -237,8 +238,9 @@ class Recorder:
             InputError: On every rank, if the system refuses.
         """
         solve = time.perf_counter() - self._solving
-        self._run.terminal.say(found.in_words())
-        self._run.journal.say(found.in_words())
+        for words in found.told():
+            self._run.terminal.say(words)
+            self._run.journal.say(words)
         self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
         self._writer.write_safety(found)
 

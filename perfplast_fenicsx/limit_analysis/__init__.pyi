@@ -31,6 +31,9 @@ from .shakedown.shakedown_result import ShakedownLoad as ShakedownLoad
 from .statements.bound import Bound as Bound
 from .statements.bound import Scope as Scope
 from .statements.drucker_bounds import DruckerBounds as DruckerBounds
+from .statements.strength_path import PathPoint as PathPoint
+from .statements.strength_path import StrengthPath as StrengthPath
+from .strength_search import strength_path as strength_path
 from .stress.static_bound import StaticBound as StaticBound
 from .stress.static_bound import strict_lower_bound as strict_lower_bound
 from .stress.static_certificate import StaticCertificate as StaticCertificate

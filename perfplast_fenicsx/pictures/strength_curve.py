@@ -1,12 +1,13 @@
 """How many times loads that stay are carried, over the factor that divides all strengths.
 
-Single-process.
+Beside it, where there is one, that factor over the work of the loads. Single-process.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -32,9 +33,13 @@ def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
     Raises:
         OSError: If the file cannot be written.
     """
-    figure = Figure(figsize=(7, 5), dpi=150, layout="constrained")
+    path_of_mesh = table.get("path") or {}
+    points = path_of_mesh.get("points", [])
+    figure = Figure(figsize=(13 if points else 7, 5), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
+    axes = figure.add_subplot(1, 1 + bool(points), 1)
+    if points:
+        _over_work(figure.add_subplot(1, 2, 2), points, table)
     estimate = bool(table.get("estimate"))
     for side, (colour, carried, proves) in SIDES.items():
         says = (
@@ -53,3 +58,17 @@ def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
     replace_picture(path, figure)
+
+
+def _over_work(axes: Axes, points: Sequence[Mapping[str, Any]], table: Mapping[str, Any]) -> None:
+    """Draw the curve of the mesh, with the factors that are proven beside it."""
+    work, factor = ([point[key] for point in points] for key in ("work", "factor"))
+    axes.plot(work, factor, "o-", color="black", markersize=4, label="mesh: an estimate")
+    for side, (colour, _, proves) in SIDES.items():
+        if table[side] is not None:
+            label = proves.removesuffix(" with F = ").removesuffix(" at F = ")
+            axes.axhline(table[side], color=colour, linestyle="--", linewidth=1.0, label=label)
+    axes.set_xscale("log")
+    axes.set(xlabel="work of the loads", ylabel="F, by which strengths are divided")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right")

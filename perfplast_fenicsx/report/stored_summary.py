@@ -139,11 +139,22 @@ class _Times(TypedDict):
     upper: float | None
 
 
+class _PathPoint(TypedDict):
+    factor: float
+    work: float
+
+
+class _StrengthPath(TypedDict):
+    in_words: str
+    points: list[_PathPoint]
+
+
 class _Strength(TypedDict):
     lower: float | None
     upper: float | None
     curve: list[_Times]
     estimate: NotRequired[bool]
+    path: NotRequired[_StrengthPath | None]
 
 
 class _Degree(TypedDict):

@@ -74,8 +74,10 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
         "F divides yield stresses, cohesions and slopes of friction of all bodies alike, and the"
         " loads stay: it is their factor of safety."
     )
+    beside = [f"{path['in_words']} strength.png shows it."] if (path := table.get("path")) else []
     if not sides:
-        return Verdict("open", "Nothing is proven of the factor of safety.", [says, FINER])
+        words = "Nothing is proven of the factor of safety."
+        return Verdict("open", words, [says, *beside, FINER])
     proof = " and ".join(f"python3 -m perfplast_fenicsx.proof {name}" for name in files)
     strict = "It is" if len(sides) == 1 else "Both are"
     if estimate:
@@ -84,8 +86,8 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
             f" ground it is proven anew by {proof}."
         )
         words = f"By Davis' estimate the bodies {', and '.join(sides)}."
-        return Verdict("found", words, [says, stands])
-    details = [says, f"{strict} strict, and proven anew by {proof}."]
+        return Verdict("found", words, [says, stands, *beside])
+    details = [says, f"{strict} strict, and proven anew by {proof}.", *beside]
     mark: Mark = "proven" if len(sides) == 2 else "one-sided"
     return Verdict(mark, f"The bodies {', and '.join(sides)}.", details)
 

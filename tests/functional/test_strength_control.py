@@ -87,6 +87,7 @@ def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
         ("constant = true", "", "'soil' grows"),
         ("limit_tolerance = 0.01", "limit_tolerance = 1.5", "1.5"),
         ("limit_tolerance = 0.01", "design = 1.0", "design"),
+        ("limit_tolerance = 0.01", "path = 1", "path"),
         ("[loading]", '[model]\nkind = "axisymmetric"\n[loading]', "bodies that dilate"),
         (
             'law = "drucker-prager"\nyoung = 1e4\npoisson = 0.3\ncohesion = 0.05\n'
@@ -108,3 +109,26 @@ def test_what_cannot_be_is_one_sentence(
     case = write(comm, slope, CASE.replace(before, after))
     assert main(["run", str(case), "-o", str(slope / "results")]) == BAD_INPUT
     assert named in one_line(comm, capsys)
+
+
+def test_a_curve_over_work_beside_it(comm: MPI.Intracomm, slope: Path) -> None:
+    """Its points are equilibria of the mesh, F grows with work, and levels off."""
+    results = slope / "results"
+    text = CASE.replace("adapt = { until = 0.2, cells = 300 }", "") + "path = true\n"
+    case = write(comm, slope, text)
+    assert main(["run", str(case), "-o", str(results), "--report"]) == SOLVED
+    if comm.rank != 0:
+        return
+    limit = json.loads((results / "summary.json").read_text())["limit"]
+    path = limit["strength"]["path"]
+    assert path["levelled_off"]
+    factors, works = ([row[key] for row in path["points"]] for key in ("factor", "work"))
+    assert factors == sorted(factors)
+    assert works == sorted(works)
+    assert max(abs(row["duality_gap"]) for row in path["points"]) < 1e-4
+    assert limit["strength"]["lower"] < factors[-1] < limit["strength"]["upper"]
+    with (results / "path.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["work"]]
+    assert [float(row["factor"]) for row in rows] == factors
+    details = verdict_on(ResultReader(results)).details
+    assert any("F over work levels off at 1." in said for said in details)

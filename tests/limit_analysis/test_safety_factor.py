@@ -21,7 +21,7 @@ from perfplast_fenicsx import (
     factor_of_safety,
     limit_bounds,
 )
-from perfplast_fenicsx.limit_analysis.body.strength_reduction import weakened
+from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import weakened
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.problem.variant import variant

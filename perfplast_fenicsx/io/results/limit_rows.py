@@ -16,10 +16,11 @@ def limit_rows(summary: Summary) -> list[dict[str, Any]]:
         ``kinematic`` of its limit load, of the last mesh alone; ``body_lower`` and ``body_upper``,
         the best bounds of the bodies so far; ``seconds`` since the first began. Of a factor of
         safety, each ``factor`` with strict bounds, ``lower`` and ``upper``, of how many times the
-        loads are carried. Of an envelope, each ``angle`` (degrees), with three numbers
-        ``elevation`` as well, with how far all is ``carried``, and ``not carried from`` where on.
-        Of a diagram of shakedown, each ``angle``
-        with the factors ``first`` and ``second`` to which bodies shake down, and its ``failure``.
+        loads are carried; behind them the points of its curve, each ``factor`` with the ``work`` of
+        the loads, the largest ``displacement``, and what they took. Of an envelope, each ``angle``
+        (degrees), with three numbers ``elevation`` as well, with how far all is ``carried``, and
+        ``not carried from`` where on. Of a diagram of shakedown, each ``angle`` with the factors
+        ``first`` and ``second`` to which bodies shake down, and its ``failure``.
     """
     limit = summary.limit or {}
     if envelope := limit.get("envelope"):
@@ -27,7 +28,10 @@ def limit_rows(summary: Summary) -> list[dict[str, Any]]:
     if diagram := (limit.get("shakedown") or {}).get("diagram"):
         return [dict(row) for row in diagram]
     if strength := limit.get("strength"):
-        return [dict(row) for row in strength["curve"]]
+        points = (strength.get("path") or {}).get("points", [])
+        rows = [dict(row) for row in (*strength["curve"], *points)]
+        keys = dict.fromkeys(key for row in rows for key in row)
+        return [dict.fromkeys(keys) | row for row in rows]
     body = limit.get("body") or {}
     lower = upper = None
     rows = []

@@ -20,12 +20,13 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_words import sentences, taken_as
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
-from perfplast_fenicsx.limit_analysis.body.strength_reduction import check_stands, weakened
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
+from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_stands, weakened
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
+from perfplast_fenicsx.limit_analysis.statements.strength_path import StrengthPath
 from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.problem.problem import Problem
@@ -57,6 +58,7 @@ class FactorOfSafety:
         taken: What bodies are taken as, in clauses: ground that dilates by less than its friction,
             and surfaces whose chords differ.
         estimate: Whether they are of ground that stands for another one by Davis, and no bounds.
+        path: The curve of F over work of the mesh that was given, where it was asked for.
     """
 
     lower: float | None
@@ -68,12 +70,14 @@ class FactorOfSafety:
     searches: int
     taken: tuple[str, ...] = ()
     estimate: bool = False
+    path: StrengthPath | None = None
 
     def table(self) -> dict[str, Any]:
         """What ``summary.json`` says of it."""
         curve = [dict(zip(("factor", "lower", "upper"), row, strict=True)) for row in self.curve]
         known = {"lower": self.lower, "upper": self.upper, "in_words": self.in_words()}
-        return known | {"curve": curve, "searches": self.searches, "estimate": self.estimate}
+        known |= {"curve": curve, "searches": self.searches, "estimate": self.estimate}
+        return known | {"path": self.path and self.path.table()}
 
     def in_words(self) -> str:
         """What is proven, in a sentence."""
@@ -83,6 +87,10 @@ class FactorOfSafety:
         body = "By Davis' estimate the body" if self.estimate else "The body"
         said = f"{body} {', and '.join(sides)}, if all strengths are divided by F."
         return said + sentences(self.taken)
+
+    def told(self) -> list[str]:
+        """What is proven, and what the curve says if there is one, a text each."""
+        return [self.in_words(), *([self.path.in_words()] if self.path else [])]
 
 
 def factor_of_safety(
@@ -129,15 +137,24 @@ def factor_of_safety(
     )
 
 
-def times_in_words(factor: float, lower: Bound, upper: Bound) -> str:
-    """How many times the loads are carried with strengths divided by a factor, in a sentence."""
+def times_in_words(factor: float, lower: Bound, upper: Bound, estimate: bool = False) -> str:
+    """How many times the loads are carried with strengths divided by a factor, in a sentence.
+
+    Args:
+        factor: F.
+        lower: Of how many times.
+        upper: The same.
+        estimate: Whether both are of other ground, that of Davis.
+    """
     sides = []
     if lower.strict and lower.value is not None:
-        sides.append(f"{rounded_down(lower.value)} times for certain")
+        least = "at least" if estimate else "for certain"
+        sides.append(f"{rounded_down(lower.value)} times {least}")
     if upper.strict and upper.value is not None:
         sides.append(f"{rounded_up(upper.value)} times at most")
     known = " and ".join(sides) or "as often as no bound says"
-    return f"With strengths divided by F = {factor:.6g} the loads are carried {known}."
+    davis = ", by Davis' estimate," if estimate else ""
+    return f"With strengths divided by F = {factor:.6g} the loads are carried{davis} {known}."
 
 
 def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:

@@ -29,12 +29,14 @@ class LawOnCells:
 
     Attributes:
         law: Its parameters are functions on all of Q; outside ``cells`` their values mean nothing.
+        numbers: These functions by name. Others with their values are another law of its kind.
         old: Its history by name, functions of the points; those of other laws by the same names.
         cells: Its cells of this rank, ghosts too, sorted.
         dx: Integrates over its cells.
     """
 
     law: Law
+    numbers: Mapping[str, fem.Function]
     old: Mapping[str, fem.Function]
     cells: Ints
     dx: Any
@@ -81,8 +83,9 @@ def lay_out(
     old: dict[str, fem.Function] = {}
     found = []
     for (law_class, names), some, part in zip(bodies.items(), cells, parts, strict=True):
-        law = law_class(**{key: numbers[key] for key in materials[names[0]].parameters()})
-        found.append(LawOnCells(law, _history(law, spaces, old), some, part))
+        own = {key: numbers[key] for key in materials[names[0]].parameters()}
+        law = law_class(**own)
+        found.append(LawOnCells(law, own, _history(law, spaces, old), some, part))
     return tuple(found)
 
 

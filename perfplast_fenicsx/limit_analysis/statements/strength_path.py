@@ -1,0 +1,64 @@
+"""What a curve of the strength reduction factor over the work of the loads says."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """An equilibrium with reduced strengths.
+
+    Attributes:
+        factor: F, by which strengths are divided.
+        work: Of all loads, L(u) (energy).
+        displacement: The largest (length).
+        duality_gap: Of the equilibrium, relative.
+        newton_iterations: That led to it from the point before, those of other F at its work too.
+        linear_solves: The same.
+    """
+
+    factor: float
+    work: float
+    displacement: float
+    duality_gap: float
+    newton_iterations: int
+    linear_solves: int
+
+
+@dataclass(frozen=True)
+class StrengthPath:
+    """F over work, from the first point to where it has levelled off.
+
+    Attributes:
+        points: By work, which grows.
+        levelled_off: Whether F hardly rises any more.
+        reason: How it ended.
+    """
+
+    points: tuple[PathPoint, ...]
+    levelled_off: bool
+    reason: str
+
+    @property
+    def factor(self) -> float | None:
+        """The last F; None without any point."""
+        return self.points[-1].factor if self.points else None
+
+    def in_words(self) -> str:
+        """What it says, in a sentence."""
+        worth = "an estimate from this mesh, and no bound of the body"
+        if not self.points:
+            return f"No curve of F over work was found: {self.reason}."
+        last = self.points[-1]
+        if not self.levelled_off:
+            return f"F over work has come to {last.factor:.5g} ({self.reason}): {worth}."
+        return f"F over work levels off at {last.factor:.5g} ({len(self.points)} points): {worth}."
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The points as ``strength_path.csv`` has them."""
+        return [asdict(point) for point in self.points]
+
+    def table(self) -> dict[str, Any]:
+        """What ``summary.json`` says of it."""
+        told = {"factor": self.factor, "levelled_off": self.levelled_off, "reason": self.reason}
+        return told | {"in_words": self.in_words(), "points": self.rows()}

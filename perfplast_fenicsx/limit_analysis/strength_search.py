@@ -1,0 +1,194 @@
+"""The curve of the strength reduction factor F over the work ω of the loads, by continuation in ω.
+
+That is the indirect continuation of S. Sysala et al. (arXiv:2312.12170): with ω = L(u) prescribed,
+F and u are sought at which the loads are in equilibrium. Here ALG3 finds u and the multiplier ζ of
+the work equality for any F, with a duality gap, and F is where ζ(F, ω) = 1, by secants of ln ζ over
+ln F; each u is the start of the next.
+
+With F fixed ζ does not fall as ω grows and tends to the limit load ζ_lim(F), which falls with F. So
+ζ_lim(F(ω)) ≥ 1: the mesh stands with each F(ω), which tends to the factor of safety of the mesh.
+"""
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import Weakening
+from perfplast_fenicsx.limit_analysis.limit_search import limit_options
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
+from perfplast_fenicsx.limit_analysis.statements.strength_path import PathPoint, StrengthPath
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.state import Level, State
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.load_stepping import extrapolate
+from perfplast_fenicsx.solvers.newton import Newton
+from perfplast_fenicsx.solvers.newton_options import NewtonOptions
+from perfplast_fenicsx.solvers.work_newton import WorkNewton
+
+log = logging.getLogger(__name__)
+
+
+def strength_path(
+    problem: Problem,
+    tolerance: float = 1e-3,
+    monitor: Callable[[Iteration], None] | None = None,
+) -> StrengthPath:
+    """Follow F over the work of all loads until it has levelled off. Collective.
+
+    Args:
+        problem: The bodies and their loads, all of which are constant.
+        tolerance: F has levelled off where it would rise by no more than a quarter of this,
+            relative, were the work doubled with its last slope.
+        monitor: Called on every rank after each step of Newton's.
+
+    Raises:
+        InputError: As :class:`strength_reduction.Weakening`, or if friction is associated.
+    """
+    check_tolerance(tolerance)
+    coulomb = problem.friction.follows_pressure
+    weakening = Weakening(problem)
+    options = NewtonOptions(**limit_options(1e-2 * tolerance, coulomb))
+    search = _Search(weakening, WorkNewton(weakening.problem, options), tolerance, monitor)
+    return search.follow()
+
+
+@dataclass
+class _Point:
+    """A point of the curve with its state."""
+
+    factor: float
+    state: State
+
+
+@dataclass
+class _Search:
+    """Where a curve has come to.
+
+    Attributes:
+        weakening: The problem.
+        solver: Of levels with a prescribed work.
+        tolerance: Of F.
+        monitor: Of steps.
+        slope: d ln ζ/d ln F as the last point has shown it.
+        stride: Factor by which F changes at most between two levels.
+        found: The points.
+        counts: Newton steps and linear solves since the last point.
+    """
+
+    weakening: Weakening
+    solver: WorkNewton
+    tolerance: float
+    monitor: Callable[[Iteration], None] | None
+    slope: float = -1.0
+    stride: float = 1.3
+    found: list[PathPoint] = field(default_factory=list)
+    counts: tuple[int, int] = (0, 0)
+
+    def follow(self) -> StrengthPath:
+        """All points. Collective."""
+        most_points = 80
+        before: _Point | None = None
+        last = self._first()
+        if last is None:
+            return StrengthPath((), False, "no strength was found with which this mesh stands")
+        step, rise = 0.05 * abs(last.state.alpha), math.inf
+        halvings = 0
+        while len(self.found) < most_points:
+            point = self._at(last.state.alpha + step, before, last)
+            if point is None:
+                halvings += 1
+                if halvings > 6:
+                    reason = f"no equilibrium was found beyond work {last.state.alpha:.6g}"
+                    return StrengthPath(tuple(self.found), False, reason)
+                step /= 2
+                continue
+            earlier, rise = rise, abs(point.factor - last.factor)
+            before, last = last, point
+            far = (last.state.alpha - self.found[0].work) / step
+            if len(self.found) > 2 and rise * far <= 0.25 * self.tolerance * last.factor:
+                return StrengthPath(tuple(self.found), True, "F has levelled off")
+            if rise < 0.9 * earlier and earlier < math.inf:
+                step *= 2
+        return StrengthPath(tuple(self.found), False, f"{most_points} points were found")
+
+    def _first(self) -> _Point | None:
+        """An equilibrium with some plastic flow, or elastic next to one. Collective."""
+        newton = Newton(self.weakening.problem, self.solver.options, lender=self.solver)
+        factor, elastic = 1.0, None
+        for _ in range(30):
+            self.weakening.divide(factor)
+            level = newton.solve(1.0, elastic and elastic.state, self.monitor)
+            self._count(level)
+            if level.report.converged:
+                elastic = _Point(factor, level.state)
+                if level.report.plastic_fraction > 0:
+                    break
+                kept = level
+                factor *= self.stride
+            elif elastic is not None:
+                level = kept
+                break
+            else:
+                factor /= self.stride
+        if elastic is not None:
+            self._keep(elastic.factor, level)
+        return elastic
+
+    def _at(self, work: float, before: _Point | None, last: _Point) -> _Point | None:
+        """The point with a work; None where no level was found. Collective."""
+        problem = self.weakening.problem
+        start = last.state
+        factor = last.factor
+        if before is not None:
+            start = extrapolate(problem, before.state, last.state, work) or last.state
+            share = (work - last.state.alpha) / (last.state.alpha - before.state.alpha)
+            ahead = share * math.log(last.factor / before.factor) / 2
+            factor *= math.exp(min(ahead, math.log(self.stride)))
+        known: dict[float, float] = {}
+        most_levels = 20
+        for _ in range(most_levels):
+            self.weakening.divide(factor)
+            level = self.solver.solve(work, start, self.monitor)
+            self._count(level)
+            zeta = level.report.zeta
+            if not level.report.converged or not zeta > 0:
+                return None
+            known[factor] = math.log(zeta)
+            start = level.state
+            if abs(known[factor]) <= 1e-2 * self.tolerance * max(-self.slope, 1.0):
+                self._keep(factor, level)
+                return _Point(factor, level.state)
+            factor = self._next(known)
+        return None
+
+    def _next(self, known: dict[float, float]) -> float:
+        """Where ln ζ may be 0: by a secant, within what is known to be on either side."""
+        nearest = sorted(known, key=lambda factor: abs(known[factor]))
+        best = nearest[0]
+        if len(nearest) > 1:
+            other = nearest[1]
+            slope = (known[best] - known[other]) / math.log(best / other)
+            # Below so much ζ hardly depends on F, as where bodies are all but elastic.
+            flat = -0.05
+            self.slope = min(slope, flat)
+        change = -known[best] / self.slope
+        most = math.log(self.stride)
+        factor = best * math.exp(min(max(change, -most), most))
+        low = max((it for it, left in known.items() if left > 0), default=0.0)
+        high = min((it for it, left in known.items() if left < 0), default=math.inf)
+        if low < high < math.inf and low > 0 and not low < factor < high:
+            factor = math.sqrt(low * high)
+        return factor
+
+    def _count(self, level: Level) -> None:
+        newton, solves = self.counts
+        report = level.report
+        self.counts = newton + report.newton_iterations, solves + report.linear_solves
+
+    def _keep(self, factor: float, level: Level) -> None:
+        report = level.report
+        told = (report.alpha, report.max_displacement, report.duality_gap)
+        self.found.append(PathPoint(factor, *told, *self.counts))
+        self.counts = (0, 0)
+        log.info("F = %.6g at work %.6g", factor, report.alpha)
