@@ -238,9 +238,8 @@ class Recorder:
             InputError: On every rank, if the system refuses.
         """
         solve = time.perf_counter() - self._solving
-        for words in found.told():
-            self._run.terminal.say(words)
-            self._run.journal.say(words)
+        self._run.terminal.say(found.news())
+        self._run.journal.say(found.news())
         self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
         self._writer.write_safety(found)
 

@@ -10,7 +10,7 @@ from perfplast_fenicsx.limit_analysis.body.safety_factor import factor_of_safety
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_stands
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
-from perfplast_fenicsx.limit_analysis.strength_search import strength_path
+from perfplast_fenicsx.limit_analysis.strength_search import check_curve, strength_path
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,9 @@ class StrengthControl(OfBody):
     Args:
         limit_tolerance: How near each factor comes to the root of its bound, relative, between 0
             and 1.
-        path: Whether to find, beside them, the curve of F over the work of the loads, by Newton's
-            method on the mesh that is given. Where it levels off is an estimate, and no bound.
+        path: Whether to find, behind them, the curve of F over the work of the loads, by Newton's
+            method on the mesh of the upper factor. Where it levels off is an estimate, and no
+            bound.
 
     Raises:
         InputError: A tolerance that is none.
@@ -45,13 +46,15 @@ class StrengthControl(OfBody):
         check_stands(given.loads, given.elastic)
 
     def find(self, run: Run) -> LimitLoad:
-        """Find both factors, and the curve before if it is asked for. Collective."""
-        path = None
+        """Find both factors, and then the curve if it is asked for. Collective."""
         if self.path:
-            path = strength_path(run.problem, self.limit_tolerance, run.record.iteration)
+            check_curve(run.problem)
         told = (run.adapt, run.record.factor, run.record.interior)
         with of_other_loads():  # and strengths
             safety = factor_of_safety(run.problem, self.limit_tolerance, *told)
-        run.record.safety(replace(safety, path=path))
+        run.record.safety(safety)
+        if self.path:
+            path = strength_path(safety.bodies, self.limit_tolerance, run.record.iteration)
+            run.record.safety(replace(safety, path=path))
         known = safety.lower is not None and safety.upper is not None
         return replace(safety.last.mesh, levelled_off=known)

@@ -19,6 +19,7 @@ from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.limit_analysis.statements.strength_path import PathPoint, StrengthPath
 from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.slip import check_slip_is_true
 from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.load_stepping import extrapolate
@@ -51,6 +52,16 @@ def strength_path(
     options = NewtonOptions(**limit_options(1e-2 * tolerance, coulomb))
     search = _Search(weakening, WorkNewton(weakening.problem, options), tolerance, monitor)
     return search.follow()
+
+
+def check_curve(problem: Problem) -> None:
+    """Refuse what has no curve. Collective.
+
+    Raises:
+        InputError: As :func:`strength_path`.
+    """
+    check_slip_is_true(problem)
+    Weakening(problem)
 
 
 @dataclass
@@ -115,25 +126,25 @@ class _Search:
     def _first(self) -> _Point | None:
         """An equilibrium with some plastic flow, or elastic next to one. Collective."""
         newton = Newton(self.weakening.problem, self.solver.options, lender=self.solver)
-        factor, elastic = 1.0, None
+        found: tuple[float, Level] | None = None
+        factor = 1.0
         for _ in range(30):
             self.weakening.divide(factor)
-            level = newton.solve(1.0, elastic and elastic.state, self.monitor)
+            level = newton.solve(1.0, found[1].state if found else None, self.monitor)
             self._count(level)
             if level.report.converged:
-                elastic = _Point(factor, level.state)
+                found = factor, level
                 if level.report.plastic_fraction > 0:
                     break
-                kept = level
                 factor *= self.stride
-            elif elastic is not None:
-                level = kept
+            elif found is not None:
                 break
             else:
                 factor /= self.stride
-        if elastic is not None:
-            self._keep(elastic.factor, level)
-        return elastic
+        if found is None:
+            return None
+        self._keep(*found)
+        return _Point(found[0], found[1].state)
 
     def _at(self, work: float, before: _Point | None, last: _Point) -> _Point | None:
         """The point with a work; None where no level was found. Collective."""

@@ -40,6 +40,7 @@ constant = true
 [loading]
 control = "strength"
 limit_tolerance = 0.01
+path = true
 """
 
 
@@ -71,14 +72,21 @@ def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
     assert not (results / "bounds.h5").exists()
     with (results / "path.csv").open() as file:
         rows = [{k: float(v) for k, v in row.items() if v} for row in csv.DictReader(file)]
-    known = {row["factor"]: row for row in rows}
+    known = {row["factor"]: row for row in rows if "work" not in row}
     assert known[lower]["lower"] >= 1 >= known[upper]["upper"]
+    path = limit["strength"]["path"]
+    assert path["levelled_off"]
+    factors, works = ([row[key] for row in path["points"]] for key in ("factor", "work"))
+    assert factors == sorted(factors) == [row["factor"] for row in rows if "work" in row]
+    assert works == sorted(works)
+    assert lower < factors[-1] < 1.05 * upper
     for picture in ("strength.png", "mechanism.png", "report.html"):
         assert (results / picture).stat().st_size > 1000
     verdict = verdict_on(ResultReader(results))
     assert verdict.mark == "proven"
     assert verdict.sentence.startswith("The bodies stand with F = 1.")
     assert "stands.h5 and python3 -m perfplast_fenicsx.proof falls.h5" in verdict.details[1]
+    assert verdict.details[2].startswith("F over work levels off at 1.")
 
 
 @pytest.mark.parametrize(
@@ -87,7 +95,7 @@ def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
         ("constant = true", "", "'soil' grows"),
         ("limit_tolerance = 0.01", "limit_tolerance = 1.5", "1.5"),
         ("limit_tolerance = 0.01", "design = 1.0", "design"),
-        ("limit_tolerance = 0.01", "path = 1", "path"),
+        ("path = true", "path = 1", "path"),
         ("[loading]", '[model]\nkind = "axisymmetric"\n[loading]', "bodies that dilate"),
         (
             'law = "drucker-prager"\nyoung = 1e4\npoisson = 0.3\ncohesion = 0.05\n'
@@ -109,26 +117,3 @@ def test_what_cannot_be_is_one_sentence(
     case = write(comm, slope, CASE.replace(before, after))
     assert main(["run", str(case), "-o", str(slope / "results")]) == BAD_INPUT
     assert named in one_line(comm, capsys)
-
-
-def test_a_curve_over_work_beside_it(comm: MPI.Intracomm, slope: Path) -> None:
-    """Its points are equilibria of the mesh, F grows with work, and levels off."""
-    results = slope / "results"
-    text = CASE.replace("adapt = { until = 0.2, cells = 300 }", "") + "path = true\n"
-    case = write(comm, slope, text)
-    assert main(["run", str(case), "-o", str(results), "--report"]) == SOLVED
-    if comm.rank != 0:
-        return
-    limit = json.loads((results / "summary.json").read_text())["limit"]
-    path = limit["strength"]["path"]
-    assert path["levelled_off"]
-    factors, works = ([row[key] for row in path["points"]] for key in ("factor", "work"))
-    assert factors == sorted(factors)
-    assert works == sorted(works)
-    assert max(abs(row["duality_gap"]) for row in path["points"]) < 1e-4
-    assert limit["strength"]["lower"] < factors[-1] < limit["strength"]["upper"]
-    with (results / "path.csv").open() as file:
-        rows = [row for row in csv.DictReader(file) if row["work"]]
-    assert [float(row["factor"]) for row in rows] == factors
-    details = verdict_on(ResultReader(results)).details
-    assert any("F over work levels off at 1." in said for said in details)

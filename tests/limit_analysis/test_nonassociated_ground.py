@@ -26,6 +26,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.safety_factor import times_in_words
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.materials.nonassociated_flow import associated, weaker
 from perfplast_fenicsx.proof.checker import check
@@ -140,6 +141,8 @@ def test_factors_of_safety(stand: str, read: Read) -> None:
     assert found.estimate == (stand != "radenkovic")
     assert ("for certain" in found.in_words()) == (stand == "radenkovic")
     assert found.in_words().startswith("By Davis' estimate") == found.estimate
+    line = times_in_words(1.0, found.last.lower, found.last.upper, found.estimate)
+    assert ("for certain" in line) == ("estimate" not in line) == (stand == "radenkovic")
 
 
 def test_what_davis_reduces() -> None:

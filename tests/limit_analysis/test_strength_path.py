@@ -40,6 +40,7 @@ def times(problem: Problem, factor: float) -> float:
     """How many times the mesh carries its loads with strengths divided by a factor."""
     found = interior_point(weakened(problem, factor), 1e-5).standing
     assert found is not None
+    assert found.lower is not None
     return found.lower
 
 
@@ -59,7 +60,7 @@ def test_it_ends_at_the_factor_of_its_mesh(read: Read) -> None:
         > 1
         > times(problem, found.factor * (1 + TOLERANCE))
     )
-    assert "an estimate from this mesh, and no bound" in found.in_words()
+    assert "an estimate from a mesh, and no bound" in found.in_words()
 
 
 def test_without_friction_it_ends_at_the_limit_load(read: Read) -> None:

@@ -52,13 +52,14 @@ class FactorOfSafety:
         stands: Bounds at the lower factor, whose stress shows it.
         falls: Bounds at the upper one, whose mechanism shows it.
         last: The bounds that were computed last, of whatever factor.
+        bodies: With the strengths that are given, on the mesh of the upper factor.
         curve: Factors with the strict bounds of how many times the loads are carried; None of one
             that is missing.
         searches: Bounds that were computed, of meshes before the last one too.
         taken: What bodies are taken as, in clauses: ground that dilates by less than its friction,
             and surfaces whose chords differ.
         estimate: Whether they are of ground that stands for another one by Davis, and no bounds.
-        path: The curve of F over work of the mesh that was given, where it was asked for.
+        path: The curve of F over work of the mesh of the upper factor, where it was asked for.
     """
 
     lower: float | None
@@ -66,6 +67,7 @@ class FactorOfSafety:
     stands: BodyBounds | None
     falls: BodyBounds | None
     last: BodyBounds
+    bodies: Problem
     curve: tuple[tuple[float, float | None, float | None], ...]
     searches: int
     taken: tuple[str, ...] = ()
@@ -88,9 +90,9 @@ class FactorOfSafety:
         said = f"{body} {', and '.join(sides)}, if all strengths are divided by F."
         return said + sentences(self.taken)
 
-    def told(self) -> list[str]:
-        """What is proven, and what the curve says if there is one, a text each."""
-        return [self.in_words(), *([self.path.in_words()] if self.path else [])]
+    def news(self) -> str:
+        """What was found last: what is proven, or what the curve says, which comes behind it."""
+        return self.path.in_words() if self.path else self.in_words()
 
 
 def factor_of_safety(
@@ -130,6 +132,7 @@ def factor_of_safety(
         stands=None if lower is None else below.found[lower],
         falls=None if upper is None else above.found[upper],
         last=list(above.found.values())[-1],
+        bodies=above.problem,
         curve=tuple(sorted((factor, *sides) for factor, sides in rows.items())),
         searches=above.searches + (0 if below is above else below.searches),
         taken=taken_as(problem),

@@ -46,7 +46,7 @@ class StrengthPath:
 
     def in_words(self) -> str:
         """What it says, in a sentence."""
-        worth = "an estimate from this mesh, and no bound of the body"
+        worth = "an estimate from a mesh, and no bound of the body"
         if not self.points:
             return f"No curve of F over work was found: {self.reason}."
         last = self.points[-1]
