@@ -43,6 +43,7 @@ CASES = (
     "ring_bounds",
     "ground_bounds",
     "wall_bounds",
+    "ground_in_space",
     "bounds_apart",
     "statements",
     "bound_costs",

@@ -26,7 +26,7 @@ ON_SEVERAL = ("body_bounds", "friction", "meshed_apart")
 LONG = (
     *("assemblies", "axisymmetry", "bound_costs", "bounds_in_space", "contact_patch"),
     *("cracked_strips", "curved_seams", "dead_loads", "ground", "hertz_sphere", "joints"),
-    "ground_bounds",
+    *("ground_bounds", "ground_in_space"),
     *("bounds_apart", "platens", "published", "ring_bounds"),
     *("published_blocks", "published_contact", "rigid_footing", "strip_footing", "thick_sphere"),
     *("statements", "torsion", "towers", "wall_bounds"),

@@ -1,0 +1,143 @@
+# %% [markdown]
+# # Ground in space from both sides
+#
+# Strict bounds of associated Mohr–Coulomb ground and of Tresca's in space.
+#
+# - A **thick sphere** of radii 1 and 2 under pressure, c = 10 and φ = 10°, an octant of it: exactly
+#   c cot φ (2^m − 1) with m = 4 sin φ/(1 + sin φ). Facets are flat, so that each bound has a mesh
+#   of its own, as the sphere of `bounds_in_space.py` has: ground that has a pressure on all sides
+#   carries it, and what flows never shrinks.
+# - A **cube between rough platens**, φ = 20° and c = 1, an octant of it: its mean pressure. A
+#   prototype of other elements had 2.941 … 3.349.
+# - A **square rough footing** 2×2 on ground of c = 1 without friction, Tresca's, a quarter of it.
+#   Published bounds are 5.523 and 6.221 (R. Salgado, A. V. Lyamin, S. W. Sloan, H. S. Yu,
+#   Géotechnique 54 (2004), 297): no bracket may lie beside that one, nor be wider. The ground is
+#   6 by 6 by 2, held at its bottom and sides.
+#
+# Platens and footings are rigid surfaces, glued to the ground.
+#
+#     ./fenicsx python3 demos/verification/ground_in_space.py
+
+# %%
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+from mpi4py import MPI
+
+from demos.verification.published import at_most, ends, show_bounds
+from demos.verification.slip import subfolder
+from demos.verification.study import Row, mesh, run
+from meshes.rough_cube import HALF, write_rough_cube
+from meshes.square_footing import write_square_footing
+from meshes.thick_sphere import INNER, OUTER, write_thick_sphere
+from perfplast_fenicsx import (
+    Adaptation,
+    Force,
+    MohrCoulomb,
+    Pressure,
+    Problem,
+    RigidSurface,
+    Support,
+    Tresca,
+    adaptive_bounds,
+)
+from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.limit_analysis import AdaptiveBounds
+
+TITLE = "Ground in space from both sides"
+RTOL = 1e-3
+"""Of each bound on its mesh: far less than the gaps."""
+SYMMETRY = [Support("x0", "x"), Support("y0", "y")]
+SIZES = {"inner": 0.12, "outer": 0.14}
+"""Of the sphere's elements, where the facets of a surface are outside; the former is below."""
+PROTOTYPE = 2.941, 3.349
+PUBLISHED = 5.523, 6.221
+ONE_MESH = 1
+"""Cells that no finer mesh may have: the first mesh is the only one."""
+
+
+# %%
+def sphere(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Bounds of the sphere from a polyhedron on either side of it. Collective."""
+    began, found = time.perf_counter(), list[AdaptiveBounds]()
+    for surface, size in SIZES.items():
+        shell = mesh(
+            folder, write_thick_sphere, size=0.4 if coarse else size, circumscribed=surface
+        )
+        problem = Problem(
+            shell,
+            {"shell": MohrCoulomb(1e4, 0.3, 10.0, 10.0)},
+            [*SYMMETRY, Support("z0", "z")],
+            [Pressure("inner", 1.0)],
+            degree=2,
+        )
+        found.append(adaptive_bounds(problem, Adaptation(0.01, ONE_MESH), RTOL))
+    both = replace(found[1], low=found[0].low)
+    low, high = ends(both)
+    sine = math.sin(math.radians(10.0))
+    power = (OUTER / INNER) ** (4 * sine / (1 + sine))
+    exact = 10.0 / math.tan(math.radians(10.0)) * (power - 1)
+    told = [("below, exact", low, exact), ("exact, above", exact, high)]
+    told += [("gap in %", 100 * (high / low - 1), 40.0 if coarse else 5.0)]
+    return at_most("thick sphere, φ 10°", both, time.perf_counter() - began, told)
+
+
+def cube(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Bounds of the mean pressure of the rough cube. Collective."""
+    began, percent = time.perf_counter(), 30.0 if coarse else 6.0
+    octant = mesh(folder, write_rough_cube, size=0.25 if coarse else 0.125, platen=False)
+    problem = Problem(
+        octant,
+        {"cube": MohrCoulomb(1e3, 0.3, 1.0, 20.0)},
+        [*SYMMETRY, Support("z0", "z")],
+        [Force("top", (0.0, 0.0, -(HALF**2)))],
+        degree=2,
+        rigid=[RigidSurface("top", held="xy")],
+    )
+    cells = ONE_MESH if coarse else 2000
+    found = adaptive_bounds(problem, Adaptation(percent / 100, cells), RTOL)
+    low, high = ends(found)
+    told = [("gap in %", 100 * (high / low - 1), percent)]
+    if not coarse:
+        told += [("prototype, below", PROTOTYPE[0], low), ("above, prototype", high, PROTOTYPE[1])]
+    show_bounds(subfolder(folder, "cube"), "Cube between rough platens", found)
+    return at_most("rough cube, φ 20°", found, time.perf_counter() - began, told)
+
+
+def footing(folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Bounds of the mean pressure under the square footing. Collective."""
+    began = time.perf_counter()
+    lowest, highest = PUBLISHED
+    percent = 60.0 if coarse else 200 * (highest - lowest) / (highest + lowest)
+    ground = mesh(folder, write_square_footing, cells=2 if coarse else 6)
+    problem = Problem(
+        ground,
+        {"ground": Tresca(1e3, 0.3, 1.0)},
+        [*SYMMETRY, Support("bottom"), Support("sides")],
+        [Force("footing", (0.0, 0.0, -1.0))],
+        degree=2,
+        rigid=[RigidSurface("footing", held="xy")],
+    )
+    asked = Adaptation(0.5, ONE_MESH) if coarse else Adaptation(0.12, 6000)
+    found = adaptive_bounds(problem, asked, RTOL)
+    low, high = ends(found)
+    told = [("gap in %", 100 * (high / low - 1), percent)]
+    told += [("below, published above", low, highest), ("published below, above", lowest, high)]
+    return at_most("square rough footing, Tresca", found, time.perf_counter() - began, told)
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Brackets and what is known between them. Collective."""
+    return [row for case in (sphere, cube, footing) for row in case(folder, coarse)]
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()
