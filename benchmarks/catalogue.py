@@ -99,10 +99,10 @@ def step42(ranks: int, refinements: int = 5) -> Job:
     return Job(name, (*command, "--refinements", str(refinements)), 0, peer="step-42")
 
 
-def calculix(name: str) -> Job:
-    """CalculiX and the program on one ``.inp``."""
-    command = ("-m", "benchmarks.peers.calculix", name)
-    return Job(f"{name}, both", command, 0, peer="calculix")
+def calculix(name: str, stiffer: int) -> Job:
+    """CalculiX and the program on one ``.inp``, with Young's modulus of steel or many of it."""
+    command = ("-m", "benchmarks.peers.calculix", name, "--stiffer", str(stiffer))
+    return Job(f"{name}, {stiffer} E, both", command, 0, peer="calculix")
 
 
 def plate(n: int) -> tuple[Job, ...]:
@@ -223,7 +223,7 @@ GROUPS = {
     ),
     "calculix": Group(
         "the same .inp by CalculiX, with its last converged increment beside the bracket",
-        tuple(calculix(name) for name in ("punch", "wedge", "prop")),
+        tuple(calculix(name, k) for k in (1, 30) for name in ("punch", "wedge", "prop")),
         rounds=1,
     ),
     "scaling": Group(
