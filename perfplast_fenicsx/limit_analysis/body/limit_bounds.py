@@ -44,6 +44,7 @@ from perfplast_fenicsx.limit_analysis.stress.static_bound import (
 )
 from perfplast_fenicsx.limit_analysis.stress.static_certificate import beside_mechanism
 from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm
+from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound
 from perfplast_fenicsx.limit_analysis.velocity.gap_shares import gap_shares
 from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
     MechanismRates,
@@ -123,46 +124,19 @@ def _bounds(
 
     Both are on one mesh, and mostly the same. Collective.
     """
-    problem, given, split = above, above, None
-    tagged_mesh = problem.tagged_mesh
-    straight = problem.degree == 2 and not has_curved_cells(tagged_mesh.mesh)
-    if problem.bodies.gdim == 3 and straight:
-        split = alfeld_split(tagged_mesh)
-        problem = problem.on(split)
-    by_ring = tagged_mesh.axisymmetric and straight
-    if by_ring:
-        problem = by_flux(problem)
-    if straight and body_cones(problem).dilates:
-        problem = with_points_at_vertices(problem)
-    log.info("upper bound: a mechanism on %s", problem)
-    limit = resisted(interior_point(with_strict_contact(problem), rtol, monitor))
-    limit = _with_forces_of_pairs(problem, limit)
-    bounds, rates = _of_mesh(problem, limit)
+    bounds, rates, split = mechanism_bound(above, rtol, monitor)
     log.info("lower bound: a stress on the same cells")
     static = strict_lower_bound(below, rtol, monitor, bounds.question, form)
     static = with_standing_stress(below, static, rtol, monitor, bounds.question, form)
-    lower, certificates = static.bound, {}
-    if static.certificate is not None:
-        certificates = vars(static.certificate)
-        if bounds.upper.value is not None:
-            _, dead, _ = bounds.question.of(
-                0.0, problem.loads.dead_work(bounds.mechanism.x.petsc_vec)
-            )
-            value = bounds.upper.value
-            loose = body_cones(problem).loose or any_loose(problem)
-            power = measure_of(value + dead, value, loose)
-            lower = beside_mechanism(lower, static.certificate, power, bounds.mechanism)
-    stress = shares = None
+    lower, certificates = judged(static, bounds)
+    problem, stress, shares = bounds.problem, None, None
     # parts of a tetrahedron that is not split for the mechanism are no cells of any mesh
     if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
         stress = static.stress if split is None else on_parts(static.stress, split)
         if bounds.upper.value is not None:
             shares = gap_shares(problem, bounds.mechanism, stress, rates)
             shares = shares if split is None else of_parents(shares, split)
-    if by_ring:
-        velocity, mesh = of_displacements(given, bounds.flow, bounds.mesh)
-        flow = bounds.flow
-        bounds = replace(bounds, problem=given, mechanism=velocity, mesh=mesh, by_flux=flow)
+    bounds = with_displacements(above, bounds)
     return replace(
         bounds,
         lower=lower,
@@ -174,6 +148,69 @@ def _bounds(
         steps=bounds.steps + len(static.steps),
         factorisations=bounds.factorisations + static.factorisations,
     )
+
+
+def mechanism_bound(
+    problem: Problem, rtol: float, monitor: Callable[[InteriorStep], None] | None
+) -> tuple[BodyBounds, MechanismRates | None, AlfeldSplit | None]:
+    """An upper bound without a lower one. Collective.
+
+    Args:
+        problem: As :func:`admitted` has it.
+        rtol: How near it comes to the best of its mesh, relative.
+        monitor: Called on every rank after each step.
+
+    Returns:
+        The bound, around an axis of the problem in ru (:mod:`ring_flux`); the rates of its
+        mechanism, None without one; and how cells are split for it.
+    """
+    split = None
+    tagged_mesh = problem.tagged_mesh
+    straight = is_straight(problem)
+    if problem.bodies.gdim == 3 and straight:
+        split = alfeld_split(tagged_mesh)
+        problem = problem.on(split)
+    if tagged_mesh.axisymmetric and straight:
+        problem = by_flux(problem)
+    if straight and body_cones(problem).dilates:
+        problem = with_points_at_vertices(problem)
+    log.info("upper bound: a mechanism on %s", problem)
+    limit = resisted(interior_point(with_strict_contact(problem), rtol, monitor))
+    limit = _with_forces_of_pairs(problem, limit)
+    return *_of_mesh(problem, limit), split
+
+
+def with_displacements(given: Problem, bounds: BodyBounds) -> BodyBounds:
+    """Bounds whose mechanism around an axis is u and not ru; the others as they are. Collective."""
+    if not (given.tagged_mesh.axisymmetric and is_straight(given)):
+        return bounds
+    flow = bounds.flow
+    velocity, mesh = of_displacements(given, flow, bounds.mesh)
+    return replace(bounds, problem=given, mechanism=velocity, mesh=mesh, by_flux=flow)
+
+
+def judged(static: StaticBound, bounds: BodyBounds) -> tuple[Bound, dict[str, float]]:
+    """A lower bound beside what a mechanism tells of its balance, and its certificate. Collective.
+
+    Args:
+        static: The lower bound.
+        bounds: With the mechanism, if there is one, and what is asked.
+    """
+    if static.certificate is None:
+        return static.bound, {}
+    certificates, value = vars(static.certificate), bounds.upper.value
+    if value is None:
+        return static.bound, certificates
+    flow, mechanism = bounds.flow.problem, bounds.flow.velocity
+    _, dead, _ = bounds.question.of(0.0, flow.loads.dead_work(mechanism.x.petsc_vec))
+    loose = body_cones(flow).loose or any_loose(flow)
+    power = measure_of(value + dead, value, loose)
+    return beside_mechanism(static.bound, static.certificate, power, mechanism), certificates
+
+
+def is_straight(problem: Problem) -> bool:
+    """Whether its elements are quadratic on straight cells. Collective."""
+    return problem.degree == 2 and not has_curved_cells(problem.tagged_mesh.mesh)
 
 
 def _with_forces_of_pairs(problem: Problem, limit: LimitLoad) -> LimitLoad:

@@ -4,13 +4,12 @@ With strengths that are reduced by F, cohesions, slopes of friction and yield st
 loads are carried μ(F) times (:class:`question.Question`), and μ falls with F. A stress that carries
 them once shows that the factor of safety is at least F, a mechanism that cannot that it is at most
 that. So a root of each strict bound of μ is sought, a little to its safe side, by secants of ln μ
-over ln F.
+over ln F, with that bound alone.
 """
 
 import logging
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from perfplast_fenicsx.factor_words import factor_words
@@ -18,11 +17,10 @@ from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_words import sentences, taken_as
+from perfplast_fenicsx.limit_analysis.body.factor_roots import FactorRoots
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
-from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
-from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_stands, weakened
-from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
@@ -35,12 +33,6 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 log = logging.getLogger(__name__)
 
-MOST_SEARCHES = 10
-"""Searches for a root F, at most; three or four are usual."""
-
-STEP = 1.3
-"""Factor by which F changes where a side of μ is not known, or no two values are."""
-
 
 @dataclass(frozen=True)
 class FactorOfSafety:
@@ -49,13 +41,13 @@ class FactorOfSafety:
     Attributes:
         lower: With strengths reduced by so much the loads are carried; None where none was found.
         upper: With strengths reduced by so much they are not; None where none was found.
-        stands: Bounds at the lower factor, whose stress shows it.
-        falls: Bounds at the upper one, whose mechanism shows it.
-        last: The bounds that were computed last, of whatever factor.
+        stands: A lower bound at the lower factor, whose stress shows it.
+        falls: An upper bound at the upper one, whose mechanism shows it.
+        last: The upper bound that was computed last, of whatever factor.
         bodies: With the strengths that are given, on the mesh of the upper factor.
         curve: Factors with the strict bounds of how many times the loads are carried; None of one
             that is missing.
-        searches: Bounds that were computed, of meshes before the last one too.
+        searches: Bounds that were computed, each side by itself, of meshes before the last one too.
         taken: What bodies are taken as, in clauses: ground that dilates by less than its friction,
             and surfaces whose chords differ.
         estimate: Whether they are of ground that stands for another one by Davis, and no bounds.
@@ -124,14 +116,15 @@ def factor_of_safety(
     lower, upper = below.root("lower"), above.root("upper")
     rows: dict[float, tuple[float | None, float | None]] = {}
     for curve in (below,) if below is above else (below, above):
-        for factor, bounds in curve.found.items():
-            rows[factor] = _better_of(_strict(bounds), rows.get(factor, (None, None)))
+        for of_kind in curve.found.values():
+            for factor, bounds in of_kind.items():
+                rows[factor] = _better_of(_strict(bounds), rows.get(factor, (None, None)))
     return FactorOfSafety(
         lower=lower,
         upper=upper,
-        stands=None if lower is None else below.found[lower],
-        falls=None if upper is None else above.found[upper],
-        last=list(above.found.values())[-1],
+        stands=None if lower is None else below.found["lower"][lower],
+        falls=None if upper is None else above.found["upper"][upper],
+        last=list(above.found["upper"].values())[-1],
         bodies=above.problem,
         curve=tuple(sorted((factor, *sides) for factor, sides in rows.items())),
         searches=above.searches + (0 if below is above else below.searches),
@@ -182,108 +175,23 @@ def _curves(
     monitor: Callable[[float, Bound, Bound], None] | None,
     steps: Callable[[InteriorStep], None] | None,
     adaptation: Adaptation | None,
-) -> tuple["_Curve", "_Curve"]:
+) -> tuple[FactorRoots, FactorRoots]:
     """Where a lower and an upper root are sought; the same where one mesh is best. Collective."""
-    curve = _Curve(problem, tolerance, monitor, steps)
+    curve = FactorRoots(problem, tolerance, monitor, steps)
     first = curve.of_mesh()
     if adaptation is None:
-        curve.at(first)
+        curve.searches = 2
+        curve.keep(first, limit_bounds(weakened(problem, first), curve.rtol, steps))
         return curve, curve
     log.info("adapted meshes at F = %.6g", first)
     adapted = adaptive_bounds(weakened(problem, first), adaptation, steps=steps)
-    curves: list[_Curve] = []
+    curves: list[FactorRoots] = []
     for source, bounds in zip(adapted.sources, (adapted.low, adapted.high), strict=True):
         if not curves or bounds is not adapted.low:
             given = problem.given
             rubbing = given.contacts, given.obstacles
             source = variant(source, materials=given.materials, rubbing=rubbing)
-            curves.append(_Curve(source, tolerance, monitor, steps))
+            curves.append(FactorRoots(source, tolerance, monitor, steps, curve.steepness))
             curves[-1].keep(first, bounds)
-    curves[0].searches += len(adapted.rounds)
+    curves[0].searches += 2 * len(adapted.rounds)
     return curves[0], curves[-1]
-
-
-@dataclass
-class _Curve:
-    """Bounds of μ at some F."""
-
-    problem: Problem
-    tolerance: float
-    monitor: Callable[[float, Bound, Bound], None] | None
-    steps: Callable[[InteriorStep], None] | None
-    found: dict[float, BodyBounds] = field(default_factory=dict)
-    searches: int = 0
-
-    def of_mesh(self) -> float:
-        """Where the mesh carries the loads once, about. Collective."""
-        known: dict[float, float] = {}
-        factor = 1.0
-        for _ in range(MOST_SEARCHES):
-            _, other = weaker_and_stronger(weakened(self.problem, factor))
-            searched = with_strict_contact(other)
-            found = interior_point(searched, 10 * self.tolerance, self.steps).standing
-            times = None if found is None else found.lower
-            if times is None or not times > 0:
-                factor /= STEP
-                continue
-            known[factor] = math.log(times)
-            if abs(known[factor]) <= 10 * self.tolerance:
-                break
-            factor = _next(known, 0.0)
-        return factor
-
-    def root(self, kind: str) -> float | None:
-        """The factor at which a bound of μ is 1, on the safe side of it. Collective."""
-        sign = 1 if kind == "lower" else -1
-        best: float | None = None
-        aim = 0.3  # where in the tolerance a root is aimed at, from its safe side
-        for _ in range(MOST_SEARCHES):
-            known = {}
-            for factor, bounds in self.found.items():
-                bound = bounds.lower if kind == "lower" else bounds.upper
-                if bound.strict and bound.value is not None and bound.value > 0:
-                    known[factor] = math.log(bound.value)
-            safe = [factor for factor, times in known.items() if sign * times >= 0]
-            best = (max(safe) if kind == "lower" else min(safe)) if safe else None
-            room = self.tolerance * _steepness(known)
-            if best is not None and abs(known[best]) <= room:
-                break
-            if known:
-                factor = _next(known, sign * aim * room)
-            else:  # confined bodies fall with less strength, coarse meshes carry more with more
-                factor = (max if sign < 0 else min)(self.found) * STEP**-sign
-            while known and factor in self.found and factor not in known:  # nothing came of it
-                factor = math.sqrt(factor * min(known, key=lambda it: abs(math.log(it / factor))))
-            if factor in self.found:
-                break
-            self.at(factor)
-        return best
-
-    def at(self, factor: float) -> None:
-        # Share of the tolerance, in μ, that a strict bound may leave to the best one of its mesh.
-        finer = 0.1
-        rtol = finer * self.tolerance
-        self.searches += 1
-        self.keep(factor, limit_bounds(weakened(self.problem, factor), rtol, self.steps))
-
-    def keep(self, factor: float, bounds: BodyBounds) -> None:
-        self.found[factor] = bounds
-        if self.monitor is not None:
-            self.monitor(factor, bounds.lower, bounds.upper)
-
-
-def _steepness(known: dict[float, float]) -> float:
-    """|d ln μ/d ln F|, between the two values next to μ = 1; 1 of a single one."""
-    pair = sorted(known, key=lambda factor: abs(known[factor]))[:2]
-    if len(pair) < 2:
-        return 1.0
-    one, other = pair
-    return max(abs((known[one] - known[other]) / math.log(one / other)), 1.0)
-
-
-def _next(known: dict[float, float], aim: float) -> float:
-    """Where ln μ is what is aimed at, by the secant of the two values next to that."""
-    nearest = min(known, key=lambda factor: abs(known[factor] - aim))
-    change = (known[nearest] - aim) / _steepness(known)
-    most = 3 * math.log(STEP)
-    return nearest * math.exp(min(max(change, -most), most))

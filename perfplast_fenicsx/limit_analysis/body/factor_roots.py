@@ -1,0 +1,152 @@
+"""Factors that divide strengths until loads are carried just once, a root of each strict bound."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.one_bound import lower_bound, upper_bound
+from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
+from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import weakened
+from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound
+from perfplast_fenicsx.problem.problem import Problem
+
+MOST_SEARCHES = 10
+"""Searches for a root F, at most; three or four are usual."""
+
+STEP = 1.3
+"""Factor by which F changes where a side of μ is not known, or no two values are."""
+
+
+@dataclass
+class FactorRoots:
+    """Bounds of μ at some F, on one mesh, and the roots of each.
+
+    Attributes:
+        problem: With the whole strengths.
+        tolerance: Of the roots, relative.
+        monitor: Called on every rank with F, and lower and upper bound of μ there.
+        steps: Called on every rank after each step of the interior point method.
+        steepness: |d ln μ/d ln F| that a single value is taken to have.
+        found: Bounds by F, by which of both was sought.
+        searches: Bounds that were computed, each side by itself.
+    """
+
+    problem: Problem
+    tolerance: float
+    monitor: Callable[[float, Bound, Bound], None] | None
+    steps: Callable[[InteriorStep], None] | None
+    steepness: float = 1.0
+    found: dict[str, dict[float, BodyBounds]] = field(
+        default_factory=lambda: {"lower": {}, "upper": {}}
+    )
+    searches: int = 0
+
+    @property
+    def rtol(self) -> float:
+        """How near each bound comes to the best one of its mesh, relative."""
+        finer = 0.1  # share of the tolerance, in μ
+        return finer * self.tolerance
+
+    def of_mesh(self) -> float:
+        """Where the mesh carries the loads once, about, and how steep μ is there. Collective."""
+        known: dict[float, float] = {}
+        factor, strong, near = 1.0, 0.0, 1.05
+        for _ in range(MOST_SEARCHES):
+            times = self._log_times(factor)
+            if times is None:
+                factor /= STEP
+                continue
+            if math.isinf(times):
+                strong, factor = factor, 0.0 if known else STEP * factor
+            else:
+                known[factor] = times
+                if abs(times) <= 10 * self.tolerance:
+                    break
+                factor = _next(known, 0.0, self.steepness)
+            if known and factor <= near * strong:
+                if min(known) <= near * strong:
+                    break
+                factor = math.sqrt(strong * min(known))
+        if known:
+            factor = min(known, key=lambda it: abs(known[it]))
+            self.steepness = _steepness(known, self.steepness)
+        finer = 1.03  # meshes fall with less strength by so much, about
+        less = 0.96  # as steep as a coarse mesh bounds on finer ones are, by what was measured
+        times = self._log_times(factor / finer) if factor in known else None
+        if times is not None and math.isfinite(times):
+            steepness = _steepness({factor: known[factor], factor / finer: times}, 1.0)
+            self.steepness = less * steepness
+        return factor
+
+    def _log_times(self, factor: float) -> float | None:
+        """What ln μ of the mesh is, about; None where it is not known, ∞ without end. Collective."""
+        _, other = weaker_and_stronger(weakened(self.problem, factor))
+        searched = with_strict_contact(other)
+        found = interior_point(searched, 10 * self.tolerance, self.steps)
+        if found.verdict is Verdict.UNBOUNDED:  # coarse meshes may have no motion that dilates so
+            return math.inf
+        times = None if found.standing is None else found.standing.lower
+        return math.log(times) if times is not None and times > 0 else None
+
+    def root(self, kind: str) -> float | None:
+        """The factor at which a bound of μ is 1, on the safe side of it. Collective."""
+        sign, found = 1 if kind == "lower" else -1, self.found[kind]
+        best: float | None = None
+        aim = 0.5  # where in the tolerance a root is aimed at, from its safe side
+        for _ in range(MOST_SEARCHES):
+            known = {}
+            for factor, bounds in found.items():
+                bound = bounds.lower if kind == "lower" else bounds.upper
+                if bound.strict and bound.value is not None and bound.value > 0:
+                    known[factor] = math.log(bound.value)
+            safe = [factor for factor, times in known.items() if sign * times >= 0]
+            best = (max(safe) if kind == "lower" else min(safe)) if safe else None
+            room = self.tolerance * _steepness(known, self.steepness)
+            if best is not None and abs(known[best]) <= room:
+                break
+            if known:
+                factor = _next(known, sign * aim * room, self.steepness)
+            else:  # confined bodies fall with less strength, coarse meshes carry more with more
+                factor = (max if sign < 0 else min)(found) * STEP**-sign
+            while known and factor in found and factor not in known:  # nothing came of it
+                factor = math.sqrt(factor * min(known, key=lambda it: abs(math.log(it / factor))))
+            if factor in found:
+                break
+            self.searches += 1
+            reduced = weakened(self.problem, factor)
+            if kind == "upper":
+                bounds = upper_bound(reduced, self.rtol, self.steps)
+            else:
+                beside = self.found["upper"]
+                nearest = min(beside, key=lambda it: abs(math.log(it / factor)))
+                bounds = lower_bound(reduced, beside[nearest], self.rtol, self.steps)
+            self.keep(factor, bounds, kind)
+        return best
+
+    def keep(self, factor: float, bounds: BodyBounds, *kinds: str) -> None:
+        """Take bounds at some F, of all kinds that they have."""
+        for kind in kinds or self.found:
+            self.found[kind][factor] = bounds
+        if self.monitor is not None:
+            self.monitor(factor, bounds.lower, bounds.upper)
+
+
+def _steepness(known: dict[float, float], guess: float) -> float:
+    """|d ln μ/d ln F|, between the two values next to μ = 1; a guess of a single one."""
+    pair = sorted(known, key=lambda factor: abs(known[factor]))[:2]
+    if len(pair) < 2:
+        return guess
+    one, other = pair
+    return max(abs((known[one] - known[other]) / math.log(one / other)), 1.0)
+
+
+def _next(known: dict[float, float], aim: float, guess: float) -> float:
+    """Where ln μ is what is aimed at, by the secant of the two values next to that."""
+    nearest = min(known, key=lambda factor: abs(known[factor] - aim))
+    change = (known[nearest] - aim) / _steepness(known, guess)
+    most = 3 * math.log(STEP)
+    return nearest * math.exp(min(max(change, -most), most))

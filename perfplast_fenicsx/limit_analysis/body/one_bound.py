@@ -1,0 +1,88 @@
+"""One bound of how many times loads are carried, where the other one is not asked for."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.bound_words import taken_as
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import (
+    admitted,
+    is_straight,
+    judged,
+    mechanism_bound,
+    with_displacements,
+)
+from perfplast_fenicsx.limit_analysis.body.parts_of_cells import on_parts
+from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
+from perfplast_fenicsx.limit_analysis.stress.static_bound import strict_lower_bound
+from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
+from perfplast_fenicsx.problem.problem import Problem
+
+Steps = Callable[[InteriorStep], None]
+"""Called on every rank after each step of the interior point method."""
+
+
+def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None) -> BodyBounds:
+    """An upper bound and its mechanism, without a lower one. Collective.
+
+    Args:
+        problem: As :func:`limit_bounds.limit_bounds` takes it.
+        rtol: How near it comes to the best of its mesh, relative.
+        steps: Called after each step.
+
+    Raises:
+        InputError: As :func:`limit_bounds.limit_bounds`.
+    """
+    problem = admitted(problem, rtol)
+    _, above = weaker_and_stronger(problem)
+    bounds = with_displacements(above, mechanism_bound(above, rtol, steps)[0])
+    return replace(bounds, lower=_other("lower"), taken=taken_as(problem))
+
+
+def lower_bound(
+    problem: Problem, beside: BodyBounds, rtol: float = 1e-4, steps: Steps | None = None
+) -> BodyBounds:
+    """A lower bound and its stress, without an upper one. Collective.
+
+    Args:
+        problem: As :func:`limit_bounds.limit_bounds` takes it.
+        beside: Bounds of the same loads, of nearly the same strengths. Its mechanism tells what is
+            left of the stress's balance, and stays the one that is told; its question is asked.
+        rtol: How near it comes to the best of its mesh, relative.
+        steps: Called after each step.
+
+    Raises:
+        InputError: As :func:`limit_bounds.limit_bounds`.
+    """
+    problem = admitted(problem, rtol)
+    below, _ = weaker_and_stronger(problem)
+    static = strict_lower_bound(below, rtol, steps, beside.question)
+    lower, certificates = judged(static, beside)
+    on, stress = below, static.stress if static.bound.value is not None else None
+    if problem.bodies.gdim == 3 and is_straight(problem):
+        split = alfeld_split(problem.tagged_mesh)
+        on = below.on(split)
+        stress = stress if stress is None else on_parts(stress, split)
+    elif problem.bodies.gdim == 3:  # parts of cells that are not split are no cells of any mesh
+        stress = None
+    return replace(
+        beside,
+        problem=on,
+        lower=lower,
+        upper=_other("upper"),
+        static=static,
+        stress=stress,
+        shares=None,
+        certificates=certificates,
+        steps=len(static.steps),
+        factorisations=static.factorisations,
+        weaker=None,
+        taken=taken_as(problem),
+    )
+
+
+def _other(kind: str) -> Bound:
+    """In the place of the bound that is not sought."""
+    return Bound(None, kind, Scope.MESH, ("it was not asked for",))
