@@ -83,7 +83,10 @@ class FactorRoots:
         return factor
 
     def _log_times(self, factor: float) -> float | None:
-        """What ln μ of the mesh is, about; None where it is not known, ∞ without end. Collective."""
+        """The logarithm of μ of the mesh, about; None if it is not known, ∞ without end.
+
+        Collective.
+        """
         _, other = weaker_and_stronger(weakened(self.problem, factor))
         searched = with_strict_contact(other)
         found = interior_point(searched, 10 * self.tolerance, self.steps)

@@ -69,7 +69,11 @@ class FactorOfSafety:
     def table(self) -> dict[str, Any]:
         """What ``summary.json`` says of it."""
         curve = [dict(zip(("factor", "lower", "upper"), row, strict=True)) for row in self.curve]
-        known = {"lower": self.lower, "upper": self.upper, "in_words": self.in_words()}
+        known: dict[str, Any] = {
+            "lower": self.lower,
+            "upper": self.upper,
+            "in_words": self.in_words(),
+        }
         known |= {"curve": curve, "searches": self.searches, "estimate": self.estimate}
         return known | {"path": self.path and self.path.table()}
 
