@@ -42,6 +42,7 @@ CASES = (
     "bounds_in_space",
     "ring_bounds",
     "ground_bounds",
+    "yield_laws",
     "wall_bounds",
     "ground_in_space",
     "bounds_apart",

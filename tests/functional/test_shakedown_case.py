@@ -116,6 +116,11 @@ RANGES = "ranges = { pull = [0, 1], heat = [0, 1] }"
         ("directions = 3", "directions = 2", "directions = 2 with 2 of what varies"),
         ("tie = [", "contact = [", "is for bodies that neither part nor slide"),
         (
+            'law = "von-mises"\nyoung = 2e5\npoisson = 0.3\nyield_stress = 100.0',
+            'law = "tresca"\nyoung = 2e5\npoisson = 0.3\ncohesion = 50.0\ntensile_strength = 1.0',
+            "that of 'lower' (Tresca) is none; give law",
+        ),
+        (
             'components = "x" },\n]',
             'components = "x", value = 0.1 },\n]',
             "or a rigid surface moves",

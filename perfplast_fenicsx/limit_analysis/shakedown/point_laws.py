@@ -98,8 +98,8 @@ def _of_body(name: str, material: Material, size: int) -> tuple[PlainCone | None
     if cones is None or len(cones) > 1 or (cones and not isinstance(cones[0], Cone)):
         raise InputError(
             f"shakedown is for bodies whose yield set is a cone of stresses, and that of '{name}'"
-            f" ({material.law.__name__}) is none; give law = 'von-mises', 'drucker-prager', 'hill'"
-            " or 'elastic'."
+            f" ({type(material).__name__}) is none; give law = 'von-mises', 'drucker-prager',"
+            " 'hill' or 'elastic'."
         )
     units = [ufl.as_vector([float(i == j) for j in range(size)]) for i in range(size)]
     hooke = np.column_stack([numbers_of(law.elastic.hooke(unit)) for unit in units])
