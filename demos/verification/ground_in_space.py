@@ -125,6 +125,7 @@ def footing(folder: ResultFolder, coarse: bool) -> list[Row]:
     low, high = ends(found)
     told = [("gap in %", 100 * (high / low - 1), percent)]
     told += [("below, published above", low, highest), ("published below, above", lowest, high)]
+    show_bounds(subfolder(folder, "footing"), "Square rough footing", found)
     return at_most("square rough footing, Tresca", found, time.perf_counter() - began, told)
 
 
