@@ -55,6 +55,7 @@ CASES = (
     "published",
     "published_blocks",
     "published_contact",
+    "published_plates",
 )
 
 
