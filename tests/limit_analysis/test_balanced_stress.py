@@ -44,7 +44,7 @@ def test_a_stress_that_is_outside_or_carries_less_helps_nobody() -> None:
 
 
 def test_more_is_kept_by_what_has_been_missing() -> None:
-    least, most = RESERVES
+    least, unknown, most = RESERVES
     start = Start()
     assert start.reserve == least
     more = start.with_more_in_reserve(2e-4)
@@ -54,3 +54,5 @@ def test_more_is_kept_by_what_has_been_missing() -> None:
     assert start.with_more_in_reserve() == Start(reserve=10 * least)
     assert start.with_more_in_reserve(1.0) == Start(reserve=most)
     assert Start(reserve=most).with_more_in_reserve(1.0) is None
+    assert Start(reserve=unknown).with_more_in_reserve() is None
+    assert Start(reserve=unknown).with_more_in_reserve(1e-3) == Start(reserve=3 * unknown)

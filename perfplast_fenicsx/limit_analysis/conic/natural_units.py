@@ -30,10 +30,10 @@ moduli of a step would have a range of its square, and in double precision nothi
 balance of the weak ones."""
 
 
-RESERVES = (1e-5, 1e-3)
+RESERVES = (1e-5, 1e-3, 1e-2)
 """Shares of the strengths that beside dead loads are kept for what rounding leaves of a stress: at
 first, or a tenth of the tolerance that bounds are sought with, and at most where it has left yield
-by more."""
+by more, where it is not known and where it is known by how much."""
 
 UNLIMITED = (
     "nothing limits the loads, as far as rounding tells: mean stresses, bodies that do not yield"
@@ -67,7 +67,7 @@ class Start:
         Args:
             over: By how much the stress has left yield, relative, if that is known.
         """
-        most = RESERVES[-1]
+        most = RESERVES[1] if over is None else RESERVES[2]
         if self.reserve >= most:
             return None
         more = 10 * self.reserve
