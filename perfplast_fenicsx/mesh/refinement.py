@@ -78,14 +78,61 @@ def refine(
     marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
     marks[edges.of_cell[marked]] = True
     faces = edges.of_cell[:, edges_of_faces(tagged_mesh.mesh.topology.dim)].reshape(-1, 3)
+    marks = _with_longest(comm, edges, faces, marks)
+    return _cut(tagged_mesh, edges, marks, edges.order[edges.of_cell])
+
+
+def spread(
+    tagged_mesh: TaggedMesh,
+    corners_to_cut: npt.NDArray[np.bool_],
+    centres: npt.NDArray[np.bool_],
+    opposite: Longs | None = None,
+) -> Refined:
+    """Cut cells of a plane mesh in two at some of their corners, which keeps them long. Collective.
+
+    The edges opposite are cut. Cells beyond keep their shape as by :func:`refine`; others at a
+    centre are cut in two as well where an edge opposite it has to be, and no edge to it is.
+
+    Args:
+        tagged_mesh: As of :func:`refine`, plane.
+        corners_to_cut: Of the cells that this rank owns, shape (num_cells, 3).
+        centres: Corners at which cells are to stay long, of the same shape.
+        opposite: As of :func:`refine`.
+    """
+    check_refinable(tagged_mesh)
+    edges = GluedEdges(tagged_mesh.mesh, _pairs(opposite))
+    marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
+    marks[edges.of_cell[corners_to_cut]] = True  # edge k is opposite corner k
+    marks = _with_longest(tagged_mesh.mesh.comm, edges, edges.of_cell, marks, centres)
+    first = edges.order[edges.of_cell] + corners_to_cut * len(edges.order)
+    return _cut(tagged_mesh, edges, marks, first)
+
+
+def _with_longest(
+    comm: MPI.Intracomm,
+    edges: GluedEdges,
+    faces: Longs | Ints,
+    marks: npt.NDArray[np.bool_],
+    left: npt.NDArray[np.bool_] | None = None,
+) -> npt.NDArray[np.bool_]:
+    """Marked edges with the longest one of each triangle that has a marked edge. Collective.
+
+    Args:
+        comm: The ranks.
+        edges: Of the mesh.
+        faces: Edges of each triangle, shape (num_triangles, 3).
+        marks: Of the local edges.
+        left: Edges of triangles that ask for no longest one, of the shape of ``faces``.
+    """
     longest = faces[np.arange(len(faces)), edges.order[faces].argmax(axis=1)]
     more = True
     while more:
         marks = edges.anywhere(marks)
-        wanted = longest[marks[faces].any(axis=1)]
+        asking = marks[faces] if left is None else marks[faces] & ~left
+        wanted = longest[asking.any(axis=1)]
         more = comm.allreduce(not marks[wanted].all(), MPI.LOR)
         marks[wanted] = True
-    return _cut(tagged_mesh, edges, marks, edges.order[edges.of_cell])
+    return marks
 
 
 def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) -> Refined:

@@ -11,13 +11,20 @@ from meshes.platens import write_platens
 from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
 from meshes.tube_polygon import write_tube_polygon
 from perfplast_fenicsx import Contact, Pressure, Support, TaggedMesh
+from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
-from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
+from perfplast_fenicsx.limit_analysis.body.singular_points import (
+    angles_at_corners,
+    singular_points,
+)
+from perfplast_fenicsx.limit_analysis.body.wide_corners import wide_corners
 from perfplast_fenicsx.mesh.bisection import edges_of_simplex
 from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
+from perfplast_fenicsx.mesh.refinement import spread
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.declared.given import Given
+from tests.mesh.test_meshes import check_interface
 from tests.models import Read
 
 GROUND = [Support("x0", "x"), Support("bottom"), Support("side")]
@@ -68,6 +75,43 @@ def test_a_straight_side_of_one_kind_has_none(read: Read) -> None:
     block = read(write_platens)
     pressed = declared([Support("x0", "x"), Support("y0", "y")], [Pressure("top", 1.0)])
     assert places(block, pressed) == set()
+
+
+def test_fans_where_a_load_ends_are_long(read: Read) -> None:
+    """As long as the cells were, and without cells in the 42° beside either side."""
+    ground = read(write_strip_footing, width=3.0, depth=2.0, grading=1.0, size=1.0)
+    given = declared(GROUND, [Pressure("footing", 1.0)])
+    assert not wide_corners(ground, declared(GROUND, []))[0].any()
+    reach, comm = [], ground.mesh.comm
+    for _ in range(6):
+        wide, there = wide_corners(ground, given)
+        x = corners(ground.mesh)[1][corners(ground.mesh)[0][: len(there)]]
+        away = np.linalg.norm(x - (1.0, 0.0), axis=2)
+        here = there.any(axis=1)
+        assert (away[here].min(axis=1) < 1e-9).all()
+        reach.append(comm.allreduce(away[here].max(initial=0.0), MPI.MAX))
+        if not comm.allreduce(int(wide.sum())):
+            break
+        ground = spread(ground, wide, there).tagged_mesh
+    assert len(reach) > 2
+    np.testing.assert_allclose(reach, reach[0])
+    angles = comm.allgather(np.rad2deg(angles_at_corners(x)[there]))
+    assert np.concatenate(angles).sum() == pytest.approx(180.0)
+    assert np.count_nonzero(np.concatenate(angles) < 7.5) >= 12
+
+
+def test_fans_at_the_end_of_a_contact_match(read: Read) -> None:
+    """Edges of the other body are cut as well; the same mesh on any number of ranks."""
+    contact = Contact("ground_footing", "punch_footing")
+    given = declared(GROUND, [Pressure("top", 1.0)], [contact])
+    arguments = {"punch": True, "width": 3.0, "depth": 2.0, "grading": 1.0, "size": 1.0}
+    assembly = read(write_strip_footing, **arguments)
+    for _ in range(6):
+        wide, there = wide_corners(assembly, given)
+        pairs = opposite_vertices(assembly, [contact])
+        assembly = spread(assembly, wide, there, pairs).tagged_mesh
+    assert not wide_corners(assembly, given)[0].any()
+    check_interface(assembly, "ground_footing", "punch_footing")
 
 
 def test_corners_need_fewer_cells_the_less_the_stress_turns(read: Read) -> None:

@@ -10,9 +10,10 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.marking import largest_shares, to_refine
 from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
 from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
+from perfplast_fenicsx.limit_analysis.body.wide_corners import wide_corners
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
 from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
-from perfplast_fenicsx.mesh.refinement import fan, fan_around, refine
+from perfplast_fenicsx.mesh.refinement import fan, fan_around, refine, spread
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import fetch_rows
 from perfplast_fenicsx.problem.problem import Problem
@@ -46,7 +47,7 @@ def finer_mesh(
     marked = to_refine(problem, found, part)
     if not problem.comm.allreduce(int(marked.sum())):
         return "nothing was found that says where to refine"
-    usual = refined(problem, marked, found)
+    usual = refined(problem, marked, found, cells)
     least, most = 0.0, float(cells)
     if problem.bodies.gdim == 3 and part < 1.0:
         least, most = _wanted(now, gap, adaptation)
@@ -60,7 +61,7 @@ def finer_mesh(
         if least <= number_of_cells(finer) <= most:
             break
         part = (low + high) / 2
-        other = refined(problem, to_refine(problem, found, part), found)
+        other = refined(problem, to_refine(problem, found, part), found, cells)
         if number_of_cells(other) > most:
             high = part
         else:
@@ -91,7 +92,10 @@ def _wanted(now: int, gap: float | None, adaptation: Adaptation) -> tuple[float,
 
 
 def refined(
-    problem: Problem, marked: npt.NDArray[np.bool_], found: BodyBounds | None = None
+    problem: Problem,
+    marked: npt.NDArray[np.bool_],
+    found: BodyBounds | None = None,
+    cells: float = np.inf,
 ) -> TaggedMesh:
     """The mesh of a problem, finer where it is marked, with fans where it needs them. Collective.
 
@@ -100,21 +104,48 @@ def refined(
         marked: Of the cells that this rank owns.
         found: Bounds on the mesh. In space cells at singular edges, where the lower one loses most,
             are made fans in place of being refined: what it loses there is for want of directions.
+        cells: That a mesh may have at most. In the plane fans of long cells are made at once where
+            they take less than a fourth of them, and else a little of them with each mesh.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     in_space = problem.bodies.gdim == 3
     if in_space and found is not None and found.static is not None:
         tagged_mesh, marked = _with_fans(problem, marked, found.static.dissipation)
+    at_once = False
+    if not in_space:
+        long, rest = _with_long_fans(problem, marked)
+        at_once = number_of_cells(long) <= cells / 4 + number_of_cells(tagged_mesh)
+        tagged_mesh, marked = (long, rest) if at_once else (tagged_mesh, marked)
     pairs = opposite_vertices(tagged_mesh, given.contacts)
     finer = refine(tagged_mesh, marked, pairs).tagged_mesh
     if in_space:
         return finer
     valence = 24  # cells that meet at least where the stress depends on the direction, in the end
-    points = singular_points(finer, given, valence)
+    points = singular_points(finer, given, valence, ends=not at_once)
     if problem.comm.allreduce(len(points)):
         finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
     bend_crossings(finer)
     return finer
+
+
+def _with_long_fans(
+    problem: Problem, marked: npt.NDArray[np.bool_]
+) -> tuple[TaggedMesh, npt.NDArray[np.bool_]]:
+    """A plane mesh with fans that are as long as its cells, and marks on it. Collective.
+
+    Cells that become parts of fans are not marked any more: they would be short.
+    """
+    given, tagged_mesh = problem.given, problem.tagged_mesh
+    most = 8  # times that angles are cut in two
+    for _ in range(most):
+        wide, there = wide_corners(tagged_mesh, given)
+        if not problem.comm.allreduce(int(wide.sum())):
+            break
+        pairs = opposite_vertices(tagged_mesh, given.contacts)
+        finer = spread(tagged_mesh, wide, there, pairs)
+        marked = fetch_rows(problem.comm, marked & ~wide.any(axis=1), finer.parents)
+        tagged_mesh = finer.tagged_mesh
+    return tagged_mesh, marked
 
 
 def _with_fans(

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import la
 from dolfinx.mesh import exterior_facet_indices
 
@@ -18,7 +19,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.given import Given
 
 
-def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints:
+def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int, ends: bool = True) -> Ints:
     """Local vertices of a plane mesh that need more cells. Collective.
 
     They are ends of loads, supports and contacts, and corners, where the principal stresses turn
@@ -31,14 +32,28 @@ def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints
             load on a straight side: there they turn by what the angle of the body exceeds a right
             one, and where nothing ends by what it exceeds a straight one. Where they turn by less,
             as much fewer will do.
+        ends: Whether ends of loads, supports and contacts are among them, or corners alone.
+    """
+    turn, cells, at_ends = turns_at_vertices(tagged_mesh, given)
+    wanted = valence * turn * (ends | ~at_ends)
+    return np.flatnonzero(cells < wanted).astype(np.int32)
+
+
+def turns_at_vertices(
+    tagged_mesh: TaggedMesh, given: Given
+) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+    """By how much principal stresses may turn at local vertices. Collective.
+
+    Args:
+        tagged_mesh: Of triangles.
+        given: Its loads, supports and contacts.
+
+    Returns:
+        Right angles, 0 to 1, and 0 inside; how many cells meet there; and where something ends.
     """
     topology = tagged_mesh.mesh.topology
     vertices, points = corners(tagged_mesh.mesh)
-    x = points[vertices]
-    one, other = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
-    across = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
-    angle = np.arctan2(np.abs(across), np.einsum("cvi,cvi->cv", one, other))
-
+    angle = angles_at_corners(points[vertices])
     topology.create_connectivity(1, 2)
     topology.create_connectivity(1, 0)
     outer = exterior_facet_indices(topology)
@@ -54,8 +69,20 @@ def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int) -> Ints
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     angles, cells, facets, kinds, squares = table.T
-    wanted = valence * turns(angles, facets, kinds, squares)
-    return np.flatnonzero((facets > 0) & (cells < wanted)).astype(np.int32)
+    turn = (facets > 0) * turns(angles, facets, kinds, squares)
+    return turn, cells.copy(), _changes(facets, kinds, squares)
+
+
+def angles_at_corners(x: Floats) -> Floats:
+    """Angles of triangles, shape (n, 3).
+
+    Args:
+        x: Their vertices, shape (n, 3, 2).
+    """
+    one, other = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    across = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+    angles: Floats = np.arctan2(np.abs(across), np.einsum("cvi,cvi->cv", one, other))
+    return angles
 
 
 def turns(angles: Floats, facets: Floats, kinds: Floats, squares: Floats) -> Floats:
@@ -67,11 +94,16 @@ def turns(angles: Floats, facets: Floats, kinds: Floats, squares: Floats) -> Flo
         kinds: Sum of their numbers of :func:`kinds_of_facets`.
         squares: Sum of the squares of these.
     """
-    changes = facets * squares - kinds**2 > 0.5  # all alike: the square of the mean
     right = np.pi / 2
     rounding = 1e-6  # what an angle is beyond that of a straight line by rounding
-    least = np.where(changes, right, np.pi) + rounding
+    least = np.where(_changes(facets, kinds, squares), right, np.pi) + rounding
     return np.asarray(np.clip(angles - least, 0.0, right) / right, dtype=np.float64)
+
+
+def _changes(facets: Floats, kinds: Floats, squares: Floats) -> npt.NDArray[np.bool_]:
+    """Where facets are not all alike, as of :func:`turns`: then the mean has another square."""
+    unlike: npt.NDArray[np.bool_] = facets * squares - kinds**2 > 0.5
+    return unlike
 
 
 def _columns(*columns: Floats | float) -> Floats:

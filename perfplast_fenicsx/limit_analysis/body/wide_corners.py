@@ -1,0 +1,85 @@
+"""Cells of the plane that are too wide where loads, supports or contacts end.
+
+There principal stresses turn (:mod:`singular_points`), and a lower bound wants directions as far
+from the point as they do: cells that are long and thin. Beside a side whose traction is known the
+stress is one first, so that nothing is gained by them there, and the mechanism loses.
+"""
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import la
+from dolfinx.mesh import exterior_facet_indices
+
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.limit_analysis.body.singular_points import (
+    angles_at_corners,
+    turns_at_vertices,
+)
+from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.declared.given import Given
+
+Flags = npt.NDArray[np.bool_]
+
+
+def wide_corners(tagged_mesh: TaggedMesh, given: Given) -> tuple[Flags, Flags]:
+    """Corners of owned cells at such points that are too wide, and all there. Collective.
+
+    Args:
+        tagged_mesh: Of triangles.
+        given: Its loads, supports and contacts.
+
+    Returns:
+        Both of shape (num_cells, 3).
+    """
+    widest = np.deg2rad(7.5)  # where stresses turn by a right angle; more where they turn by less
+    near = np.deg2rad(42.0)  # of a side: without friction the stress is one within 45°
+    topology = tagged_mesh.mesh.topology
+    vertices, points = corners(tagged_mesh.mesh)
+    vertices = vertices[: topology.index_map(2).size_local]
+    x = points[vertices]
+    turn, _, at_ends = turns_at_vertices(tagged_mesh, given)
+    turn = (turn * at_ends)[vertices]
+    wide = angles_at_corners(x) * turn > widest
+    return wide & (_from_sides(tagged_mesh, points, vertices) > near), turn > 0
+
+
+def _from_sides(tagged_mesh: TaggedMesh, points: Floats, vertices: Ints) -> Floats:
+    """The larger angle of both edges of a corner from the nearer of the sides. Collective.
+
+    Args:
+        tagged_mesh: Of triangles.
+        points: Of the local vertices.
+        vertices: Of the owned cells, shape (num_cells, 3).
+
+    Returns:
+        Shape (num_cells, 3); of no meaning where no two sides meet.
+    """
+    topology = tagged_mesh.mesh.topology
+    outer = exterior_facet_indices(topology)
+    ends = topology.connectivity(1, 0).array.reshape(-1, 2)[outer]
+    along = _directions(points[ends[:, 1]] - points[ends[:, 0]])
+    # Of both directions in the complex plane the sum and that of their squares tell which they are.
+    sums = la.vector(topology.index_map(0), 4, dtype=np.float64)
+    table = sums.array.reshape(-1, 2, 2)
+    for end, direction in ((0, along), (1, -along)):
+        powers = np.stack([direction, direction**2], axis=1)
+        np.add.at(table, ends[:, end], np.stack([powers.real, powers.imag], axis=2))
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    whole, squares = (table[:, k, 0] + 1j * table[:, k, 1] for k in (0, 1))
+    root = np.sqrt(2 * squares - whole**2)
+    sides = np.stack([whole + root, whole - root], axis=1)[vertices]
+
+    x = points[vertices]
+    edges = np.stack([_directions(np.roll(x, -k, axis=1) - x) for k in (1, 2)], axis=2)
+    angles = np.abs(np.angle(edges[..., None] * np.conj(sides[:, :, None])))
+    away: Floats = angles.min(axis=3).max(axis=2)
+    return away
+
+
+def _directions(vectors: Floats) -> npt.NDArray[np.complex128]:
+    """Vectors of the plane as complex numbers of the size 1."""
+    numbers = vectors[..., 0] + 1j * vectors[..., 1]
+    directions: npt.NDArray[np.complex128] = numbers / np.abs(numbers)
+    return directions
