@@ -180,7 +180,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     terminal.say(convergence_table(level))
 
     found = bracket(comm, n, terminal)
-    writer.write_limit(found.last.mesh, found.body, found, fields=False)  # on another mesh
+    writer.write_limit(found.best.mesh, found.body, found, fields=False)  # on another mesh
     with writer.results.timed("pictures"):
         draw(folder)
     writer.results.write()

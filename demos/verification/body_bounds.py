@@ -120,12 +120,12 @@ def of_mesh(row: Row, limit: LimitLoad, element: str, inside: bool) -> Row:
 
 
 def show(folder: ResultFolder, case: Case, found: AdaptiveBounds) -> None:
-    """Draw the mechanism on the last mesh. Collective."""
+    """Draw the mechanism on the mesh of the best bounds. Collective."""
     scene = Scene(case.name, case.loads, case.contacts)
     writer = ResultWriter(
         folder, found.problem, scene, "interior-point", prescribed=Prescribed.WORK
     )
-    writer.write_limit(found.last.mesh, found.body, found)
+    writer.write_limit(found.best.mesh, found.body, found)
     draw_slip(folder, case.name)
 
 

@@ -105,13 +105,13 @@ def ends(found: AdaptiveBounds) -> tuple[float, float]:
 
 
 def show_bounds(folder: ResultFolder, title: str, found: AdaptiveBounds) -> None:
-    """Draw the mechanism on the last mesh. Collective."""
+    """Draw the mechanism on the mesh of the best bounds. Collective."""
     given, axisymmetric = found.problem.given, found.problem.tagged_mesh.axisymmetric
     scene = Scene(title, given.loads, given.contacts, axisymmetric=axisymmetric)
     writer = ResultWriter(
         folder, found.problem, scene, "interior-point", prescribed=Prescribed.WORK
     )
-    writer.write_limit(found.last.mesh, found.body, found)
+    writer.write_limit(found.best.mesh, found.body, found)
     draw(folder)
 
 
