@@ -1,6 +1,6 @@
-"""Colours that single faces of a STEP file have: marks, which become names.
+"""Colours and labels that single faces of a STEP file have: marks, which become names.
 
-Gmsh reads them (``Geometry.OCCImportLabels``), and forgets them where bodies are cut along each
+Gmsh reads colours (``Geometry.OCCImportLabels``), and forgets them where bodies are cut along each
 other. So copies of marked faces stand aside meanwhile, and a face is marked that lies on one.
 """
 
@@ -20,16 +20,18 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Mark:
-    """A coloured face that stands aside.
+    """A coloured or labelled face that stands aside.
 
     Attributes:
         body: Name of its body.
-        colour: Its own, which is not the body's.
+        colour: Its own, which is not the body's; None where it is.
+        label: Its own; empty where it has none.
         tag: Of the copy.
     """
 
     body: str
-    colour: Colour
+    colour: Colour | None
+    label: str
     tag: int
 
 
@@ -59,10 +61,14 @@ def hex_of(colour: Colour) -> str:
     return "#" + "".join(f"{part:02x}" for part in colour)
 
 
-def set_aside(parts: Sequence[Part]) -> list[Mark]:
-    """Copies of all faces whose colour is not their body's.
+def set_aside(parts: Sequence[Part], labels: Mapping[int, str]) -> list[Mark]:
+    """Copies of all faces that have a label, or whose colour is not their body's.
 
     A body has the colour of most of its area, or none where some face has none.
+
+    Args:
+        parts: The bodies.
+        labels: Of the faces that have one.
     """
     marks = []
     for part in parts:
@@ -77,17 +83,19 @@ def set_aside(parts: Sequence[Part]) -> list[Mark]:
                 areas[colour] = areas.get(colour, 0.0) + gmsh.model.occ.getMass(2, face)
         usual = None if None in areas else max(areas, key=areas.__getitem__, default=None)
         for face, colour in colours.items():
-            if colour is not None and areas and colour != usual:
+            own = colour if areas and colour != usual else None
+            label = labels.get(face, "")
+            if own is not None or label:
                 ((_, copy),) = gmsh.model.occ.copy([(2, face)])
-                marks.append(Mark(part.name, colour, copy))
+                marks.append(Mark(part.name, own, label, copy))
     gmsh.model.occ.synchronize()
     return marks
 
 
 def take_back(
     marks: Sequence[Mark], faces: Mapping[int, int], parts: Sequence[Part]
-) -> dict[int, Colour]:
-    """The colours of faces that lie on marked ones, whose copies are taken away.
+) -> dict[int, Mark]:
+    """The marks of faces that lie on marked ones, whose copies are taken away.
 
     Args:
         marks: What :func:`set_aside` found.
@@ -111,7 +119,7 @@ def take_back(
             point = _inside(face) if point is None else point
             foot, _ = gmsh.model.getClosestPoint(2, mark.tag, point)
             if np.linalg.norm(point - foot) <= near and gmsh.model.isInside(2, mark.tag, foot):
-                found[face] = mark.colour
+                found[face] = mark
                 break
     gmsh.model.occ.remove([(2, mark.tag) for mark in marks], recursive=True)
     gmsh.model.occ.synchronize()

@@ -1,5 +1,6 @@
-"""Free faces of bodies, put together by colour, or where they lie in one plane or on a cylinder."""
+"""Free faces of bodies, put together by label, colour, plane or cylinder."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -8,8 +9,9 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.geometry.face_choice import AXES
-from perfplast_fenicsx.geometry.face_colours import Colour, hex_of, word_of
+from perfplast_fenicsx.geometry.face_colours import Colour, Mark, hex_of, word_of
 from perfplast_fenicsx.geometry.joints import box
+from perfplast_fenicsx.geometry.part_names import plain_name
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.surface_kind import kind_of
 
@@ -21,19 +23,21 @@ Key = tuple[object, ...]
 
 @dataclass(frozen=True)
 class FaceGroup:
-    """What one body has free of one colour, in one plane or on one cylinder, or one face.
+    """What one body has free of one label or colour, in one plane or on one cylinder, or one face.
 
     Attributes:
         number: As in the picture.
         body: Its number.
         tags: The faces.
         colour: Of their own in the file; None for that of most of the body.
+        label: Of their own in the file; empty where they have none.
     """
 
     number: int
     body: int
     tags: tuple[int, ...]
     colour: Colour | None = None
+    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -62,31 +66,33 @@ def shape_of(dim: int, tag: int) -> str:
 
 
 def put_together(
-    dim: int, faces: Mapping[int, int], size: float, colours: Mapping[int, Colour]
+    dim: int, faces: Mapping[int, int], size: float, marks: Mapping[int, Mark]
 ) -> list[FaceGroup]:
-    """Free faces by body, colour, plane and cylinder, numbered from 1.
+    """Free faces by body, label, colour, plane and cylinder, numbered from 1.
 
     Args:
         dim: Of the faces.
         faces: The body of each.
         size: Of the bodies.
-        colours: Of the faces that have one of their own.
+        marks: Of the faces that have a label or a colour of their own.
     """
     groups: dict[Key, list[int]] = {}
     for face, body in faces.items():
-        alike = ("colour", colours[face]) if face in colours else _lie_on(dim, face, size)
+        mark = marks.get(face)
+        alike = _lie_on(dim, face, size) if mark is None else ("mark", mark.label, mark.colour)
         groups.setdefault((body, *alike), []).append(face)
     together = sorted(groups.values(), key=lambda tags: faces[tags[0]])
+    marked = [marks.get(tags[0]) for tags in together]
     return [
-        FaceGroup(k, faces[tags[0]], tuple(tags), colours.get(tags[0]))
-        for k, tags in enumerate(together, start=1)
+        FaceGroup(k, faces[tags[0]], tuple(tags), mark and mark.colour, mark.label if mark else "")
+        for k, (tags, mark) in enumerate(zip(together, marked, strict=True), start=1)
     ]
 
 
 def usual_names(
     dim: int, parts: Sequence[Part], groups: Sequence[FaceGroup], taken: set[str]
 ) -> list[str]:
-    """A name for each group: by its colour, the end of the body at which it lies, or its number.
+    """A name for each group: by label, colour, the end of the body at which it lies, or number.
 
     Args:
         dim: Of the faces.
@@ -95,11 +101,19 @@ def usual_names(
         taken: Names that others have.
     """
     used, around = set(taken), [box(dim + 1, part.tags) for part in parts]
-    names = []
+    labelled: dict[tuple[int, str], str] = {}  # groups of one label and body share a name
+    bodies, names = [part.name for part in parts], list[str]()
     for group in groups:
         body = parts[group.body].name
-        if group.colour is not None:
-            name: str | None = f"{body}_{word_of(group.colour)}"
+        known = (group.body, group.label)
+        if known in labelled:
+            names.append(labelled[known])
+            continue
+        if name_part := plain_name(group.label):
+            name: str | None = f"{body}_{name_part}"
+            name = None if name in bodies or re.search(r"joint_\d+$", name_part) else name
+        elif group.colour is not None:
+            name = f"{body}_{word_of(group.colour)}"
             name = f"{name}_{hex_of(group.colour)[1:]}" if name in used else name
         else:
             name = _by_end(body, dim, group.tags, around[group.body])
@@ -109,6 +123,8 @@ def usual_names(
             name += "_"
         used.add(name)
         names.append(name)
+        if group.label:
+            labelled[known] = name
     return names
 
 

@@ -63,7 +63,8 @@ def measured_faces(
         area = sum(mesh_measure(dim - 1, tag) for tag in group.tags)
         shape, body = _shape(dim - 1, group), parts[group.body].name
         centre = tuple(float(x) for x in middle)
-        around = "" if group.colour else round_of(dim - 1, group.tags[0])
+        several = (group.colour or group.label) and len(group.tags) > 1
+        around = "" if several else round_of(dim - 1, group.tags[0])
         known = (cad_measure(dim - 1, group.tags), around)
         faces.append(Face(group.number, name, body, shape, area, centre, *known))
     for name, tags in together.items():
@@ -72,8 +73,10 @@ def measured_faces(
 
 
 def _shape(dim: int, group: FaceGroup) -> str:
-    """Such as "flat", and the colour of faces that have one of their own."""
+    """Such as "flat", and the label and colour of faces that have them of their own."""
     shapes = " and ".join(sorted({shape_of(dim, tag) for tag in group.tags}))
+    if group.label:
+        shapes += f", '{group.label}'"
     if group.colour is None:
         return shapes
     return f"{shapes}, {word_of(group.colour)} {hex_of(group.colour)}"

@@ -12,6 +12,7 @@ from perfplast_fenicsx.geometry.automatic_mesh import EXACT, mesh_with_areas
 from perfplast_fenicsx.geometry.cad_measures import missed_areas
 from perfplast_fenicsx.geometry.closed_gaps import straighten
 from perfplast_fenicsx.geometry.face_colours import set_aside, take_back
+from perfplast_fenicsx.geometry.face_labels import labels_of
 from perfplast_fenicsx.geometry.face_names import face_names
 from perfplast_fenicsx.geometry.free_faces import put_together
 from perfplast_fenicsx.geometry.generated_mesh import POOR
@@ -48,8 +49,10 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     """
     begin(Stage("reading it"))
     dim, parts, remarks = read_parts(source)
+    labels, unsure = labels_of(source, parts)
+    remarks += unsure
     begin(Stage("cutting its bodies along each other"))
-    marks = set_aside(parts) if dim == 3 and not is_script(source) else []
+    marks = set_aside(parts, labels) if dim == 3 and not is_script(source) else []
     parts = without(dim, parts, options.without)
     parts = cut_in_half(dim, parts, options.symmetry)
     parts = cut_along_each_other(dim, parts, options.overlap, options.close_gaps)
@@ -61,8 +64,8 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         parts, seams = take_apart(dim, parts, seams)
     extent = max(float(np.linalg.norm(np.ptp(box(dim, part.tags), axis=0))) for part in parts)
     free = free_faces(dim, parts, seams)
-    colours = take_back(marks, free, parts)
-    groups = put_together(dim - 1, free, extent, colours)
+    marked = take_back(marks, free, parts)
+    groups = put_together(dim - 1, free, extent, marked)
     names = face_names(dim - 1, parts, groups, options)
     begin(Stage("meshing", _names_of_faces(dim, parts)))
     longest = mesh_with_areas(dim, parts, options)

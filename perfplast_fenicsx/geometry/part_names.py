@@ -5,9 +5,14 @@ from collections import Counter
 from collections.abc import Iterable
 
 
+def plain_name(name: str) -> str:
+    """Its letters, digits and _ alone, in lower case; empty where there are none."""
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+
+
 def unique_names(wanted: Iterable[str]) -> list[str]:
     """Names of letters, digits and _ alone, in lower case, each once: equal ones are numbered."""
-    plain = [re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") or "part" for name in wanted]
+    plain = [plain_name(name) or "part" for name in wanted]
     plain = [f"part_{name}" if name[0].isdigit() else name for name in plain]
     how_many, seen, used = Counter(plain), Counter[str](), set[str]()
     names = []
