@@ -34,17 +34,21 @@ from perfplast_fenicsx.limit_analysis.facets.entering import (
     entering_between_nodes,
 )
 from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import composite_vertex_rule
-from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import let_rest
+from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import keep_apart, let_rest
 from perfplast_fenicsx.materials import deviator
 from perfplast_fenicsx.problem import Integral
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, SOIL, K, footing, made
 from tests.models import STEEL, l_plate_problem, touching_blocks
 
 
-def blocks_in_space() -> Problem:
-    """Two cantilevers on each other, quadratic."""
+def blocks_in_space(rough: float = 0.0) -> Problem:
+    """Two cantilevers on each other, quadratic; with heights of their seam that are so far off."""
+    tagged_mesh = two_blocks(COMM, 3)
+    x = tagged_mesh.mesh.geometry.x
+    middle = np.abs(x[:, 2] - 1.0) < 1e-9
+    x[middle, 2] += rough * np.sin(7 * x[middle, 0] + 5 * x[middle, 1])
     return Problem(
-        two_blocks(COMM, 3),
+        tagged_mesh,
         {"lower": STEEL, "upper": STEEL},
         [Support("left")],
         [Traction("top", (0.0, 0.0, -1.0))],
@@ -114,6 +118,23 @@ def test_others_give_way_to_a_body_at_rest_that_they_would_enter() -> None:
     assert (values[~upper, 0] == away[~upper]).all()
     assert entered_share(problem, v) == pytest.approx(0, abs=1e-13)
     assert not entering_between_nodes(problem, v)
+
+
+def test_bodies_slide_on_a_face_whose_points_have_twelve_digits() -> None:
+    """Its facets turn by rounding of points, beside which what slips enters some of them."""
+    problem = blocks_in_space(rough=3e-12)
+    upper, *_ = upper_block(problem)
+    v = fem.Function(problem.V)
+    values = v.x.array.reshape(problem.fixed.shape)
+    values[upper] = (1.0, 0.5, 0.0)
+    assert entering_between_nodes(problem, v)
+    keep_apart(problem, v)
+    assert not entering_between_nodes(problem, v)
+    assert (np.abs(values - np.where(upper[:, None], (1.0, 0.5, 0.0), 0.0)) < 1e-10).all()
+    values[upper] = (1.0, 0.5, -0.01)  # what enters by more than rounding is left as it is
+    keep_apart(problem, v)
+    assert entering_between_nodes(problem, v)
+    assert (np.abs(values[upper, 2] + 0.01) < 1e-10).all()
 
 
 @pytest.mark.parametrize("tdim", [1, 2, 3])

@@ -50,7 +50,7 @@ from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
     MechanismRates,
     mechanism_rates,
 )
-from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import let_rest
+from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import keep_apart, let_rest
 from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -253,6 +253,7 @@ def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismR
         upper = Bound(None, "upper", Scope.MESH, (why,))
     else:
         let_rest(problem, limit.mechanism)
+        keep_apart(problem, limit.mechanism)
         rates = mechanism_rates(problem, limit.mechanism)
         upper = strict_upper_bound(problem, limit.mechanism, question=question, rates=rates)
     if upper.of_rounding > NOTICED:

@@ -50,6 +50,35 @@ def let_rest(problem: Problem, mechanism: fem.Function) -> None:
     v[:] = moving
 
 
+def keep_apart(problem: Problem, mechanism: fem.Function) -> None:
+    """Open contact by what slip enters on faces that are plane but for their points' rounding.
+
+    Points of a file with twelve digits make facets whose normals differ by 1e-11, which count as
+    one face. What slips along it enters some of them by as much, which is more than a checker
+    leaves. All pairs part by the most that any facet enters; volume changes that come of it count
+    as those of rounding do. Nothing is changed where bodies would still enter. Collective.
+
+    Args:
+        problem: The bodies.
+        mechanism: A velocity, its ghosts up to date; changed.
+    """
+    least = 1e-9  # share beyond which it is no rounding of points
+    if not UNSEEN < _entered(problem, mechanism) <= least:
+        return
+    before, basis = mechanism.x.array.copy(), problem.basis
+    faces = list(face_jumps(problem, mechanism))
+    most = max((float(face.along.max(initial=0.0)) for face in faces), default=0.0)
+    jumps, moved = basis.T.createVecs()
+    jumps.array[basis.index] = -problem.comm.allreduce(most, MPI.MAX)
+    basis.T.mult(jumps, moved)
+    mechanism.x.array[: moved.getLocalSize()] += moved.array_r
+    mechanism.x.scatter_forward()
+    for vector in (jumps, moved):
+        vector.destroy()
+    if not _entered(problem, mechanism) <= UNSEEN:
+        mechanism.x.array[:] = before
+
+
 def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
     """Move what enters contact out of it, where that is by rounding. Collective.
 
