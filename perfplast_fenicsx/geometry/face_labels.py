@@ -65,8 +65,9 @@ def _of_body(
             continue
         names = names_in(solid.labels)
         labels = [label if label in names else "" for label in solid.labels]
-        lost.update(label for label, certain in zip(labels, sure, strict=True) if not certain)
-        possible.add(tuple(np.where(sure, labels, "").tolist()))
+        pairs = list(zip(labels, sure, strict=True))
+        lost.update(label for label, certain in pairs if not certain)
+        possible.add(tuple(label if certain else "" for label, certain in pairs))
     if len(possible) != 1:
         return {}, lost.union(*possible) - {""}
     (known,) = possible

@@ -84,7 +84,9 @@ def put_together(
     together = sorted(groups.values(), key=lambda tags: faces[tags[0]])
     marked = [marks.get(tags[0]) for tags in together]
     return [
-        FaceGroup(k, faces[tags[0]], tuple(tags), mark and mark.colour, mark.label if mark else "")
+        FaceGroup(k, faces[tags[0]], tuple(tags), mark.colour, mark.label)
+        if mark is not None
+        else FaceGroup(k, faces[tags[0]], tuple(tags))
         for k, (tags, mark) in enumerate(zip(together, marked, strict=True), start=1)
     ]
 
