@@ -141,7 +141,9 @@ def test_factors_of_safety(stand: str, read: Read) -> None:
     assert found.estimate == (stand != "radenkovic")
     assert ("for certain" in found.in_words()) == (stand == "radenkovic")
     assert found.in_words().startswith("By Davis' estimate") == found.estimate
-    line = times_in_words(1.0, found.last.lower, found.last.upper, found.estimate)
+    assert found.stands is not None
+    assert found.falls is not None
+    line = times_in_words(1.0, found.stands.lower, found.falls.upper, found.estimate)
     assert ("for certain" in line) == ("estimate" not in line) == (stand == "radenkovic")
 
 
