@@ -164,13 +164,10 @@ def mechanism_bound(
         The bound, around an axis of the problem in ru (:mod:`ring_flux`); the rates of its
         mechanism, None without one; and how cells are split for it.
     """
-    split = None
-    tagged_mesh = problem.tagged_mesh
-    straight = is_straight(problem)
-    if problem.bodies.gdim == 3 and straight:
-        split = alfeld_split(tagged_mesh)
+    straight, split = is_straight(problem), split_of(problem)
+    if split is not None:
         problem = problem.on(split)
-    if tagged_mesh.axisymmetric and straight:
+    if problem.tagged_mesh.axisymmetric and straight:
         problem = by_flux(problem)
     if straight and body_cones(problem).dilates:
         problem = with_points_at_vertices(problem)
@@ -206,6 +203,13 @@ def judged(static: StaticBound, bounds: BodyBounds) -> tuple[Bound, dict[str, fl
     loose = body_cones(flow).loose or any_loose(flow)
     power = measure_of(value + dead, value, loose)
     return beside_mechanism(static.bound, static.certificate, power, mechanism), certificates
+
+
+def split_of(problem: Problem) -> AlfeldSplit | None:
+    """How cells are split for strict bounds; None where they are not. Collective."""
+    if problem.bodies.gdim == 3 and is_straight(problem):
+        return alfeld_split(problem.tagged_mesh)
+    return None
 
 
 def is_straight(problem: Problem) -> bool:

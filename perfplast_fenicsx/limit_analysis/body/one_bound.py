@@ -7,9 +7,9 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_words import taken_as
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import (
     admitted,
-    is_straight,
     judged,
     mechanism_bound,
+    split_of,
     with_displacements,
 )
 from perfplast_fenicsx.limit_analysis.body.parts_of_cells import on_parts
@@ -17,7 +17,6 @@ from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_str
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.stress.static_bound import strict_lower_bound
-from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
 from perfplast_fenicsx.problem.problem import Problem
 
 Steps = Callable[[InteriorStep], None]
@@ -61,8 +60,8 @@ def lower_bound(
     static = strict_lower_bound(below, rtol, steps, beside.question)
     lower, certificates = judged(static, beside)
     on, stress = below, static.stress if static.bound.value is not None else None
-    if problem.bodies.gdim == 3 and is_straight(problem):
-        split = alfeld_split(problem.tagged_mesh)
+    split = split_of(problem)
+    if split is not None:
         on = below.on(split)
         stress = stress if stress is None else on_parts(stress, split)
     elif problem.bodies.gdim == 3:  # parts of cells that are not split are no cells of any mesh

@@ -54,11 +54,8 @@ class StrengthPath:
             return f"F over work has come to {last.factor:.5g} ({self.reason}): {worth}."
         return f"F over work levels off at {last.factor:.5g} ({len(self.points)} points): {worth}."
 
-    def rows(self) -> list[dict[str, Any]]:
-        """The points as ``strength_path.csv`` has them."""
-        return [asdict(point) for point in self.points]
-
     def table(self) -> dict[str, Any]:
         """What ``summary.json`` says of it."""
         told = {"factor": self.factor, "levelled_off": self.levelled_off, "reason": self.reason}
-        return told | {"in_words": self.in_words(), "points": self.rows()}
+        points = [asdict(point) for point in self.points]
+        return told | {"in_words": self.in_words(), "points": points}
