@@ -81,11 +81,10 @@ class Problem:
             ζ of :meth:`move_to`, at first 0.
         moved_to: That ζ; levels are steps of a history where ``in_stages``.
         contact_tags: Tags of the surfaces of contacts and obstacles.
-        num_pairs: Contact pairs on all ranks together.
-        ties: The equations B u = 0 of ties and rigid surfaces, with rows like those of contact.
-        num_tied: How many there are on all ranks together.
-        has_gaps: Whether any pair is open at first.
-        interferes: Whether any gap is negative at ζ = 0.
+        num_pairs: Contact pairs on all ranks together; ``num_tied``: the same of ``ties``.
+        ties: The equations B u = 0 of ties, rigid surfaces and, last, guides, as rows of contact.
+        guides: Supports that hold what is normal to their surface.
+        has_gaps: Whether any pair is open at first; it ``interferes`` where negative at ζ = 0.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
         sliding: The rows of jumps along surfaces that rub.
         friction: What resists these.
@@ -144,7 +143,8 @@ class Problem:
         self.initial_strain = initial_strain(tagged_mesh, spaces, materials, self.laws, initial)
         self.shanks = Shanks(tagged_mesh, spaces, self.laws, initial)
         self.bcs, displacement = self._supports(self.given.holding)
-        self.ties, taken = glued_rows(self.V, tagged_mesh, ties, rigid, self.fixed, displacement)
+        on_mesh = (self.V, tagged_mesh, self.given, self.fixed)
+        self.ties, self.guides, taken = glued_rows(*on_mesh, displacement)
         self.num_tied: int = self.comm.allreduce(len(self.ties.host))
         self.basis: JumpBasis = self._contact(contacts, obstacles, taken)
         self.motion, self.in_stages = self._motion(displacement), False

@@ -10,8 +10,9 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.proof.cell_shapes import check_cells, check_sections, in_order_of, with_kind
 from perfplast_fenicsx.proof.cones import Cones
+from perfplast_fenicsx.proof.guided import left_free, with_guided
 from perfplast_fenicsx.proof.load_kinds import EVERY, KINDS, NAMES, Loads, with_all
-from perfplast_fenicsx.proof.plain_arrays import ProofError, checked
+from perfplast_fenicsx.proof.plain_arrays import ProofError, checked, equal
 from perfplast_fenicsx.proof.rigid_arrays import with_rigid
 from perfplast_fenicsx.proof.rubbing import OF as RUBBING
 from perfplast_fenicsx.proof.rubbing import fault_of, with_rubbing
@@ -43,6 +44,7 @@ class Body:
         surface: Tag of the surface of each; 0 for none.
         revolved: Whether cells are sections of rings around x = 0; without it they are not.
         held: Which components of the velocity are zero there, shape (num_facets, d).
+        guided: Unit vector along which it is zero beside, 0 for none, the same shape.
         rigid: Tags of surfaces that a rigid plate is glued to, which moves as loads make it.
         rigid_held: Which components of its velocity are zero, shape (num_rigid, d); where any is it
             does not turn.
@@ -70,6 +72,7 @@ class Body:
     surface: Longs
     revolved: Flags
     held: Flags
+    guided: Floats
     rigid: Longs
     rigid_held: Flags
     contacts: Longs
@@ -91,6 +94,7 @@ class Body:
             "surface": (f,),
             "revolved": (),
             "held": (f, d),
+            "guided": (f, d),
             "rigid": (rigid,),
             "rigid_held": (rigid, d),
             "contacts": (pairs, 2),
@@ -113,14 +117,15 @@ class Body:
             if numbers.size and not (numbers.min() >= 0 and numbers.max() < n):
                 raise ProofError(f"{name} names vertices that there are not.")
         every = (getattr(loads, name) for loads in kinds.values() for name in NAMES)
-        known = (self.vertices, *every, self.obstacle_normals)
+        known = (self.vertices, *every, self.obstacle_normals, self.guided)
         if not all(np.isfinite(values).all() for values in known):
             raise ProofError("vertices, loads or normals are not finite.")
         self.cones.check(self.components)
         if not ((self.cone >= -1) & (self.cone < len(self.cone_bound))).all():
             raise ProofError("cone names cones that there are not.")
-        if not (np.abs(np.linalg.norm(self.obstacle_normals, axis=1) - 1) <= 1e-12).all():
-            raise ProofError("a normal of an obstacle is no unit vector.")
+        units = np.append(self.obstacle_normals, self.guided[self.guided.any(axis=1)], axis=0)
+        if not (np.abs(np.linalg.norm(units, axis=1) - 1) <= 1e-12).all():
+            raise ProofError("a normal of an obstacle or a guide is no unit vector.")
         for name in RUBBING:
             if (fault := fault_of(getattr(self, name))) is not None:
                 raise ProofError(f"{name} {fault}.")
@@ -128,7 +133,8 @@ class Body:
             raise ProofError("rigid names a surface twice, or one that there is not.")
         if not self.plastic.any():
             raise ProofError("no cell can yield, so that nothing limits the load.")
-        if not self.sought.pushes(~self.held & ~self.on_axis[:, None], ~self.rigid_held):
+        told = left_free(self.sought.traction, self.held, self.guided)
+        if not self.sought.pushes(told[~self.on_axis], ~self.rigid_held):
             raise ProofError("nothing is loaded but supports: every load factor would be a bound.")
         places = self.vertices[self.cells]
         check_cells(places, self.volumes, lambda: self.gradients)
@@ -148,7 +154,7 @@ class Body:
         Raises:
             ProofError: If one is missing or of another kind, or they do not fit together.
         """
-        given = with_rubbing(with_all(with_rigid(with_kind(arrays))))
+        given = with_guided(with_rubbing(with_all(with_rigid(with_kind(arrays)))))
         kinds = {"sought": KINDS[0], "constant": KINDS[1], "others": KINDS[2]}
         fields = [name for name in cls.__dataclass_fields__ if name not in kinds]
         values = checked(given, (*fields, *EVERY))
@@ -158,14 +164,9 @@ class Body:
         }
         plain: dict[str, Any] = {name: values[name] for name in fields}
         same = known is not None and all(
-            np.array_equal(getattr(known, name), value, equal_nan=value.dtype.kind == "f")
-            for name, value in plain.items()
+            equal(getattr(known, name), value) for name, value in plain.items()
         )
-        same = same and all(
-            np.array_equal(getattr(getattr(known, kind), name), getattr(of, name))
-            for kind, of in loads.items()
-            for name in NAMES
-        )
+        same = same and all(getattr(known, kind).same(of) for kind, of in loads.items())
         return known if known is not None and same else cls(**plain, **loads)
 
     @property

@@ -36,7 +36,7 @@ class Entering:
 
 
 def entering_of(body: Body, at_facets: Floats, fastest: float) -> Entering:
-    """What enters on facets of contact, and slips.
+    """What enters on facets of contact, and slips; and what passes guides, to either side.
 
     Args:
         body: The bodies.
@@ -73,6 +73,11 @@ def entering_of(body: Body, at_facets: Floats, fastest: float) -> Entering:
         relative = max(relative, _largest_share(enters, speeds[facets]))
         volume += float(enters @ body.areas[facets])
         slip += float(adhesion * (slips @ body.areas[facets]))
+    facets = np.flatnonzero(body.guided.any(axis=1))
+    for normals in (body.guided[facets], -body.guided[facets]):
+        enters, _ = _bernstein(at_facets[facets], normals, 0.0)
+        relative = max(relative, _largest_share(enters, speeds[facets]))
+        volume += float(enters @ body.areas[facets])
     return Entering(relative, volume, slip, reason)
 
 

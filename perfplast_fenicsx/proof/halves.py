@@ -11,6 +11,7 @@ import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.cone_shapes import are_weaker, strengths_of
+from perfplast_fenicsx.proof.guided import differ
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.shared_cells import shared_cells
 from perfplast_fenicsx.proof.shared_facets import shared_facets
@@ -46,6 +47,7 @@ def differences(lower: Body, upper: Body) -> list[str]:
         weaker, in_cells = _in_cells(lower, upper)
         loaded = np.concatenate([loaded, in_cells])
     held = (lower.held[a] != upper.held[b]).any(axis=1)
+    held |= differ(lower.guided[a], upper.guided[b])
     weak = "the upper half has weaker bodies than the lower one, or of cones of other shapes"
     found = [
         *_told("the halves have bodies of different volume or place", alone),

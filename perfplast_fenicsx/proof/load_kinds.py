@@ -70,16 +70,20 @@ class Loads:
         """The stresses in equilibrium, of effective ones at the cells' vertices."""
         return stress - self.pore_pressure[..., None, None] * np.eye(stress.shape[-1])
 
-    def pushes(self, free: npt.NDArray[np.bool_], rigid_free: npt.NDArray[np.bool_]) -> bool:
+    def same(self, other: "Loads") -> bool:
+        """Whether others are the same to the last digit."""
+        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in NAMES)
+
+    def pushes(self, free: Floats, rigid_free: npt.NDArray[np.bool_]) -> bool:
         """Whether they push or pull anything but supports.
 
         Args:
-            free: Components in which facets can move, shape (num_facets, d).
+            free: What tractions are where facets can move, shape (num_facets, d, d).
             rigid_free: The same of rigid surfaces; where any is held these do not turn.
         """
         turns = rigid_free.all(axis=1, keepdims=True)
         on_plates = (self.rigid_force * rigid_free, self.rigid_moment * turns)
-        every = (self.traction * free[:, None], self.body_force, self.pore_pressure, *on_plates)
+        every = (free, self.body_force, self.pore_pressure, *on_plates)
         return any(bool(values.any()) for values in every)
 
     def pore_work(self, volumes: Floats, growth: Floats) -> float:

@@ -91,6 +91,9 @@ def outer_tractions(
         into[facets] = normal
         times[facets] += 1
         adhesion[facets], friction[facets] = c, mu
+    guided = body.guided.any(axis=1)
+    into[guided] = body.guided[guided]
+    times[guided] += 1
     if (times > 1).any():
         reason = "a facet touches two others"
     radii = finite(radii, least_of(strengths))[:, None]
@@ -108,6 +111,7 @@ def outer_tractions(
     pressure[told] = -np.einsum("fvi,fi->fv", rest[told], share[told]) / square[told, None]
     shears = (rest + pressure[..., None] * into[:, None]) * free[:, None]
     wrong = np.linalg.norm(shears, axis=2)
+    pressure[guided] = 0.0  # of supports, which pull as well
     tension = np.maximum(-pressure, 0.0)
     unequal = np.zeros_like(pressure)
     for pair in pairs:

@@ -11,7 +11,7 @@ from perfplast_fenicsx.proof.load_kinds import EVERY
 
 FLOATS = (
     *("vertices", "cone_bound", "cone_slope", "cone_matrix", "cone_sine", "cone_tension"),
-    "obstacle_normals",
+    *("obstacle_normals", "guided"),
     *EVERY,
     *("contact_adhesion", "contact_friction", "obstacle_adhesion", "obstacle_friction"),
     *("stress", "velocity"),
@@ -137,6 +137,11 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
         raise ProofError("bound is missing.")
     numbers = ("bound", "any_factor", "revolved")
     return found | {name: np.asarray(group.attrs[name]) for name in numbers if name in group.attrs}
+
+
+def equal(one: npt.NDArray, other: npt.NDArray) -> bool:
+    """Whether arrays are the same to the last digit; what is no number is so in both."""
+    return np.array_equal(one, other, equal_nan=other.dtype.kind == "f")
 
 
 def checked(arrays: Mapping[str, npt.NDArray], names: tuple[str, ...]) -> dict[str, npt.NDArray]:

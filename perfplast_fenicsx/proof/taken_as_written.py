@@ -92,6 +92,14 @@ def _supports(body: Body) -> str:
         ]
         count = int(body.held[here].any(axis=1).sum())
         words.append(f"{', '.join(axes)} of surface {tag} ({count} facets)")
+    guided = body.guided.any(axis=1)
+    for tag in np.unique(body.surface[guided]):
+        here = body.on(tag)[guided[body.on(tag)]]
+        cosines = np.einsum("fi,fi->f", body.guided[here], body.normals[here])
+        oblique = np.abs(cosines).min() < 1 - 1e-12  # angles of a millionth and more
+        what = "a direction oblique to it, " if oblique else "its normal "
+        along = f"{what}{_vector(body.guided[here[0]])}"
+        words.append(f"surface {tag} along {along} ({len(here)} facets)")
     return f"supports hold {_listed(words)}" if words else "no supports"
 
 

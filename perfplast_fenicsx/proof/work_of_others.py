@@ -3,6 +3,7 @@
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats
+from perfplast_fenicsx.proof.guided import left_free
 from perfplast_fenicsx.proof.load_kinds import Loads
 
 
@@ -16,7 +17,8 @@ def usual_speed(body: Body, loads: Loads, work: float) -> float:
         loads: Those whose factor is bounded.
         work: Theirs.
     """
-    pushes = np.linalg.norm(loads.traction * ~body.held[:, None], axis=2).mean(axis=1)
+    free = left_free(loads.traction, body.held, body.guided)
+    pushes = np.linalg.norm(free, axis=2).mean(axis=1)
     size = body.areas @ pushes + body.volumes @ np.linalg.norm(loads.body_force, axis=1)
     return float(abs(work) / size) if size > 0 else 0.0
 
@@ -35,7 +37,8 @@ def most_work(
         usual: Velocity that counts at least: what rests moves by rounding alone, and the factor
             that this leaves is told.
     """
-    pushes = np.linalg.norm(loads.traction * ~body.held[:, None], axis=2).mean(axis=1)
+    free = left_free(loads.traction, body.held, body.guided)
+    pushes = np.linalg.norm(free, axis=2).mean(axis=1)
     quick = np.maximum(np.linalg.norm(at_facets, axis=2).max(axis=1), usual)
     total = float((body.areas * pushes) @ quick)
     quick = np.maximum(np.linalg.norm(v, axis=2).max(axis=1), usual)

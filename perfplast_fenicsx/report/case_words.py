@@ -84,6 +84,8 @@ class CaseWords:
         for support in self._given.get("supports", []):
             along = self._letters(support["components"])
             text = f"held in {along}"
+            if support["components"] == "normal":
+                text = "held along its normal"
             if support["value"]:
                 text = f"moved by {self.number(support['value'], 'length')} in {along}"
                 text += "" if support["constant"] else f", {self._times}"

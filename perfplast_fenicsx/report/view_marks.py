@@ -74,10 +74,12 @@ def _ticks(reader: ResultReader) -> tuple[Floats, Floats]:
             surface.points[facets], (total / most_marks) ** (1 / (facets.shape[1] - 1))
         )
         places = np.einsum("nc,nci->ni", weights, surface.points[facets[facet]])
-        for letter in set(support.get("components", AXES)) & set(AXES):
-            along = half * np.eye(3)[AXES.index(letter)]
-            if surface.plane and letter == "z":
-                continue
+        letters = set(support.get("components", AXES)) & set(AXES)
+        axes = [np.eye(3)[AXES.index(one)] for one in letters if not surface.plane or one != "z"]
+        if support.get("components") == "normal":
+            normal = surface.normals[chosen].sum(axis=0)
+            axes = [normal / np.linalg.norm(normal)]
+        for along in half * np.array(axes):
             ends.append(np.stack([places - along, places + along], axis=1).reshape(-1, 3))
             held.append(np.repeat(places, 2, axis=0))
     return np.concatenate(ends), np.concatenate(held)

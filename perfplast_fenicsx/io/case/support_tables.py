@@ -17,7 +17,9 @@ class SupportTable:
 
     Args:
         on: Physical surface.
-        components: Any of the letters x, y, z; the default holds all that the mesh has.
+        components: Any of the letters x, y, z; the default holds all that the mesh has. Or
+            "normal" for what is normal to a flat surface of any direction, which may slide along
+            itself, as a plane of symmetry does.
         value: Their displacement (length), such as a settlement; the default is none.
         constant: Whether it is the same at any load factor, as always but under control =
             "displacement" and in stages that name it: these multiply it unless this is true.

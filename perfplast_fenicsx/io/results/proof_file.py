@@ -237,6 +237,7 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
         "facets": block(places.of_facets, numbers[facets]),
         "surface": block(places.of_facets, surface),
         "held": block(places.of_facets, body.supported[outer].astype(np.uint8)),
+        "guided": block(places.of_facets, body.guided[outer]),
         "rigid": table_of(problem, [tags[name] for name in body.rigid.names], (), np.int64),
         "rigid_held": table_of(problem, list(body.rigid.free[:, :d] == 0), (d,), np.uint8),
         "obstacle_normals": table_of(problem, into, (d,), np.float64),

@@ -45,7 +45,7 @@ class InterfaceFacets:
 
     Attributes:
         axes: Directions of a facet's components, the first one along the normal on surfaces in
-            contact, shape (num_facets, d, d).
+            contact and on guides, shape (num_facets, d, d).
         held: Which of these supports hold, shape (num_facets, d).
         hosts: Owned facets whose first component is a jump.
         twins: Unknowns that the jumps are relative to, −1 for none, shape (num_facets, d, d); of
@@ -73,13 +73,23 @@ class InterfaceFacets:
     both_held: bool = False
 
     @classmethod
-    def none(cls, held: Flags) -> "InterfaceFacets":
-        """Those of no interface, with components that supports hold, shape (num_facets, d)."""
+    def none(cls, held: Flags, guided: Floats) -> "InterfaceFacets":
+        """Those of no interface.
+
+        Args:
+            held: Components that supports hold, shape (num_facets, d).
+            guided: Directions that are held beside these, 0 for none, the same shape.
+        """
         count, d = held.shape
-        axes = np.tile(np.eye(d), (count, 1, 1))
+        axes, held = np.tile(np.eye(d), (count, 1, 1)), held.copy()
+        along = np.where(held, 0.0, guided)
+        sizes = np.linalg.norm(along, axis=1, keepdims=True)
+        on = np.flatnonzero(sizes > 1e-9)  # what guides hold beside supports, but for rounding
+        axes[on], held[on] = turned_axes(along[on] / sizes[on], held[on], np.zeros_like(held[on]))
+        held[on, 0] = True
         twins = np.full((count, d, d), -1)
         no = np.zeros(0, dtype=np.int64)
-        return cls(axes, held.copy(), no, twins, no, np.zeros(count), np.zeros(count), no)
+        return cls(axes, held, no, twins, no, np.zeros(count), np.zeros(count), no)
 
     def add(self, problem: Problem, facets: FacetGeometry, interface: Interface) -> None:
         """Take an interface in. Collective."""

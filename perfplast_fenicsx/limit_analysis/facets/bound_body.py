@@ -43,7 +43,7 @@ RIGID = "a surface is rigid and in contact, and of the tractions there only sums
 
 TIED = "surfaces are glued together in the mean alone"
 
-HELD = "supports hold surfaces that rub, of both sides or along their normal"
+HELD = "supports hold surfaces that rub or touch, of both sides or along their normal"
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +56,7 @@ class BoundBody:
         vertices: Of the owned cells, in the order of their geometry, shape (num_cells, d + 1, d).
         supported: Cartesian components that supports hold, shape (num_facets, d); not of free
             rigid surfaces.
+        guided: Unit vectors along which facets are held beside, 0 for none, shape (num_facets, d).
         live: Loads that ζ multiplies, at ζ = 1.
         dead: Those that it does not.
         rigid: Facets of surfaces that move as rigid ones.
@@ -70,6 +71,7 @@ class BoundBody:
     geometry: FacetGeometry
     vertices: Floats
     supported: Flags
+    guided: Floats
     live: FacetLoads
     dead: FacetLoads
     rigid: RigidFacets
@@ -98,7 +100,8 @@ def bound_body(problem: Problem) -> BoundBody:
     bent = live[1] or dead[1]
     unknown = not all(is_known(load) for load in given.loads)
     varies = not unknown and len(known) < len(given.loads)
-    interfaces, at = interfaces_of(problem), InterfaceFacets.none(held)
+    guided = _guided(problem, facets)
+    interfaces, at = interfaces_of(problem), InterfaceFacets.none(held, guided)
     for interface in interfaces:
         at.add(problem, facets, interface)
     curved = any(it.obstacle is not None and it.into is None for it in interfaces)
@@ -110,7 +113,7 @@ def bound_body(problem: Problem) -> BoundBody:
         str(bent): bent is not None,
         UNMATCHED: not at.matched,
         OBLIQUE: at.oblique,
-        HELD: at.both_held,
+        HELD: at.both_held or bool(guided[at.in_contact].any()),
         TWICE: len(np.unique(at.in_contact)) < len(at.in_contact),
     }
     found = [words for words, is_so in faults.items() if problem.comm.allreduce(is_so)]
@@ -119,6 +122,7 @@ def bound_body(problem: Problem) -> BoundBody:
         geometry=facets,
         vertices=vertices,
         supported=held & (rigid.surface < 0)[:, None],
+        guided=guided,
         live=live[0],
         dead=dead[0],
         rigid=rigid,
@@ -128,6 +132,19 @@ def bound_body(problem: Problem) -> BoundBody:
         prevents=found[0] if found else None,
         turned=problem.tagged_mesh.axisymmetric,
     )
+
+
+def _guided(problem: Problem, facets: FacetGeometry) -> Floats:
+    """Directions along which guides hold facets, the same on all ranks. Collective."""
+    guides = problem.guides
+    found = np.zeros((facets.num, facets.tdim))
+    for surface, normal in zip(guides.surfaces, guides.normals, strict=True):
+        flags = la.vector(facets.index_map, 1)
+        flags.array[problem.tagged_mesh.facets(surface)] = 1.0
+        flags.scatter_reverse(la.InsertMode.add)
+        flags.scatter_forward()
+        found[flags.array > 0] = normal
+    return found
 
 
 def _held(problem: Problem, facets: FacetGeometry) -> Flags:

@@ -112,6 +112,7 @@ def strict_upper_bound(
     v = np.abs(mechanism.x.array.reshape(problem.fixed.shape))
     largest = np.array([v[problem.fixed].max(initial=0), v.max(initial=0)])
     comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    largest[0] = max(largest[0], problem.guides.through(problem.ties, velocity))
     held = largest[0] <= admissible * largest[1]
     slip = slip_work(problem, mechanism)
     whole += slip.squares

@@ -67,7 +67,13 @@ class RigidSurface:
                 f"held = '{self.held}' of the rigid surface '{self.on}' is not a choice of the"
                 f" letters in '{AXES[:gdim]}'; write for instance held = 'x'."
             )
-        return Support(self.on, self.held if self.free else self.components).axes(gdim)
+        told = Support(self.on, self.held if self.free else self.components)
+        if told.guides:
+            raise InputError(
+                f"components = 'normal' is for supports, not for the rigid surface '{self.on}';"
+                f" give letters in '{AXES[:gdim]}'."
+            )
+        return told.axes(gdim)
 
     def motion(self, x: Floats) -> Floats:
         """Displacement of points (length), for ζ = 1; both of shape (n, gdim).

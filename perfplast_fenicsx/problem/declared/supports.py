@@ -16,7 +16,9 @@ class Support:
 
     Args:
         on: Physical surface.
-        components: Any of the letters x, y, z; the default holds all that the mesh has.
+        components: Any of the letters x, y, z; the default holds all that the mesh has. Or
+            ``"normal"`` for what is normal to a flat surface of any direction, which may slide
+            along itself, as a plane of symmetry does.
         value: Their displacement (length), such as a settlement; the default is none.
         constant: Whether it is the same at any load factor; otherwise ζ multiplies it, or a factor
             of stages.
@@ -29,13 +31,24 @@ class Support:
     constant: bool = True
     name: str = ""
 
+    @property
+    def guides(self) -> bool:
+        """Whether it holds what is normal to its surface, and no components."""
+        return self.components == "normal"
+
     def axes(self, gdim: int) -> list[int]:
-        """Indices of the supported components, in a mesh of dimension ``gdim``."""
+        """Indices of the supported components, in a mesh of dimension ``gdim``.
+
+        None of what is held along a normal.
+        """
+        if self.guides:
+            return []
         wanted = AXES[:gdim] if self.components == AXES else self.components
         if not wanted or set(wanted) - set(AXES[:gdim]) or len(set(wanted)) < len(wanted):
             raise InputError(
                 f"components = '{self.components}' of the support on '{self.on}' is not a choice of"
-                f" the letters in '{AXES[:gdim]}'; write for instance components = 'x'."
+                f" the letters in '{AXES[:gdim]}'; write for instance components = 'x', or 'normal'"
+                " for what is normal to a flat surface."
             )
         return sorted(AXES.index(letter) for letter in wanted)
 

@@ -77,8 +77,9 @@ def resultants(
         along.array[:] = -friction[there]
         problem.sliding.B.multTransposeAdd(along, pushes, pushes)
         along.destroy()
+    guided = np.zeros((0, gdim))
     if problem.num_tied:
-        _add_ties(problem, internal, zeta, pushes)
+        guided = _add_ties(problem, internal, zeta, pushes)
     external, pushed, reaction = (
         vector.array_r.reshape(-1, gdim).copy() for vector in (loads, pushes, internal)
     )
@@ -96,6 +97,9 @@ def resultants(
         sums[:supports, axis] = np.bincount(
             held_by[held, axis], reaction[held, axis], minlength=supports
         )
+    guides = problem.guides
+    of_guides = np.array([names.index(name) for name in guides.names], dtype=np.int64)
+    np.add.at(sums, of_guides[guides.number], guided)
     on_pairs = -contact[:, None] * problem.constraints.normal
     np.add.at(sums, supports + problem.constraints.surface, on_pairs)
     places = problem.constraints.surface[problem.friction.pair]
@@ -122,7 +126,10 @@ def resultants(
 
     turning = {"loads": moment(problem, external)}
     for number, name in enumerate(problem.support_names):
-        turning[name] = moment(problem, np.where(held_by == number, reaction, 0.0))
+        nodal = np.where(held_by == number, reaction, 0.0)
+        mine = of_guides[guides.number] == number
+        np.add.at(nodal, guides.host[mine], guided[mine])
+        turning[name] = moment(problem, nodal)
     moments = {name: comm.allreduce(each).tolist() for name, each in turning.items()}
     told = {name: [float(number) for number in force] for name, force in forces.items()}
     by_name = {name: driven(part) for name, part in problem.motion.parts.items()}
@@ -130,8 +137,12 @@ def resultants(
     return Resultants(told, moments, balance, driven(problem.motion), by_name)
 
 
-def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> None:
-    """Add what glued surfaces exert on each other, at supports too. Collective."""
+def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> Floats:
+    """Add what glued surfaces exert on each other, at supports too. Collective.
+
+    Returns:
+        What guides exert, a force for each of their rows.
+    """
     left, glued = internal.copy(), problem.ties.B.createVecLeft()
     fem_petsc.set_bc(left, problem.bcs)
     problem.loads.subtract_from(left, zeta)
@@ -140,8 +151,11 @@ def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.
     before = len(problem.constraints.host) + len(problem.sliding.host)
     glued.array[:] = along.array_r[problem.glued_basis.index[before:]]
     problem.ties.B.multTransposeAdd(glued, forces, forces)
+    first = len(problem.ties.host) - len(problem.guides.host)
+    guided: Floats = (glued.array_r[:, None] * problem.ties.normal)[first:]
     for vector in (left, glued, along):
         vector.destroy()
+    return guided
 
 
 def _missing(problem: Problem, total: Floats, forces: Floats) -> float:

@@ -1,0 +1,127 @@
+"""Supports along the normal of flat surfaces: parts of a body have the bounds of the whole."""
+
+import math
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from perfplast_fenicsx import (
+    Force,
+    Newton,
+    Pressure,
+    Problem,
+    ResultFolder,
+    RigidSurface,
+    Support,
+    VonMises,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import (
+    Adaptation,
+    BodyBounds,
+    adaptive_bounds,
+    limit_bounds,
+    limit_load,
+)
+from perfplast_fenicsx.proof import check
+from tests.checks import assert_refused, assert_solved
+from tests.symmetric_bodies import cube, square_tube
+
+COMM = MPI.COMM_WORLD
+WEAK = VonMises(young=1e3, poisson=0.3, yield_stress=math.sqrt(3))
+TURNED = 0.3
+RTOL = 1e-6
+
+
+def tube(n: int, quarter: bool, turned: float = 0.0) -> Problem:
+    """A square tube under pressure from inside, a quarter or an eighth."""
+    normal = "normal" if turned else "y"
+    other = Support("x0", "x") if quarter else Support("diagonal", "normal")
+    supports = [Support("y0", normal), other]
+    mesh = square_tube(COMM, n, quarter, turned)
+    return Problem(mesh, {"body": WEAK}, supports, [Pressure("inner", 1.0)], degree=2)
+
+
+def pressed_cube(octant: bool, turned: float = 0.0) -> Problem:
+    """A cube between rough platens, of which nothing but the force is known."""
+    if octant:
+        supports = [Support("x0", "x"), Support("y0", "y")]
+    else:
+        supports = [Support("y0", "normal"), Support("diagonal", "normal")]
+    return Problem(
+        cube(COMM, 1, octant, turned),
+        {"body": WEAK},
+        [*supports, Support("bottom", "z")],
+        [Force("top", (0.0, 0.0, -1.0 if octant else -0.5))],
+        rigid=[RigidSurface("top", held="xy")],
+        degree=2,
+    )
+
+
+def values(bounds: BodyBounds) -> tuple[float, float]:
+    """Both bounds, which have to be strict."""
+    assert bounds.strict, bounds.why_not
+    assert bounds.lower.value is not None
+    assert bounds.upper.value is not None
+    return bounds.lower.value, bounds.upper.value
+
+
+@pytest.mark.mpi3
+def test_an_eighth_of_a_tube_has_the_bounds_of_a_quarter() -> None:
+    whole = values(limit_bounds(tube(3, quarter=True), rtol=RTOL))
+    part = values(limit_bounds(tube(3, quarter=False, turned=TURNED), rtol=RTOL))
+    assert part == pytest.approx(whole, rel=10 * RTOL)
+    load = limit_load(tube(3, quarter=False), rtol=RTOL)
+    assert load.lower == pytest.approx(limit_load(tube(3, quarter=True)).lower, rel=1e-3)
+
+
+@pytest.mark.mpi3
+def test_a_sixteenth_of_a_cube_has_the_bounds_of_an_octant() -> None:
+    whole = values(limit_bounds(pressed_cube(octant=True), rtol=RTOL))
+    part = values(limit_bounds(pressed_cube(octant=False, turned=TURNED), rtol=RTOL))
+    assert part == pytest.approx(whole, rel=10 * RTOL)
+
+
+def test_an_eighth_of_a_tube_deforms_as_a_quarter() -> None:
+    whole, part = tube(3, quarter=True), tube(3, quarter=False, turned=TURNED)
+    levels = [Newton(problem).solve(0.9) for problem in (whole, part)]
+    for level in levels:
+        assert_solved(level)
+    works = [level.report.alpha for level in levels]
+    assert 2 * works[1] == pytest.approx(works[0], rel=1e-8)
+    reactions = [level.report.reactions for level in levels]
+    assert max(level.report.balance for level in levels) < 1e-9
+    pull = reactions[0]["support y0"][1]
+    along, across = math.cos(TURNED), math.sin(TURNED)
+    assert reactions[1]["support y0"] == pytest.approx([-across * pull, along * pull], rel=1e-8)
+
+
+def test_planes_of_symmetry_stay_flat_where_meshes_are_refined(shared_tmp_path: Path) -> None:
+    adapted = adaptive_bounds(tube(2, quarter=False, turned=TURNED), Adaptation(0.05, 600))
+    assert adapted.lower.strict
+    assert adapted.upper.strict
+    path = shared_tmp_path / "bounds.h5"
+    folder = ResultFolder(COMM, shared_tmp_path)
+    write_proof(folder, path, *proofs(adapted.low, adapted.high))
+    if COMM.rank == 0:
+        for half in check(path).values():
+            assert half.proven is not None, str(half)
+            assert "along its normal" in half.words[0] or "same bodies" in half.words[0]
+
+
+def test_what_is_no_plane_of_symmetry_is_refused() -> None:
+    mesh, loads = square_tube(COMM, 2, quarter=True), [Pressure("inner", 1.0)]
+
+    def refused(support: Support, *words: str, other: tuple[Support, ...] = ()) -> None:
+        supports = [support, *other]
+        assert_refused(lambda: Problem(mesh, {"body": WEAK}, supports, loads), words)
+
+    refused(Support("inner", "normal"), "'inner'", "facets turn by up to", "or letters")
+    refused(Support("x0", "normal", value=0.1), "value = 0.1", "'x0'", "leave it out")
+    refused(Support("x0", "normals"), "components = 'normals'", "or 'normal'")
+    moved = (Support("x0", "x", value=0.1),)
+    refused(Support("x0", "normal"), "'x0' off its plane", "leave one", other=moved)
+    plate = [RigidSurface("inner", held="normal")]
+    assert_refused(lambda: Problem(mesh, {"body": WEAK}, [], loads, rigid=plate), ["'normal'"])
