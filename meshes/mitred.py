@@ -2,8 +2,8 @@
 
 The section lies in (x, z), x ≥ 0. It is swept from the plane y = 0 along y to the plane x = y,
 and from there, as its own mirror image, along x to the plane x = 0: a quarter of a body about the
-axis z. So edges of a square are lines of the sweep, and what stands around an end of a line of the
-section stands around each of its edges.
+axis z; or not from there, which is an eighth. So edges of a square are lines of the sweep, and what
+stands around an end of a line of the section stands around each of its edges.
 """
 
 import math
@@ -22,9 +22,9 @@ Place = Callable[[Floats], Booleans]
 
 
 def mitred(
-    points: Floats, triangles: Longs, layers: Sequence[float], first: Floats
+    points: Floats, triangles: Longs, layers: Sequence[float], first: Floats, eighth: bool = False
 ) -> tuple[Floats, Longs]:
-    """Points and tetrahedra of a quarter.
+    """Points and tetrahedra of a quarter, or of an eighth.
 
     Args:
         points: Of the section (x, z), shape (n, 2).
@@ -32,11 +32,13 @@ def mitred(
         layers: Where y/x has layers, from 0 to 1.
         first: A number for each point of the section; diagonals go to the plane of the mitre from
             the end whose number is smaller.
+        eighth: Whether the sweep ends at the plane of the mitre.
 
     Returns:
         Shapes (p, 3) and (q, 4).
     """
-    along = np.array([*layers, *(2 - layer for layer in layers[-2::-1])])
+    image = [] if eighth else [2 - layer for layer in layers[-2::-1]]
+    along = np.array([*layers, *image])
     x, z = points.T
     parts = [np.minimum(1.0, 2 - along)[:, None] * x, np.minimum(1.0, along)[:, None] * x]
     places = np.stack([*parts, np.broadcast_to(z, parts[0].shape)], axis=-1).reshape(-1, 3)
@@ -71,6 +73,11 @@ def on(axis: int, value: float, within: float = math.inf) -> Place:
         return np.asarray(np.isclose(facets[:, :, axis], value).all(axis=1) & in_square)
 
     return there
+
+
+def on_mitre(facets: Floats) -> Booleans:
+    """Facets in the plane x = y."""
+    return np.asarray(np.isclose(facets[:, :, 0], facets[:, :, 1]).all(axis=1))
 
 
 def write_body(

@@ -32,3 +32,11 @@ def interface(dim: int) -> list[int]:
     """Tags of the entities of dimension ``dim`` that two bodies share."""
     entities = [tag for _, tag in gmsh.model.getEntities(dim)]
     return [tag for tag in entities if len(gmsh.model.getAdjacencies(dim, tag)[0]) == 2]
+
+
+def on_diagonal() -> list[int]:
+    """Tags of the faces around the plane x = y, by their middles: all others are on one side."""
+    faces = [tag for _, tag in gmsh.model.getEntities(2)]
+    middles = [gmsh.model.occ.getCenterOfMass(2, tag) for tag in faces]
+    rounding = 1e-9
+    return [tag for tag, (x, y, _) in zip(faces, middles, strict=True) if abs(x - y) < rounding]

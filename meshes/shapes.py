@@ -44,3 +44,23 @@ def add_outline(corners: Sequence[tuple[float, float]]) -> list[int]:
     points = [gmsh.model.occ.addPoint(x, y, 0.0) for x, y in corners]
     following = points[1:] + points[:1]
     return [gmsh.model.occ.addLine(a, b) for a, b in zip(points, following, strict=True)]
+
+
+def add_block(corner: Sequence[float], extent: Sequence[float], half: bool) -> tuple[int, int]:
+    """Add a box, or half of one: what is on the right of the diagonal from its corner, seen from z.
+
+    Args:
+        corner: Its corner of the smallest coordinates, (x, y, z).
+        extent: Its lengths along the axes.
+        half: Whether it is half of one.
+
+    Returns:
+        Dimension and tag.
+    """
+    if not half:
+        return add_box(corner, extent)
+    (x, y, z), (length, width, height) = corner, extent
+    base = add_polygon(add_outline([(x, y), (x + length, y), (x + length, y + width)]))
+    gmsh.model.occ.translate([(2, base)], 0.0, 0.0, z)
+    found: tuple[int, int] = gmsh.model.occ.extrude([(2, base)], 0.0, 0.0, height)[1]
+    return found

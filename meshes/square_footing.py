@@ -1,7 +1,8 @@
-"""Ground under a square footing 2×2, a quarter of it by symmetry, with fans around its edges.
+"""Ground under a square footing 2×2, a quarter or an eighth of it, with fans around its edges.
 
 The ground is (0, WIDTH)²×(−DEPTH, 0), the footing the square |x|, |y| ≤ 1 of z = 0. Volume
-``ground``; surfaces ``x0``, ``y0`` (the symmetry planes), ``bottom``, ``sides`` and ``footing``.
+``ground``; surfaces ``x0``, ``y0`` (the symmetry planes), ``bottom``, ``sides`` and ``footing``. An
+eighth is what has y ≤ x, with the plane of symmetry ``diagonal`` in place of ``x0``.
 Long cells lie along the edges of the footing, as little changes there, and each fan of them turns
 from the free surface to what is under the footing.
 """
@@ -13,7 +14,7 @@ import gmsh
 import numpy as np
 
 from meshes.command_line import mesh_parser, write_from
-from meshes.mitred import mitred, on, straight_fan, write_body
+from meshes.mitred import Place, mitred, on, on_mitre, straight_fan, write_body
 from meshes.shapes import add_outline, add_polygon
 from meshes.sizes import generate
 from perfplast_fenicsx.mesh import gmsh_session
@@ -27,7 +28,12 @@ GROWTH = 0.4
 
 
 def write_square_footing(
-    path: str | Path, size: float = 1.0, order: int = 1, cells: int = 6, layers: int = 1
+    path: str | Path,
+    size: float = 1.0,
+    order: int = 1,
+    cells: int = 6,
+    layers: int = 1,
+    eighth: bool = False,
 ) -> None:
     """Mesh the ground and write a .msh file. On one process.
 
@@ -37,6 +43,7 @@ def write_square_footing(
         order: Degree of the geometry, 1 or 2.
         cells: Of each fan.
         layers: From the middle of each edge to its end.
+        eighth: Whether it is one, not a quarter.
     """
     width = math.pi * RADIUS / cells
 
@@ -62,9 +69,12 @@ def write_square_footing(
         section = np.searchsorted(np.sort(tags), triangles).reshape(-1, 3)
 
         far = -np.hypot(points[:, 0] - 1, points[:, 1])
-        x, tetrahedra = mitred(points, section, [i / layers for i in range(layers + 1)], far)
-        surfaces = {
-            "x0": [on(0, 0.0)],
+        along = [i / layers for i in range(layers + 1)]
+        x, tetrahedra = mitred(points, section, along, far, eighth)
+        mirror: dict[str, list[Place]] = {"x0": [on(0, 0.0)]}
+        if eighth:
+            mirror = {"diagonal": [on_mitre]}
+        surfaces = mirror | {
             "y0": [on(1, 0.0)],
             "bottom": [on(2, -DEPTH)],
             "sides": [on(0, WIDTH), on(1, WIDTH)],
@@ -80,6 +90,7 @@ def main() -> None:
     )
     parser.add_argument("--cells", type=int, help="of each fan")
     parser.add_argument("--layers", type=int, help="from the middle of each edge to its end")
+    parser.add_argument("--eighth", action="store_true", help="half of the quarter, with y ≤ x")
     write_from(parser, write_square_footing)
 
 

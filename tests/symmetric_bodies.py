@@ -70,15 +70,16 @@ def cube(comm: MPI.Intracomm, n: int, octant: bool, turned: float = 0.0) -> Tagg
         turned: By which angle all of it is turned about z.
     """
     i, j = (index.ravel() for index in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
-    i, j = i[j <= i], j[j <= i]
+    half = j <= i
     number = np.zeros((n + 1, n + 1), dtype=np.int64)
-    number[i, j] = np.arange(len(i))
-    a, b = i[i < n], j[i < n]
-    cells = np.stack([number[a, b], number[a + 1, b], number[a + 1, b + 1]], axis=1)
+    number[i[half], j[half]] = np.arange(half.sum())
+    a, b = i[half & (i < n)], j[half & (i < n)]
+    cells: Longs = np.stack([number[a, b], number[a + 1, b], number[a + 1, b + 1]], axis=1)
     a, b = a[b < a], b[b < a]
     above = np.stack([number[a, b], number[a + 1, b + 1], number[a, b + 1]], axis=1)
-    points, cells = np.stack([i, j], axis=1) / n, np.concatenate([cells, above])
-    rank = np.arange(len(points))
+    points: Floats = np.stack([i[half], j[half]], axis=1) / n
+    cells = np.concatenate([cells, above])
+    rank: Longs = np.arange(len(points))
     places: dict[str, On] = {
         "y0": lambda x: np.isclose(x[1], 0),
         "bottom": lambda x: np.isclose(x[2], 0),

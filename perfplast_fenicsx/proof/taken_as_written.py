@@ -92,9 +92,9 @@ def _supports(body: Body) -> str:
         ]
         count = int(body.held[here].any(axis=1).sum())
         words.append(f"{', '.join(axes)} of surface {tag} ({count} facets)")
-    guided = body.guided.any(axis=1)
+    guided = np.flatnonzero(body.guided.any(axis=1))
     for tag in np.unique(body.surface[guided]):
-        here = body.on(tag)[guided[body.on(tag)]]
+        here = np.intersect1d(body.on(tag), guided)
         cosines = np.einsum("fi,fi->f", body.guided[here], body.normals[here])
         oblique = np.abs(cosines).min() < 1 - 1e-12  # angles of a millionth and more
         what = "a direction oblique to it, " if oblique else "its normal "

@@ -162,4 +162,8 @@ STATEMENTS = (
         ),
     ),
     Statement("sheets (plane stress)", tables={"model": {"kind": "plane-stress"}}),
+    Statement(
+        "a support along a normal",
+        tables={"support": [{"on": "bottom"}, {"on": "left", "components": "normal"}]},
+    ),
 )

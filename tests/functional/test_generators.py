@@ -206,6 +206,19 @@ CASES = [
     ),
     Case(
         write_square_footing,
+        {"cells": 3, "eighth": True},
+        {"ground": BROAD**2 * BELOW / 2},
+        {
+            "diagonal": (-BROAD * BELOW, BROAD * BELOW, 0),
+            "y0": (0, -BROAD * BELOW, 0),
+            "bottom": (0, 0, -(BROAD**2) / 2),
+            "sides": (BROAD * BELOW, 0, 0),
+            "footing": (0, 0, 0.5),
+        },
+        gdim=3,
+    ),
+    Case(
+        write_square_footing,
         {"cells": 3, "layers": 2},
         {"ground": BROAD**2 * BELOW},
         {
@@ -229,6 +242,22 @@ CASES = [
             "top": (0, 0, 1),
             "ground_seam": (0, 0, 1),
             "punch_seam": (0, 0, -1),
+        },
+        [("ground_seam", "punch_seam")],
+        gdim=3,
+    ),
+    Case(
+        write_square_punch,
+        {"size": 1.0, "eighth": True},
+        {"ground": GROUND**2 * DEEP / 2, "punch": PUNCH / 2},
+        {
+            "diagonal": (-GROUND * DEEP - PUNCH, GROUND * DEEP + PUNCH, 0),
+            "y0": (0, -GROUND * DEEP - PUNCH, 0),
+            "bottom": (0, 0, -(GROUND**2) / 2),
+            "sides": (GROUND * DEEP, 0, 0),
+            "top": (0, 0, 0.5),
+            "ground_seam": (0, 0, 0.5),
+            "punch_seam": (0, 0, -0.5),
         },
         [("ground_seam", "punch_seam")],
         gdim=3,

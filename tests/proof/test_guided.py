@@ -59,7 +59,7 @@ def pass_through(share: float) -> Forgery:
 
     def forge(them: Arrays) -> None:
         v = them["velocity"]
-        direction = them["guided"][them["guided"].any(axis=1)][0]
+        direction = them["guided"][np.flatnonzero(them["guided"].any(axis=1))[0]]
         v[guided_nodes(them)] += share * np.abs(v).max() * direction
 
     return alone("upper", forge)
@@ -72,7 +72,8 @@ def shear_there(share: float) -> Forgery:
         body = Body.of(them)
         shear = np.zeros((body.dim, body.dim))
         shear[0, 1] = shear[1, 0] = share * np.abs(them["stress"]).max()
-        pulls = np.where(them["guided"].any(axis=1)[:, None], 0.0, body.normals @ shear)
+        pulls = body.normals @ shear
+        pulls[np.flatnonzero(them["guided"].any(axis=1))] = 0.0
         them["stress"] = them["stress"] + shear
         them["constant_traction"] = np.tile(pulls[:, None], (1, body.dim, 1))
 

@@ -227,17 +227,18 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
                 for it, there in zip(kinds[kind], known, strict=True)
             ]
             rubbing[f"{kind}_{name}"] = table_of(problem, values, (), np.float64)
+    guided = {"guided": block(places.of_facets, body.guided[outer])}
     into = [it.into for it in body.interfaces if it.into is not None]
     return {
         **loads_on_file(problem, body, question, places),
         **rubbing,
+        **(guided if problem.guides.surfaces else {}),
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
         "cells": block(places.of_cells, numbers[cells]),
         **cones_on_file(problem, places.of_cells),
         "facets": block(places.of_facets, numbers[facets]),
         "surface": block(places.of_facets, surface),
         "held": block(places.of_facets, body.supported[outer].astype(np.uint8)),
-        "guided": block(places.of_facets, body.guided[outer]),
         "rigid": table_of(problem, [tags[name] for name in body.rigid.names], (), np.int64),
         "rigid_held": table_of(problem, list(body.rigid.free[:, :d] == 0), (d,), np.uint8),
         "obstacle_normals": table_of(problem, into, (d,), np.float64),

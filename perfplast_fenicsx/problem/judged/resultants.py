@@ -77,7 +77,7 @@ def resultants(
         along.array[:] = -friction[there]
         problem.sliding.B.multTransposeAdd(along, pushes, pushes)
         along.destroy()
-    guided = np.zeros((0, gdim))
+    guided: Floats = np.zeros((0, gdim))
     if problem.num_tied:
         guided = _add_ties(problem, internal, zeta, pushes)
     external, pushed, reaction = (
