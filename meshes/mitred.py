@@ -82,32 +82,32 @@ def on_mitre(facets: Floats) -> Booleans:
 
 def write_body(
     path: str | Path,
-    volume: str,
+    bodies: Mapping[str, Longs],
     x: Floats,
-    cells: Longs,
     surfaces: Mapping[str, Sequence[Place]],
     order: int = 1,
 ) -> None:
-    """Write a body of tetrahedra as a .msh file, in a new model of gmsh.
+    """Write a body of tetrahedra, or glued ones, as a .msh file, in a new model of gmsh.
 
     Args:
         path: The file to write.
-        volume: Its name.
+        bodies: Names, and numbers of the points of the cells, as :func:`mitred` returns them.
         x: Points.
-        cells: Their numbers, as :func:`mitred` returns them.
         surfaces: Names, and the places whose outer facets have them.
         order: Degree of the geometry, 1 or 2.
     """
+    cells = np.concatenate(list(bodies.values()))
     facets = np.sort(np.concatenate([np.delete(cells, i, axis=1) for i in range(4)]), axis=1)
     facets, count = np.unique(facets, axis=0, return_counts=True)
     facets = facets[count == 1]
     model = gmsh.model
-    model.add(volume)
-    body = model.addDiscreteEntity(3)
-    model.mesh.addNodes(3, body, range(1, len(x) + 1), x.ravel())
+    model.add(" ".join(bodies))
+    entities = [model.addDiscreteEntity(3) for _ in bodies]
+    model.mesh.addNodes(3, entities[0], range(1, len(x) + 1), x.ravel())
     tetrahedron, triangle = 4, 2  # gmsh's numbers
-    model.mesh.addElementsByType(body, tetrahedron, [], (cells + 1).ravel())
-    model.addPhysicalGroup(3, [body], name=volume)
+    for body, (name, mine) in zip(entities, bodies.items(), strict=True):
+        model.mesh.addElementsByType(body, tetrahedron, [], (mine + 1).ravel())
+        model.addPhysicalGroup(3, [body], name=name)
     for name, places in surfaces.items():
         here = facets[np.logical_or.reduce([place(x[facets]) for place in places])]
         surface = model.addDiscreteEntity(2)

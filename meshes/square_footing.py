@@ -80,7 +80,7 @@ def write_square_footing(
             "sides": [on(0, WIDTH), on(1, WIDTH)],
             "footing": [on(2, 0.0, within=1.0)],
         }
-        write_body(path, "ground", x, tetrahedra, surfaces, order)
+        write_body(path, {"ground": tetrahedra}, x, surfaces, order)
 
 
 def main() -> None:

@@ -205,6 +205,18 @@ CASES = [
         gdim=3,
     ),
     Case(
+        write_rough_cube,
+        {"size": 0.25, "half": True},
+        {"cube": HALF**3 / 2, "platen": HALF**2 * LAYER / 2},
+        {
+            "x0": (HALF * (HALF + LAYER), 0, 0),
+            "diagonal": (-HALF * (HALF + LAYER), HALF * (HALF + LAYER), 0),
+            "z0": (0, 0, -(HALF**2) / 2),
+            "top": (0, 0, HALF**2 / 2),
+        },
+        gdim=3,
+    ),
+    Case(
         write_square_footing,
         {"cells": 3, "eighth": True},
         {"ground": BROAD**2 * BELOW / 2},
