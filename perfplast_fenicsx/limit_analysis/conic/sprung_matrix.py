@@ -10,6 +10,7 @@ from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
+from perfplast_fenicsx.solvers.linear.supernodal import SOLVER_TYPE, SupernodalFactors
 
 
 class SprungMatrix:
@@ -36,11 +37,18 @@ class SprungMatrix:
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setOptionsPrefix(own_prefix(LIMIT, options))
         self._ksp.setFromOptions()
+        self._supernodal, self._checked = SupernodalFactors(), False
+        self._used = self._ksp
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
-        for thing in (self._ksp, self._matrix):
+        for thing in (self._supernodal, self._ksp, self._matrix):
             thing.destroy()
+
+    @property
+    def uses(self) -> str:
+        """PETSc's name of what has made the last factors."""
+        return str(self._used.getPC().getFactorSolverType())
 
     def jump_diagonal(self) -> Floats:
         """Diagonal entries of the jumps of this rank's pairs. Collective."""
@@ -56,6 +64,17 @@ class SprungMatrix:
         self._matrix.setDiagonal(diagonal)
         diagonal.destroy()
 
+    def check_once(self) -> None:
+        """Refuse the matrix if its factors do not fit into memory, once. Collective.
+
+        Raises:
+            TooLarge: With what is needed and what there is.
+        """
+        if not self._checked:
+            self._ksp.setOperators(self._matrix)
+            self._checked, analysis = True, check_memory(self._ksp)
+            self._supernodal.take_over(self._ksp, analysis, LIMIT + SOLVER_TYPE)
+
     @phase("linear set-up")
     def factorise(self) -> None:
         """Factorise the matrix as it is. Collective.
@@ -64,11 +83,13 @@ class SprungMatrix:
             SingularStiffness: If that fails.
             InputError: If it takes more memory than there is, before the first one.
         """
-        self._ksp.setOperators(self._matrix)
-        if not self.factorisations:
-            check_memory(self._ksp)
-        self._ksp.setUp()
+        self.check_once()
         self.factorisations += 1
+        self._used = self._supernodal.factorise(self._matrix) or self._ksp
+        if self._used is not self._ksp:
+            return
+        self._ksp.setOperators(self._matrix)
+        self._ksp.setUp()
         if self._ksp.getPC().getFailedReason():
             forget_factors(self._ksp)
             raise SingularStiffness("the stiffness could not be factorised")
@@ -76,5 +97,5 @@ class SprungMatrix:
     @phase("linear solve")
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve K x = b with the last factors. Collective."""
-        self._ksp.solve(b, x)
+        self._used.solve(b, x)
         self.solves += 1

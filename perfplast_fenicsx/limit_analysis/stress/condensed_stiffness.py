@@ -12,7 +12,6 @@ from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import Multiplie
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
-from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 
 RIDGE = 1e-13
 """Share of the diagonal that is added: rows of equilibrium may depend on each other where facets
@@ -117,8 +116,7 @@ class CondensedStiffness(SprungMatrix):
         everywhere = np.full((self._strains.num_cells, outer, outer), pattern)
         self._matrix.zeroEntries()
         self._fill(self._matrix, everywhere)
-        self._ksp.setOperators(self._matrix)
-        check_memory(self._ksp)
+        self.check_once()
 
     @phase("assembly")
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:

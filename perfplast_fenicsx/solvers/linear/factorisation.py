@@ -13,7 +13,13 @@ from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
-from perfplast_fenicsx.solvers.linear.mumps_memory import ENTRIES, OPERATIONS, Price, price
+from perfplast_fenicsx.solvers.linear.mumps_memory import (
+    ENTRIES,
+    OPERATIONS,
+    Price,
+    entries_of,
+    price,
+)
 from perfplast_fenicsx.solvers.linear.outcome import Outcome, run
 from perfplast_fenicsx.solvers.linear.petsc_options import LINEAR, own_prefix, solver_name
 
@@ -66,8 +72,7 @@ class Factorisation:
         if pc.getFactorSolverType() != "mumps":
             return 0
         factors = pc.getFactorMatrix()
-        entries = factors.getMumpsInfog(ENTRIES)
-        entries = entries if entries >= 0 else -1e6 * entries  # in millions where there are many
+        entries = entries_of(factors, ENTRIES)
         # An entry of the factors costs CG as much time as so many operations cost a
         # factorisation, which works in cache.
         balance = 40.0

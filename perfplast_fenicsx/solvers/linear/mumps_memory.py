@@ -30,6 +30,21 @@ class Price:
     fits: bool
 
 
+@dataclass(frozen=True)
+class Analysis:
+    """What MUMPS says before it factorises.
+
+    Attributes:
+        operations: Of a factorisation, of all ranks.
+        per_entry: The same for an entry of the factors.
+        needed: Memory that this rank needs at least (bytes).
+    """
+
+    operations: float
+    per_entry: float
+    needed: float
+
+
 def price(ksp: PETSc.KSP, matrix: PETSc.Mat) -> Price:
     """The price of a factorisation by MUMPS. Collective.
 
@@ -38,14 +53,20 @@ def price(ksp: PETSc.KSP, matrix: PETSc.Mat) -> Price:
         matrix: What would be factorised.
     """
     comm = ksp.comm.tompi4py()
-    operations, needed = _analyse(ksp)
-    fits = comm.allreduce(needed / 1e6 <= spare_memory(comm), MPI.LAND)
+    found = _analyse(ksp)
+    fits = comm.allreduce(found.needed / 1e6 <= spare_memory(comm), MPI.LAND)
     entries = matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
-    return Price(math.sqrt(operations / max(entries, 1)), fits)
+    return Price(math.sqrt(found.operations / max(entries, 1)), fits)
 
 
-def _analyse(ksp: PETSc.KSP) -> tuple[float, float]:
-    """Operations of all ranks, and memory that this rank needs at least (bytes). Collective.
+def entries_of(factors: PETSc.Mat, which: int) -> float:
+    """Entries of factors by one of MUMPS's numbers, which has millions of them where negative."""
+    entries = factors.getMumpsInfog(which)
+    return float(entries if entries >= 0 else -1e6 * entries)
+
+
+def _analyse(ksp: PETSc.KSP) -> Analysis:
+    """Analyse a matrix. Collective.
 
     MUMPS is allowed next to nothing, so that it stops after the analysis.
     """
@@ -57,34 +78,39 @@ def _analyse(ksp: PETSc.KSP) -> tuple[float, float]:
     factors.setMumpsIcntl(most, 1)
     ksp.setUp()
     least = factors.getMumpsInfo(needed) * 1e6 / (1 + factors.getMumpsIcntl(room) / 100)
-    # MUMPS's number of the operations that a factorisation would take, by its analysis.
-    estimated_operations = 1
+    # MUMPS's numbers of the operations that a factorisation would take, and of its entries.
+    estimated_operations, estimated_entries = 1, 20
     operations = factors.getMumpsRinfog(estimated_operations)
+    entries = entries_of(factors, estimated_entries)
     forget_factors(ksp)
-    return operations, least
+    return Analysis(operations, operations / max(entries, 1), least)
 
 
 class TooLarge(InputError):
     """What does not fit into memory."""
 
 
-def check_memory(ksp: PETSc.KSP) -> None:
+def check_memory(ksp: PETSc.KSP) -> Analysis | None:
     """Refuse a factorisation that takes more memory than there is, before it starts. Collective.
 
     Args:
         ksp: With its options and operators, not set up yet; it is left so.
+
+    Returns:
+        What MUMPS says; None where another solver is used, which is not asked.
 
     Raises:
         TooLarge: With what is needed and what there is.
     """
     pc, (matrix, _) = ksp.getPC(), ksp.getOperators()
     if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
-        return
-    _, least = _analyse(ksp)
-    enough, needed, has = has_memory(ksp.comm.tompi4py(), least)
+        return None
+    found = _analyse(ksp)
+    enough, needed, has = has_memory(ksp.comm.tompi4py(), found.needed)
     if not enough:
         raise TooLarge(
             f"a factorisation for {matrix.getSize()[0]} unknowns needs at least"
             f" {needed / 2**30:.3g} GiB of memory, and there are {has / 2**30:.3g}; use a coarser"
             " mesh, or more machines."
         )
+    return found

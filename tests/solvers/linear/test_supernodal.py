@@ -1,0 +1,70 @@
+"""Factors of CHOLMOD in the place of MUMPS's: where they are made, and where they cannot be."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE
+from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
+from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
+from perfplast_fenicsx.solvers.linear.mumps_memory import Analysis
+from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT
+from perfplast_fenicsx.solvers.linear.supernodal import SOLVER_TYPE, SupernodalFactors
+
+pytestmark = pytest.mark.serial
+
+
+def dense(size: int) -> Floats:
+    """A matrix without zeros that is positive definite."""
+    rows = np.random.default_rng(7).normal(size=(size, size))
+    return np.asarray(rows @ rows.T / size + np.eye(size))
+
+
+def solved(sprung: SprungMatrix, matrix: PETSc.Mat, values: Floats) -> float:
+    """By how much a solution misses, with the factors of other values."""
+    places = np.arange(len(values), dtype=np.int32)
+    matrix.setValues(places, places, values)
+    matrix.assemble()
+    sprung.factorise()
+    b, x = matrix.createVecs()
+    b.set(1.0)
+    sprung.solve(b, x)
+    left = float(np.abs(values @ x.array_r - 1).max())
+    b.destroy()
+    x.destroy()
+    return left
+
+
+def test_what_is_not_positive_definite_is_factorised_by_mumps() -> None:
+    """Once it has been met, for ever."""
+    values = dense(700)
+    matrix = PETSc.Mat().createAIJ((700, 700), nnz=700, comm=MPI.COMM_SELF)
+    indefinite = values.copy()
+    indefinite[3, 3] = -5.0
+    sprung = SprungMatrix(MPI.COMM_SELF, matrix, NONE, DIRECT)
+    assert solved(sprung, matrix, values) < 1e-10
+    assert sprung.uses == "cholmod"
+    assert solved(sprung, matrix, indefinite) < 1e-8
+    assert sprung.uses == "mumps"
+    assert solved(sprung, matrix, values) < 1e-10
+    assert sprung.uses == "mumps"
+    assert sprung.factorisations == 3
+    sprung.destroy()
+
+
+@pytest.mark.parametrize(("per_entry", "asked"), [(100.0, False), (1000.0, True)])
+def test_mumps_stays_where_it_is_quicker_or_asked_for(per_entry: float, asked: bool) -> None:
+    """In the plane, and where users have said which solver they want."""
+    ksp = PETSc.KSP().create(MPI.COMM_SELF)
+    factors, options = SupernodalFactors(), PETSc.Options()
+    if asked:
+        options[LIMIT + SOLVER_TYPE] = "mumps"
+    try:
+        factors.take_over(ksp, Analysis(1e9, per_entry, 1e6), LIMIT + SOLVER_TYPE)
+    finally:
+        options.delValue(LIMIT + SOLVER_TYPE)
+    assert factors.factorise(PETSc.Mat()) is None
+    ksp.destroy()
