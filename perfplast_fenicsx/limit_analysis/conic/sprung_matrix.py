@@ -10,7 +10,7 @@ from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
-from perfplast_fenicsx.solvers.linear.supernodal import SOLVER_TYPE, SupernodalFactors
+from perfplast_fenicsx.solvers.linear.supernodal import SupernodalFactors
 
 
 class SprungMatrix:
@@ -73,7 +73,7 @@ class SprungMatrix:
         if not self._checked:
             self._ksp.setOperators(self._matrix)
             self._checked, analysis = True, check_memory(self._ksp)
-            self._supernodal.take_over(self._ksp, analysis, LIMIT + SOLVER_TYPE)
+            self._supernodal.take_over(self._ksp, analysis, LIMIT)
 
     @phase("linear set-up")
     def factorise(self) -> None:

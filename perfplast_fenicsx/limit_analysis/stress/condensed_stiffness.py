@@ -8,6 +8,7 @@ from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.limit_analysis.discrete.friction_points import Springs
+from perfplast_fenicsx.limit_analysis.stress.cell_condensation import CellCondensation
 from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.rounding import TINY
@@ -31,9 +32,6 @@ class CondensedStiffness(SprungMatrix):
         """
         self._strains, self._held, self._out = strains, held, held
         facets, layout = strains.facets, strains.layout
-        size = layout.outer + layout.inner
-        at_once = 3_000_000  # entries of the cells' matrices that are computed at once
-        self._chunk = max(1, at_once // size**2)
         self._springs: Springs | None = None
         matrix = PETSc.Mat().create(facets.vector.comm)
         matrix.setType(PETSc.Mat.Type.AIJ)
@@ -41,10 +39,10 @@ class CondensedStiffness(SprungMatrix):
         unpivoted = {**DIRECT, "mat_mumps_cntl_1": 0.0}
         super().__init__(facets.vector.comm, matrix, jumps, unpivoted)
         self._preallocate()
-        inner = layout.inner
-        self._inside, self._outside = layout.outer + np.arange(inner), np.arange(layout.outer)
-        self._inverse = np.empty((strains.num_cells, inner, inner))
-        self._across = np.empty((strains.num_cells, inner, layout.outer))
+        comm = facets.vector.comm.tompi4py()
+        shape = strains.num_cells, len(strains.rows), *strains.matrices.shape[-2:]
+        given = strains.rows, strains.matrices.reshape(shape), layout.outer
+        self._cells = CellCondensation(comm, *given)
         self._right, self._found = self._matrix.createVecs()
 
     def destroy(self) -> None:
@@ -125,28 +123,13 @@ class CondensedStiffness(SprungMatrix):
         Raises:
             SingularStiffness: If inner unknowns of a cell cannot be eliminated.
         """
-        strains, outer = self._strains, self._strains.layout.outer
-        values = np.empty((strains.num_cells, outer, outer))
+        strains = self._strains
         roots = _roots(moduli) * np.sqrt(strains.weights)[:, None, None]
-        roots = roots.reshape(strains.num_cells, -1, *roots.shape[1:])
-        singular = False
-        for first in range(0, strains.num_cells, self._chunk):
-            some = slice(first, first + self._chunk)
-            K = self._of_cells(some, roots[some])
-            K[:, self._inside, self._inside] += strains.idle[some, outer:]
-            try:
-                L = np.linalg.cholesky(K[:, outer:, outer:])
-            except np.linalg.LinAlgError:
-                singular = True
-                break
-            self._inverse[some] = _inverse(np.asarray(L, dtype=np.float64))
-            self._across[some] = across = self._inverse[some] @ K[:, outer:, :outer]
-            values[some] = K[:, :outer, :outer] - np.swapaxes(across, 1, 2) @ across
-            # rows that the eliminated ones have told already, of cells with few stresses
-            few = strains.few[some, None]
-            told = K[:, self._outside, self._outside]
-            values[some, self._outside, self._outside] += few * RIDGE * told
-        if strains.facets.vector.comm.tompi4py().allreduce(singular):
+        # rows that the eliminated ones have told already, of cells with few stresses
+        ridge: Floats = RIDGE * strains.few.astype(np.float64)
+        idle: Floats = strains.idle[:, strains.layout.outer :].astype(np.float64)
+        values, done = self._cells.condense(roots, idle, ridge)
+        if strains.facets.vector.comm.tompi4py().allreduce(not done):
             raise SingularStiffness("the equilibrium of a cell cannot be solved for its stress")
         self._matrix.zeroEntries()
         self._fill(self._matrix, values)
@@ -161,37 +144,18 @@ class CondensedStiffness(SprungMatrix):
         if strains.facets.vector.comm.tompi4py().allreduce(len(held)):
             self._matrix.zeroRowsColumns(strains.facets.numbers[held].astype(PETSc.IntType))
 
-    def _of_cells(self, some: slice, roots: Floats) -> Floats:
-        """Matrices of cells, shape (num_cells, size, size)."""
-        strains = self._strains
-        size = strains.layout.outer + strains.layout.inner
-        scaled = strains.matrices[some] @ roots
-        if strains.gdim == 3:  # where a point has few of the unknowns
-            parts = scaled @ np.swapaxes(scaled, 2, 3)
-            K = np.zeros((len(parts), size, size))
-            for p, at in enumerate(strains.rows):
-                K[:, at[:, None], at[None, :]] += parts[:, p]
-            return K
-        every = np.zeros((len(scaled), size, *scaled.shape[1::2]))
-        for p, at in enumerate(strains.rows):
-            every[:, at, p] = scaled[:, p]
-        every = every.reshape(len(scaled), size, -1)
-        return np.asarray(every @ np.swapaxes(every, 1, 2), dtype=np.float64)
-
     @phase("linear solve")
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve K x = b with the last factors. Collective."""
         strains, count = self._strains, self._strains.facets.count
-        half = (self._inverse @ strains.inner(b.array_r)[:, :, None])[:, :, 0]
-        onto = -(half[:, None, :] @ self._across)[:, 0]
+        onto = self._cells.push_out(strains.inner(b.array_r))
         self._right.array[:] = b.array_r[:count] + strains.facets.add_up(onto)
         self._right.array[self._out] = 0.0
         super().solve(self._right, self._found)
         outer = strains.facets.gather(self._found.array_r)
-        half -= (self._across @ outer[:, :, None])[:, :, 0]
         array = x.array
         array[:count] = self._found.array_r
-        array[count:] = (half[:, None, :] @ self._inverse).ravel()
+        array[count:] = self._cells.bring_in(outer).ravel()
 
 
 def _roots(moduli: Moduli) -> Floats:
@@ -215,17 +179,3 @@ def _roots(moduli: Moduli) -> Floats:
         at, whole = moduli.whole
         roots[at] = whole
     return roots
-
-
-def _inverse(L: Floats) -> Floats:
-    """Inverses of lower triangular matrices, shape (n, size, size), by halves."""
-    size = L.shape[-1]
-    small = 17  # triangular matrices of this size are inverted at once
-    if size <= small:
-        return np.asarray(np.linalg.solve(L, np.broadcast_to(np.eye(size), L.shape)), np.float64)
-    half = size // 2
-    found = np.zeros_like(L)
-    found[:, :half, :half] = first = _inverse(L[:, :half, :half])
-    found[:, half:, half:] = last = _inverse(L[:, half:, half:])
-    found[:, half:, :half] = -last @ (L[:, half:, :half] @ first)
-    return found

@@ -14,8 +14,6 @@ from perfplast_fenicsx.solvers.linear.mumps_memory import Analysis
 
 log = logging.getLogger(__name__)
 
-SOLVER_TYPE = "pc_factor_mat_solver_type"
-
 
 class SupernodalFactors:
     """Factors by CHOLMOD, until a matrix turns out not to be positive definite."""
@@ -24,17 +22,18 @@ class SupernodalFactors:
         """Make nothing yet."""
         self._ksp: PETSc.KSP | None = None
 
-    def take_over(self, ksp: PETSc.KSP, analysis: Analysis | None, asked: str) -> None:
+    def take_over(self, ksp: PETSc.KSP, analysis: Analysis | None, prefix: str) -> None:
         """Make factors from now on where that takes less time. Collective.
 
         Args:
             ksp: Of MUMPS, with its operators.
             analysis: Of MUMPS; None without one.
-            asked: The option by which users may have said which solver they want.
+            prefix: Of options by which users may have said which solver they want.
         """
         # operations for an entry of the factors from which on CHOLMOD is the quicker one
         least = 300.0
-        if ksp.comm.getSize() > 1 or analysis is None or PETSc.Options().hasName(asked):
+        asked = PETSc.Options().hasName(f"{prefix}pc_factor_mat_solver_type")
+        if ksp.comm.getSize() > 1 or analysis is None or asked:
             return
         if analysis.per_entry < least or not PETSc.Sys.hasExternalPackage("cholmod"):
             return

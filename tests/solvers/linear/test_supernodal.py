@@ -12,7 +12,7 @@ from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 from perfplast_fenicsx.solvers.linear.mumps_memory import Analysis
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT
-from perfplast_fenicsx.solvers.linear.supernodal import SOLVER_TYPE, SupernodalFactors
+from perfplast_fenicsx.solvers.linear.supernodal import SupernodalFactors
 
 pytestmark = pytest.mark.serial
 
@@ -60,11 +60,12 @@ def test_mumps_stays_where_it_is_quicker_or_asked_for(per_entry: float, asked: b
     """In the plane, and where users have said which solver they want."""
     ksp = PETSc.KSP().create(MPI.COMM_SELF)
     factors, options = SupernodalFactors(), PETSc.Options()
+    option = f"{LIMIT}pc_factor_mat_solver_type"
     if asked:
-        options[LIMIT + SOLVER_TYPE] = "mumps"
+        options[option] = "mumps"
     try:
-        factors.take_over(ksp, Analysis(1e9, per_entry, 1e6), LIMIT + SOLVER_TYPE)
+        factors.take_over(ksp, Analysis(1e9, per_entry, 1e6), LIMIT)
     finally:
-        options.delValue(LIMIT + SOLVER_TYPE)
+        options.delValue(option)
     assert factors.factorise(PETSc.Mat()) is None
     ksp.destroy()

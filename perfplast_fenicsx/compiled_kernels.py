@@ -1,0 +1,86 @@
+"""C kernels, compiled by cffi when they are first needed and kept where DOLFINx keeps its forms."""
+
+import hashlib
+import importlib.util
+import os
+import platform
+import re
+import sysconfig
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+from cffi import FFI, VerificationError
+from dolfinx.jit import get_options, mpi_jit_decorator
+
+from perfplast_fenicsx.arrays import Floats
+
+
+def compiled(comm: MPI.Intracomm, source: str) -> tuple[Any, FFI]:
+    """Functions of a C source, compiled for this processor unless that has been done. Collective.
+
+    Files of other processors in the same folder are left alone. A rank that does not see what the
+    first one has compiled compiles it too.
+
+    Args:
+        comm: The ranks.
+        source: Definitions; functions that are not static begin at the left margin.
+
+    Returns:
+        cffi's module with these functions, and what turns arrays into arguments.
+    """
+    module = _load(comm, source)
+    return module.lib, module.ffi
+
+
+@mpi_jit_decorator
+def _load(source: str) -> Any:
+    """The module, from its file; that is made whole or not at all."""
+    folder = Path(get_options()["cache_dir"])
+    of = "\0".join([source, _processor(), sysconfig.get_config_var("SOABI") or ""])
+    name = f"perfplast_kernels_{hashlib.sha1(of.encode()).hexdigest()}"
+    path = folder / f"{name}{sysconfig.get_config_var('EXT_SUFFIX')}"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix="perfplast_") as made:
+            os.replace(_compile(name, source, made), path)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _compile(name: str, source: str, folder: str) -> str:
+    """Compile for this processor, or, where the compiler knows no such option, for any."""
+    heads = re.findall(r"^(?!static)\w+ \w+\([^{;]*\)(?= \{)", source, re.MULTILINE)
+    flags = ["-O3", "-fno-math-errno", "-g0"]
+    for own in (["-march=native"], []):
+        ffi = FFI()
+        ffi.cdef("".join(f"{head};" for head in heads))
+        ffi.set_source(name, source, extra_compile_args=[*flags, *own], libraries=["m"])
+        try:
+            return str(ffi.compile(tmpdir=folder))
+        except VerificationError:
+            if not own:
+                raise
+    raise AssertionError("unreachable")
+
+
+def _processor() -> str:
+    """What tells processors apart for which files differ."""
+    told = Path("/proc/cpuinfo")
+    lines = told.read_text().splitlines() if told.exists() else []
+    flags = [line for line in lines if line.startswith(("flags", "Features"))]
+    return f"{platform.machine()} {platform.processor()} {flags[:1]}"
+
+
+def aligned(size: int) -> Floats:
+    """An array whose first entry is where a line of the cache begins, shape (size,), not set."""
+    line = 8  # entries
+    room = np.empty(size + line)
+    first = -(room.ctypes.data // room.itemsize) % line
+    return room[first : first + size]
