@@ -6,6 +6,7 @@ load. Where the curve is nearly flat its increments are nearly a mechanism, whic
 kinematic side, and the direction in which to leap on until both meet. No side bounds the body.
 """
 
+import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -22,10 +23,13 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
 )
 from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 from perfplast_fenicsx.solvers.load_stepping import work_path
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions
 from perfplast_fenicsx.solvers.next_work import Reached
 from perfplast_fenicsx.solvers.work_newton import WorkNewton
+
+log = logging.getLogger(__name__)
 
 
 def limit_load(
@@ -52,7 +56,8 @@ def limit_load(
             what the estimate may differ by from ζ, and from the one of the level before.
         solver: ALG3 or ALG4 for a path; the default is ALG3 with :func:`limit_options`.
         method: "interior-point" or "path"; the default is the first one where it knows the laws and
-            a factorisation fits, if nothing is given that belongs to a path.
+            a factorisation fits, if nothing is given that belongs to a path. Where it turns out
+            not to, a path follows.
         monitor: Called on every rank after each iteration.
         on_level: Called on every rank after each level, with what is known by then.
         search: Found by an earlier run, to go on with.
@@ -74,7 +79,14 @@ def limit_load(
         return coulomb_limit(problem, rtol, solver, monitor, on_level, search, reached)
     check_friction_has_limits(problem)
     if _chosen(method, problem, follows) is LimitMethod.INTERIOR_POINT:
-        return resisted(interior_point(problem, rtol, monitor))
+        try:
+            return resisted(interior_point(problem, rtol, monitor))
+        except TooLarge as fault:
+            if method is not None:
+                raise InputError(
+                    f"{str(fault).removesuffix('.')}; limit_method = 'path' does without."
+                ) from fault
+            log.info("%s A loading path does without.", fault)
     solver = solver or WorkNewton(problem, NewtonOptions(**limit_options(rtol)))
     search = search or Search()
     judge = Judge(problem, rtol, search)

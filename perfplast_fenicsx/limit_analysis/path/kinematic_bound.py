@@ -135,18 +135,25 @@ class KinematicBound:
 
     def _enter_nothing(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
         """Let the bodies flow, with pairs that close held as well."""
-        self._descend(flow, held, stiff)
         most_holds = 4  # so many times pairs that a mechanism would close are held as well
-        for _ in range(most_holds):
-            closing = flow.jumps() > ROUNDING
-            if not self._comm.allreduce(int((closing & ~held).sum())):
-                return
-            held |= closing
+        for _ in range(most_holds + 1):
             self._descend(flow, held, stiff)
+            if self._hold(flow, held):
+                continue
+            flow.make_admissible()
+            if not self._hold(flow, held):
+                return
         raise NoFlow("the mechanism closes open pairs")
 
+    def _hold(self, flow: ViscousFlow, held: PairFlags) -> bool:
+        """Hold pairs that a flow closes, if there are any. Collective."""
+        closing = flow.jumps() > ROUNDING
+        any_more = bool(self._comm.allreduce(int((closing & ~held).sum())))
+        held |= closing
+        return any_more
+
     def _descend(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
-        """Let the bodies flow until the bound falls no more, and then admissibly."""
+        """Let the bodies flow until the bound falls no more."""
         bound = np.inf
         most_flows = 6  # from a velocity to a mechanism
         # Change of the bound in a flow, relative to the dissipation, that makes it the last.
@@ -158,7 +165,6 @@ class KinematicBound:
             before, bound = bound, power - flow.dead_work()
             if abs(before - bound) <= settled * power:
                 break
-        flow.make_admissible()
 
     def _thicken(self, flow: ViscousFlow, stiff: float) -> None:
         """Make the bodies as viscous as the velocity so far says."""

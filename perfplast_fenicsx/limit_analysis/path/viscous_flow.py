@@ -1,4 +1,4 @@
-"""The slow flow of bodies as viscous as one says, under their loads: a system that is factorised.
+"""The slow flow of bodies as viscous as one says, under their loads.
 
 v minimises ½∫ η‖ε(v)‖² − L₀(v) over the velocities with L₁(v) = 1 that enter no other body and of
 which the laws admit ε(v), by the method of multipliers.
@@ -12,7 +12,12 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
-from perfplast_fenicsx.machine_memory import spare_memory
+from perfplast_fenicsx.limit_analysis.path.flow_system import (
+    FactorisedFlow,
+    FlowSystem,
+    IteratedFlow,
+    NoFlow,
+)
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.problem.assembled.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawOnCells, integrate
@@ -20,22 +25,9 @@ from perfplast_fenicsx.problem.fields.stiffness import create_stiffness
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
-from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
-from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
-from perfplast_fenicsx.solvers.linear.petsc_options import BOUND, own_prefix
-
-EXACT = 1e-11
-"""A strain rate that is inadmissible counts as none below this share of ‖ε(v)‖."""
 
 MOST_ITERATIONS = 30
 """Iterations of the multipliers of what is inadmissible, at most."""
-
-LARGE = 60_000
-"""From so many unknowns on the factors may use no more memory than there is to spare."""
-
-
-class NoFlow(RuntimeError):
-    """Why there is no flow, on every rank alike."""
 
 
 class ViscousFlow:
@@ -64,7 +56,8 @@ class ViscousFlow:
             for on in laws
         }
 
-        penalty = 1e8  # weight of what is inadmissible against the viscosity
+        self._system: FlowSystem = FactorisedFlow(problem)
+        self._penalty = penalty = fem.Constant(problem.V.mesh, np.float64(self._system.penalty))
 
         def risen(on: LawOnCells) -> Expr:
             return multipliers[on] + penalty * eta * on.law.yields.inadmissible(rate)
@@ -89,16 +82,14 @@ class ViscousFlow:
         self._force = problem.create_vector()
         self._b, self._y = problem.create_vector(), problem.create_vector()
         self._live, self._rest = problem.create_vector(), problem.create_vector()
-        self._ksp = PETSc.KSP().create(problem.comm)
-        self._ksp.setOptionsPrefix(own_prefix(BOUND, _preset(problem)))
-        self._ksp.setFromOptions()
         self._work = 1.0  # L₁ of the flow under L₁
         self._closed: Ints = np.zeros(0, dtype=np.int32)
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
         vectors = (self._force, self._b, self._y, self._live, self._rest)
-        for part in (self._ksp, self._operator.matrix, self._stiffness, *vectors):
+        self._system.destroy()
+        for part in (self._operator.matrix, self._stiffness, *vectors):
             part.destroy()
 
     def solve(self, held: PairFlags) -> None:
@@ -112,10 +103,11 @@ class ViscousFlow:
         """
         problem = self._problem
         self._closed = np.concatenate([problem.basis.index[held], problem.basis.tied])
-        self._factorise(problem.basis.index[held])
+        self._set_up(problem.basis.index[held])
         for multiplier, _ in self._multipliers:
             multiplier.x.array[:] = 0
         problem.loads.live.copy(self._force)
+        self._live.array[self._closed] = 0
         self._solve(self._force, self._live)
         problem.basis.T.mult(self._live, self.velocity.x.petsc_vec)
         self._work = problem.loads.alpha(self.velocity.x.petsc_vec)
@@ -141,11 +133,11 @@ class ViscousFlow:
         """
         left, slowed = self._inadmissible(), np.inf
         for _ in range(MOST_ITERATIONS):
-            if left <= EXACT:
+            if left <= self._system.exact:
                 break
             self._ascend(1.0)
             before, left = left, self._inadmissible()
-            if left < before / 2:
+            if left < before / 2 or not self._system.tells:
                 continue
             if not left < min(before, slowed / 2):
                 raise NoFlow("no velocity is admissible: nothing can flow, or the elements lock")
@@ -175,7 +167,7 @@ class ViscousFlow:
         """The flow in the contact basis under nodal forces."""
         self._problem.basis.T.multTranspose(force, self._b)
         self._b.array[self._closed] = 0
-        self._ksp.solve(self._b, y)
+        self._system.solve(self._b, y)
         self.solves += 1
 
     def _combine(self) -> None:
@@ -200,7 +192,28 @@ class ViscousFlow:
         largest = float(self._y.norm(PETSc.NormType.NORM_INFINITY))
         return self._y.array_r[self._problem.basis.index] / (largest or 1.0)
 
-    def _factorise(self, closed: Ints) -> None:
+    def _set_up(self, closed: Ints) -> None:
+        """Take the viscosity and these closed pairs, in the way that suits."""
+        self._assemble(closed)
+        try:
+            if self.factorisations or self._system.suits(self._operator.matrix):
+                self._take(closed)
+                return
+        except NoFlow:
+            if not self._system.large:
+                raise
+        self._system.destroy()
+        self._system = IteratedFlow(self._problem)
+        self._penalty.value = self._system.penalty
+        self._assemble(closed)
+        self._take(closed)
+
+    def _take(self, closed: Ints) -> None:
+        self._problem.basis.M.mult(self.velocity.x.petsc_vec, self._y)
+        self._system.set_up(self._operator, closed, self._y)
+        self.factorisations += 1
+
+    def _assemble(self, closed: Ints) -> None:
         self._stiffness.zeroEntries()
         fem_petsc.assemble_matrix(self._stiffness, self._operator_form, self._problem.bcs)  # type: ignore[arg-type]
         self._stiffness.assemble()
@@ -209,15 +222,3 @@ class ViscousFlow:
         each = self.drag[:, None, None] * np.eye(friction.index.shape[1])
         self._operator.add_springs((friction.index, each) if friction.count else None)
         self._operator.hold(closed)
-        self._ksp.setOperators(self._operator.matrix)
-        self._ksp.setUp()
-        self.factorisations += 1
-        if self._ksp.getPC().getFailedReason():
-            forget_factors(self._ksp)
-            raise NoFlow("the flow cannot be factorised: it is not unique, or memory is short")
-
-
-def _preset(problem: Problem) -> dict[str, object]:
-    """MUMPS Cholesky; where the factors are large, with an end to its memory. Collective."""
-    memory = spare_memory(problem.comm) if problem.num_dofs >= LARGE else np.inf
-    return DIRECT if np.isinf(memory) else DIRECT | {"mat_mumps_icntl_23": max(int(memory), 1)}
