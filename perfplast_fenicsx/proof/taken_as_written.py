@@ -96,7 +96,7 @@ def _supports(body: Body) -> str:
     for tag in np.unique(body.surface[guided]):
         here = np.intersect1d(body.on(tag), guided)
         cosines = np.einsum("fi,fi->f", body.guided[here], body.normals[here])
-        oblique = np.abs(cosines).min() < 1 - 1e-12  # angles of a millionth and more
+        oblique = np.abs(cosines).min() < 1 - 1e-8  # angles of 1.4e-4 and more
         what = "a direction oblique to it, " if oblique else "its normal "
         along = f"{what}{_vector(body.guided[here[0]])}"
         words.append(f"surface {tag} along {along} ({len(here)} facets)")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 
 from perfplast_fenicsx import (
@@ -123,5 +124,21 @@ def test_what_is_no_plane_of_symmetry_is_refused() -> None:
     refused(Support("x0", "normals"), "components = 'normals'", "or 'normal'")
     moved = (Support("x0", "x", value=0.1),)
     refused(Support("x0", "normal"), "'x0' off its plane", "leave one", other=moved)
+    mesh, loads = cube(COMM, 1, octant=False, turned=2e-4), [Pressure("top", 1.0)]
+    nearly = (Support("diagonal", "y"),)
+    refused(Support("y0", "normal"), "within 0.011° of", "where they meet", other=nearly)
+    mesh, loads = square_tube(COMM, 2, quarter=True), [Pressure("inner", 1.0)]
     plate = [RigidSurface("inner", held="normal")]
     assert_refused(lambda: Problem(mesh, {"body": WEAK}, [], loads, rigid=plate), ["'normal'"])
+
+
+def test_planes_may_have_coordinates_of_few_digits_and_several_names() -> None:
+    mesh = square_tube(COMM, 2, quarter=True, turned=TURNED)
+    mesh.mesh.geometry.x[:] = np.round(mesh.mesh.geometry.x, 5)
+    supports = [Support("y0", "normal"), Support("x0", "normal")]
+    problem = Problem(mesh, {"body": WEAK}, supports, [Pressure("inner", 1.0)], degree=2)
+    assert abs(problem.guides.normals[0] @ problem.guides.normals[1]) < 1e-4
+    assert_solved(Newton(problem).solve(0.5))
+    mesh.mesh.geometry.x[:] = np.round(mesh.mesh.geometry.x, 2)
+    given = (mesh, {"body": WEAK}, supports, [Pressure("inner", 1.0)])
+    assert_refused(lambda: Problem(*given), ["facets turn by up to 0."])

@@ -18,7 +18,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
 from perfplast_fenicsx.contact.surfaces.surface_normals import surface_facets
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, name_of
 from perfplast_fenicsx.problem.declared.supports import Support
@@ -75,32 +75,44 @@ def find_guides(
             multiplies, shape (2, num_nodes, gdim).
 
     Raises:
-        InputError: If a surface is not flat, or moved along its normal.
+        InputError: If a surface is not flat, nearly parallel to another one, or moved along its
+            normal.
     """
     gdim, size = V.mesh.geometry.dim, V.dofmap.index_map.size_local
     told = [it for it in supports if isinstance(it, Support) and it.guides]
-    normals = np.zeros((len(told), gdim))
+    normals, message = np.zeros((len(told), gdim)), None
     reduced, pivots = np.zeros((gdim, len(taken), gdim)), np.full((gdim, len(taken)), -1)
     free, hosts, numbers = ~taken, [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
     for number, support in enumerate(told):
-        normals[number] = normal = flat_normal(V, tagged_mesh, support)
+        known = np.concatenate([np.eye(gdim), normals[:number]])
+        normals[number] = normal = flat_normal(V, tagged_mesh, support, known)
         nodes = fem.locate_dofs_topological(V, gdim - 1, tagged_mesh.facets(support.on))
         _check_rests(V.mesh.comm, support, displacement[:, nodes] @ normal, displacement)
         left, place = normal * free[nodes], np.zeros(len(nodes), dtype=np.int64)
         for rows, pivot in zip(reduced, pivots, strict=True):
-            known = np.flatnonzero(pivot[nodes] >= 0)
-            place[known] += 1
-            at = nodes[known]
-            factors = left[known, pivot[at]] / rows[at, pivot[at]]
-            left[known] -= factors[:, None] * rows[at]
-        least = 1e-9  # part of a unit normal that other conditions leave, but for rounding
-        new = np.flatnonzero(np.abs(left).max(axis=1, initial=0) > least)
+            has = np.flatnonzero(pivot[nodes] >= 0)
+            place[has] += 1
+            at = nodes[has]
+            factors = left[has, pivot[at]] / rows[at, pivot[at]]
+            left[has] -= factors[:, None] * rows[at]
+        # Parts of a unit normal that others leave: what is rounding, and too little for a row.
+        rounding, least = 1e-9, 1e-3
+        sizes = np.abs(left).max(axis=1, initial=0)
+        new = np.flatnonzero(sizes > rounding)
+        if (sizes[new] < least).any():
+            message = (
+                f"components = 'normal' of the support on '{support.on}': its normal is within"
+                f" {np.degrees(sizes[new].min()):.2g}° of what other supports hold already where"
+                " they meet; leave one of them out, or part their surfaces."
+            )
+            new = new[sizes[new] >= least]
         at, chosen = nodes[new], np.argmax(np.abs(left[new]), axis=1)
         reduced[place[new], at], pivots[place[new], at] = left[new], chosen
         taken[at, chosen] = True
         own = at[at < size].astype(np.int32)
         hosts.append(own)
         numbers.append(np.full(len(own), number, dtype=np.int32))
+    raise_together(V.mesh.comm, message)
     host, number_of = np.concatenate(hosts), np.concatenate(numbers)
     guides = Guides(
         tuple(it.on for it in told), tuple(name_of(it) for it in told), normals, host, number_of
@@ -110,8 +122,16 @@ def find_guides(
     return guides, make_constraints(V, host, np.zeros(len(host)), along, number_of, terms)
 
 
-def flat_normal(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, support: Support) -> Floats:
+def flat_normal(
+    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, support: Support, known: Floats
+) -> Floats:
     """The outward unit normal of a flat surface, the same on every rank. Collective.
+
+    Args:
+        V: Displacement space.
+        tagged_mesh: Mesh with names.
+        support: What is on it.
+        known: Unit vectors that are taken for it where they differ by no more than its facets do.
 
     Raises:
         InputError: If its facets turn, or there are none outside.
@@ -128,18 +148,21 @@ def flat_normal(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, support: Support)
             " outside of a body, and has a normal; name another surface, or give letters."
         )
     normal: Floats = np.linalg.eigh(squares)[1][:, -1]
-    rounding = 1e-12
-    normal[np.abs(normal) < rounding] = 0.0
-    normal *= (-1.0 if outward @ normal < 0 else 1.0) / np.linalg.norm(normal)
     across = np.linalg.norm(n - (n @ normal)[:, None] * normal, axis=1)
     turn = np.arcsin(min(1.0, comm.allreduce(float(across.max(initial=0)), MPI.MAX)))
-    flat = 1e-6  # by which facets of a plane may turn (rad), as their coordinates are rounded
+    flat = 1e-4  # by which facets of a plane may turn (rad), as of coordinates of six digits
     if turn > flat:
         raise InputError(
             f"components = 'normal' of the support on '{support.on}' is for flat surfaces, and its"
             f" facets turn by up to {np.degrees(turn):.3g}° from their mean; give each flat part a"
             " name and a support of its own, or letters."
         )
+    rounding = 1e-12
+    for one in known:
+        if np.linalg.norm(normal - (normal @ one) * one) <= turn + rounding:
+            normal = one.copy()
+    normal[np.abs(normal) < rounding] = 0.0
+    normal *= (-1.0 if outward @ normal < 0 else 1.0) / np.linalg.norm(normal)
     return normal
 
 
