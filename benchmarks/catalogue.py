@@ -212,6 +212,11 @@ GROUPS = {
         (limit("bolted", 11, "--degree", "2", ranks=2),),
         rounds=1,
     ),
+    "shells_limit_1m": Group(
+        "limit load of two thick shells to 1e-2, a million unknowns: a path without factors",
+        (limit("shells", 36, "--degree", "2", "--rtol", "1e-2", ranks=2),),
+        rounds=1,
+    ),
     "step42": Group(
         "per unknown and Newton step, against deal.II's step-42 (hexahedra)",
         (

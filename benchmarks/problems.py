@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from meshes.bolted_assembly import FOOT, write_bolted_assembly
 from meshes.joints import sides
+from meshes.thick_sphere import write_thick_sphere
 from perfplast_fenicsx import (
     Contact,
     Pressure,
@@ -115,11 +116,38 @@ def _bolted_apart(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
 
 def _assembly(comm: MPI.Intracomm, n: int, glued: bool, apart: float | None = None) -> TaggedMesh:
     """The bolted assembly with ``n`` elements on the length of a bracket's foot. Collective."""
+
+    def write(path: Path) -> None:
+        write_bolted_assembly(path, FOOT / n, glued=glued, apart=apart)
+
+    return _generated(comm, write)
+
+
+def _shells(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
+    """An octant of two thick shells, ``n`` elements on the inner radius; ζ is the pressure inside.
+
+    The limit load is 480 log 1.4 + 710 log(2/1.4).
+    """
+    tagged_mesh = _generated(
+        comm, lambda path: write_thick_sphere(path, interface=1.4, size=1 / n, order=2)
+    )
+    return Problem(
+        tagged_mesh,
+        {"inner_shell": VonMises(2e5, 0.3, 240.0), "outer_shell": VonMises(2e5, 0.3, 355.0)},
+        [Support("x0", "x"), Support("y0", "y"), Support("z0", "z")],
+        [Pressure("inner", 1.0)],
+        [Contact("inner_shell_seam", "outer_shell_seam")],
+        degree=degree,
+    )
+
+
+def _generated(comm: MPI.Intracomm, write: Callable[[Path], None]) -> TaggedMesh:
+    """A mesh of a generator. Collective."""
     folder = Path(comm.bcast(mkdtemp() if comm.rank == 0 else ""))
-    path = folder / "assembly.msh"
+    path = folder / "mesh.msh"
     try:
         if comm.rank == 0:
-            write_bolted_assembly(path, FOOT / n, glued=glued, apart=apart)
+            write(path)
         return read_gmsh(comm, path)
     finally:
         if comm.rank == 0:
@@ -131,5 +159,6 @@ MODELS = {
     "punch": Model(_punch, (450.0,), 2, PUNCH_METAL, [Support("punch_bottom", "z")]),
     "l_plate": Model(_l_plate, (1.0,), 1, STEEL),
     "bolted": Model(_bolted, (0.5, 1.0, 3.0), 1, STEEL, glued=_glued),
+    "shells": Model(_shells, (), 3, STEEL),
     "bolted_apart": Model(_bolted_apart, (0.5, 1.0, 3.0), 1, STEEL, glued=_glued),
 }
