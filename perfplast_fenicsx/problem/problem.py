@@ -64,8 +64,7 @@ class Problem:
         given: What was declared on it.
         degree: 1 or 2, that of the displacements.
         V: Continuous displacements, one vector a node.
-        S: Mandel vectors (strain, stress) at the quadrature points (:class:`spaces.Spaces`).
-        Q: Scalars at the quadrature points.
+        S: Mandel vectors at the quadrature points (:class:`spaces.Spaces`); ``Q``: scalars there.
         dx: Integrates over these points; around the axis in axisymmetry.
         cells: All local cells, ghosts too, for `interpolate`, which else makes such an array anew.
         bodies: Connected components and their rigid motions.
@@ -276,8 +275,9 @@ class Problem:
         self.contact_tags = tuple(sorted({tagged_mesh.surfaces[name] for name in touching}))
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
-        told = (contacts, obstacles, self.given.ties)
-        self.sliding, friction = tangential_rows(V, self.constraints, *told, taken)
+        told = (contacts, obstacles, self.given.ties, taken, self.guides.held)
+        sliding, friction = tangential_rows(V, self.constraints, *told)
+        self.sliding: Constraints = sliding
         held = stacked(V, [self.sliding, self.ties])
         motions = RigidMotions(V, self.bodies, fixed, self.constraints, held)
         names = body_names(V, tagged_mesh, self.bodies)

@@ -11,6 +11,7 @@ import pytest
 from perfplast_fenicsx import (
     Force,
     Newton,
+    Plane,
     Pressure,
     Problem,
     ResultFolder,
@@ -142,3 +143,26 @@ def test_planes_may_have_coordinates_of_few_digits_and_several_names() -> None:
     mesh.mesh.geometry.x[:] = np.round(mesh.mesh.geometry.x, 2)
     given = (mesh, {"body": WEAK}, supports, [Pressure("inner", 1.0)])
     assert_refused(lambda: Problem(*given), ["facets turn by up to 0."])
+
+
+def rubbing_cube(octant: bool, turned: float = 0.0) -> Problem:
+    """A cube that is pressed on a plane with Tresca's friction."""
+    if octant:
+        supports = [Support("x0", "x"), Support("y0", "y")]
+    else:
+        supports = [Support("y0", "normal"), Support("diagonal", "normal")]
+    plane = Plane("bottom", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), tresca=0.3, name="plane")
+    mesh, loads = cube(COMM, 2, octant, turned), [Pressure("top", 1.0)]
+    return Problem(mesh, {"body": WEAK}, supports, loads, obstacles=[plane], degree=2)
+
+
+def test_what_rubs_at_planes_of_symmetry_resists_slip_along_them() -> None:
+    whole, part = rubbing_cube(octant=True), rubbing_cube(octant=False, turned=TURNED)
+    levels = [Newton(problem).solve(1.7) for problem in (whole, part)]
+    for level in levels:
+        assert_solved(level)
+    assert 2 * levels[1].report.alpha == pytest.approx(levels[0].report.alpha, rel=1e-6)
+    slips = [level.report.friction_dissipation for level in levels]
+    assert 2 * slips[1] == pytest.approx(slips[0], rel=1e-6)
+    loads = [limit_load(problem, rtol=RTOL).lower for problem in (whole, part)]
+    assert loads[1] == pytest.approx(loads[0], rel=10 * RTOL)

@@ -33,6 +33,7 @@ def tangential_rows(
     obstacles: Sequence[Obstacle],
     ties: Sequence[Tie],
     taken: npt.NDArray[np.bool_],
+    guided: tuple[Ints, Ints, Floats],
 ) -> tuple[Constraints, Friction]:
     """The rows of friction, and what belongs to them but the places of their unknowns. Collective.
 
@@ -46,6 +47,8 @@ def tangential_rows(
         obstacles: The same.
         ties: Which nothing can rub on.
         taken: Components of local nodes that supports hold or ties host, shape (num_nodes, gdim).
+        guided: Directions that nodes are held along, one a row, which have taken a component of
+            these: nodes of this rank, components and unit vectors.
 
     Returns:
         The rows, and friction whose ``index`` has numbers of rows.
@@ -59,7 +62,8 @@ def tangential_rows(
     place = _places(comm, constraints)
     parts = entries_of(constraints.weights)
     _check_guests(V, constraints, taken, place, _of(constraints, place, *parts))
-    directions, there = _directions(constraints.normal[place], ~taken[constraints.host[place]])
+    spaces = _free_spaces(constraints.host[place], taken, guided)
+    directions, there = _directions(constraints.normal[place], spaces)
     some = there.any(axis=1)
     place, directions, there = place[some], directions[some], there[some]
     row, node, weight = _of(constraints, place, *parts)
@@ -128,20 +132,42 @@ def rows_that_rub(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
     return np.flatnonzero(rubs & (constraints.area > NOTHING * largest))
 
 
-def _directions(normal: Floats, free: npt.NDArray[np.bool_]) -> tuple[Floats, npt.NDArray]:
+def _free_spaces(
+    hosts: Ints, taken: npt.NDArray[np.bool_], guided: tuple[Ints, Ints, Floats]
+) -> Floats:
+    """Projections on what hosts, each once, may move along, shape (n, gdim, gdim)."""
+    node, component, normal = guided
+    gdim = taken.shape[1]
+    spaces = np.einsum("ni,ij->nij", ~taken[hosts], np.eye(gdim))
+    place = np.full(len(taken), -1)
+    place[hosts] = np.arange(len(hosts))
+    rows = np.flatnonzero(place[node] >= 0)
+    rows = rows[np.argsort(node[rows], kind="stable")]
+    at = place[node[rows]]
+    spaces[at, component[rows], component[rows]] = 1.0
+    first = np.flatnonzero(np.diff(at, prepend=-1))
+    slot = np.arange(len(at)) - np.repeat(first, np.diff(first, append=len(at)))
+    for number in range(gdim):
+        these = np.flatnonzero(slot == number)
+        left = np.einsum("nij,nj->ni", spaces[at[these]], normal[rows[these]])
+        left /= np.maximum(np.linalg.norm(left, axis=1, keepdims=True), 1e-300)
+        spaces[at[these]] -= left[:, :, None] * left[:, None, :]
+    return spaces
+
+
+def _directions(normal: Floats, spaces: Floats) -> tuple[Floats, npt.NDArray]:
     """Orthonormal directions along the surface that supports leave free.
 
     Args:
         normal: Shape (n, gdim).
-        free: Components that hosts may move in, same shape.
+        spaces: Projections on what hosts may move along, shape (n, gdim, gdim).
 
     Returns:
         Shape (n, gdim − 1, gdim), zero where there is none; and where there is one.
     """
-    along = normal * free
+    along = np.einsum("nij,nj->ni", spaces, normal)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
-    projection = np.einsum("ni,ij->nij", free, np.eye(normal.shape[1]))
-    projection -= along[:, :, None] * along[:, None, :]
+    projection = spaces - along[:, :, None] * along[:, None, :]
     values, vectors = np.linalg.eigh(projection)
     most_normal = 0.5  # eigenvalues of directions in the surface are 1, of others 0
     there = values[:, 1:] > most_normal

@@ -164,8 +164,11 @@ def without_entering(problem: Problem) -> Problem | None:
     )
     told, rigid = (problem.given.contacts, problem.given.obstacles), problem.ties
     taken = problem.fixed.copy()
-    taken[rigid.host, np.argmax(np.abs(rigid.normal), axis=1)] = True
-    sliding, friction = tangential_rows(problem.V, touching, *told, [], taken)
+    node, component, _ = guided = problem.guides.held
+    others = slice(len(rigid.host) - len(node))
+    taken[rigid.host[others], np.argmax(np.abs(rigid.normal[others]), axis=1)] = True
+    taken[node, component] = True
+    sliding, friction = tangential_rows(problem.V, touching, *told, [], taken, guided)
     for thing in (combine, diagonal):
         thing.destroy()
     rows = stacked(problem.V, [touching, sliding, rigid])

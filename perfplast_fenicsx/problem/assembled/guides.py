@@ -34,6 +34,7 @@ class Guides:
         normals: Outward unit normals, the same on every rank, shape (num_guides, gdim).
         host: Local block dof of the node of each row, owned by this rank, shape (num_rows,).
         number: The guide of each row.
+        component: The one of its node that it takes.
     """
 
     surfaces: tuple[str, ...]
@@ -41,6 +42,12 @@ class Guides:
     normals: Floats
     host: Ints
     number: Ints
+    component: Ints
+
+    @property
+    def held(self) -> tuple[Ints, Ints, Floats]:
+        """Node, component and unit normal of each row."""
+        return self.host, self.component, self.normals[self.number]
 
     def through(self, ties: Constraints, u: PETSc.Vec) -> float:
         """The largest displacement of a node through its guide, on any rank. Collective.
@@ -82,7 +89,7 @@ def find_guides(
     told = [it for it in supports if isinstance(it, Support) and it.guides]
     normals, message = np.zeros((len(told), gdim)), None
     reduced, pivots = np.zeros((gdim, len(taken), gdim)), np.full((gdim, len(taken)), -1)
-    free, hosts, numbers = ~taken, [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
+    free, found = ~taken, [np.zeros((3, 0), dtype=np.int32)]
     for number, support in enumerate(told):
         known = np.concatenate([np.eye(gdim), normals[:number]])
         normals[number] = normal = flat_normal(V, tagged_mesh, support, known)
@@ -109,14 +116,12 @@ def find_guides(
         at, chosen = nodes[new], np.argmax(np.abs(left[new]), axis=1)
         reduced[place[new], at], pivots[place[new], at] = left[new], chosen
         taken[at, chosen] = True
-        own = at[at < size].astype(np.int32)
-        hosts.append(own)
-        numbers.append(np.full(len(own), number, dtype=np.int32))
+        rows = np.stack([at, np.full(len(at), number), chosen]).astype(np.int32)
+        found.append(rows[:, at < size])
     raise_together(V.mesh.comm, message)
-    host, number_of = np.concatenate(hosts), np.concatenate(numbers)
-    guides = Guides(
-        tuple(it.on for it in told), tuple(name_of(it) for it in told), normals, host, number_of
-    )
+    host, number_of, component = np.concatenate(found, axis=1)
+    names = tuple(it.on for it in told), tuple(name_of(it) for it in told)
+    guides = Guides(*names, normals, host, number_of, component)
     every, along = np.arange(len(host)), normals[number_of]
     terms = [(every, V.dofmap.index_map.local_to_global(host), along)]
     return guides, make_constraints(V, host, np.zeros(len(host)), along, number_of, terms)
