@@ -26,15 +26,18 @@ class GluedEdges:
         order: A number for each local edge, larger for longer ones and different for all edges of a
             cell. Of two edges of a cell the same is the larger on every rank, and on the other
             side of a contact.
+        length: What ``order`` is the order of, shape (num_edges,).
     """
 
-    def __init__(self, mesh: Mesh, opposite: Longs) -> None:
+    def __init__(self, mesh: Mesh, opposite: Longs, metric: Floats | None = None) -> None:
         """Find which edges lie on each other. Collective.
 
         Args:
             mesh: Triangles or tetrahedra of first order.
             opposite: Pairs of vertices that lie on each other, by their global numbers, any of them
                 on any rank, shape (num_pairs, 2).
+            metric: Of each owned cell the matrix M of the length √(e·Me) of an edge e, of which the
+                mean over its cells counts, shape (num_cells, gdim, gdim); 1 by default.
         """
         topology, comm, tdim = mesh.topology, mesh.comm, mesh.topology.dim
         topology.create_entities(1)
@@ -54,7 +57,9 @@ class GluedEdges:
         both = glued[self.vertices].all(axis=1)[: self._owned]
         self._twins = np.flatnonzero(both)
         self._meeting = _Meeting(comm, np.sort(labels[self.vertices[self._twins]], axis=1))
-        length = self._largest(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[: self._owned])
+        along = ends[:, 1] - ends[:, 0]
+        own = np.linalg.norm(along, axis=1) if metric is None else self._mean(along, metric)
+        self.length = length = self._largest(own[: self._owned])
         place = self._largest(_place(self.middles[: self._owned]))
         first, last = self._map.local_range
         number = self._largest(np.arange(first, last, dtype=np.float64))
@@ -89,6 +94,22 @@ class GluedEdges:
     def new_points(self, marks: npt.NDArray[np.bool_]) -> Floats:
         """The points of these numbers, in their order, shape (num_new, 3)."""
         return self.middles[: self._owned][marks[: self._owned]]
+
+    def _mean(self, along: Floats, metric: Floats) -> Floats:
+        """Lengths of owned edges, the mean of those by the metrics of their cells. Collective.
+
+        Args:
+            along: From end to end of local edges, shape (num_edges, gdim).
+            metric: As of the constructor.
+        """
+        edges = along[self.of_cell]
+        lengths = np.sqrt(np.einsum("cei,cij,cej->ce", edges, metric, edges))
+        sums = la.vector(self._map, 2, dtype=np.float64)
+        table = sums.array.reshape(-1, 2)
+        np.add.at(table, self.of_cell, np.stack([lengths, np.ones_like(lengths)], axis=2))
+        sums.scatter_reverse(la.InsertMode.add)
+        mean: Floats = table[: self._owned, 0] / table[: self._owned, 1]
+        return mean
 
     def _largest(self, values: Floats) -> Floats:
         """Values of owned edges made those of the local ones, the largest of both sides."""

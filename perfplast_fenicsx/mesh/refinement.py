@@ -15,7 +15,7 @@ import ufl
 from dolfinx import la
 from dolfinx.mesh import Mesh, MeshTags, create_mesh, meshtags
 
-from perfplast_fenicsx.arrays import Ints, Longs
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.bisection import cut, edges_of_faces
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -55,12 +55,16 @@ def check_refinable(tagged_mesh: TaggedMesh) -> None:
 
 
 def refine(
-    tagged_mesh: TaggedMesh, marked: npt.NDArray[np.bool_], opposite: Longs | None = None
+    tagged_mesh: TaggedMesh,
+    marked: npt.NDArray[np.bool_],
+    opposite: Longs | None = None,
+    metric: Floats | None = None,
 ) -> Refined:
     """Cut marked cells at all their edges, and others so that the mesh fits. Collective.
 
     In every triangle that has a cut edge the longest edge is cut first, so that angles stay
-    bounded however often this is done.
+    bounded however often this is done. In a metric edges are longest in that, marked cells are cut
+    at those that are at least half as long, and it is by it that angles stay bounded.
 
     Args:
         tagged_mesh: Bodies of straight cells; midside nodes do not get into the finer mesh.
@@ -68,15 +72,19 @@ def refine(
         opposite: Pairs of vertices that lie on each other where bodies are in contact, by their
             global numbers, on any rank, shape (num_pairs, 2). They lie on each other afterwards
             too, and so do the new ones on the edges between them.
+        metric: Of the cells that this rank owns (:class:`glued_edges.GluedEdges`).
 
     Raises:
         InputError: If cells are curved.
     """
     check_refinable(tagged_mesh)
     comm = tagged_mesh.mesh.comm
-    edges = GluedEdges(tagged_mesh.mesh, _pairs(opposite))
+    edges = GluedEdges(tagged_mesh.mesh, _pairs(opposite), metric)
     marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
-    marks[edges.of_cell[marked]] = True
+    shortest = 0.0 if metric is None else 0.5  # of edges to be cut, in the longest of the cell
+    lengths = edges.length[edges.of_cell]
+    long = lengths >= shortest * lengths.max(axis=1, keepdims=True)
+    marks[edges.of_cell[long & marked[:, None]]] = True
     faces = edges.of_cell[:, edges_of_faces(tagged_mesh.mesh.topology.dim)].reshape(-1, 3)
     marks = _with_longest(comm, edges, faces, marks)
     return _cut(tagged_mesh, edges, marks, edges.order[edges.of_cell])

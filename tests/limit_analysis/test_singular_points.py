@@ -100,6 +100,23 @@ def test_fans_where_a_load_ends_are_long(read: Read) -> None:
     assert np.count_nonzero(np.concatenate(angles) < 7.5) >= 12
 
 
+def test_fans_are_narrower_the_nearer_bounds_are(read: Read) -> None:
+    """Cells of 7.5°, and half of it where bounds are apart by less than 0.4 %, and by 0.1 %."""
+    ground = read(write_strip_footing, width=3.0, depth=2.0, grading=1.0, size=1.0)
+    given = declared(GROUND, [Pressure("footing", 1.0)])
+    for gap, widest in ((None, 7.5), (0.005, 7.5), (0.003, 3.75), (0.0009, 1.875)):
+        for _ in range(6):
+            wide, there = wide_corners(ground, given, gap)
+            ground = spread(ground, wide, there).tagged_mesh
+        assert not wide_corners(ground, given, gap)[0].any()
+        x = corners(ground.mesh)[1][corners(ground.mesh)[0]]
+        here = wide_corners(ground, given)[1]
+        angles = np.concatenate(ground.mesh.comm.allgather(angles_at_corners(x)[here]))
+        narrow = np.rad2deg(angles[angles < np.deg2rad(widest)])
+        assert narrow.sum() > 85.0
+        assert narrow.max() > widest / 2
+
+
 def test_fans_at_the_end_of_a_contact_match(read: Read) -> None:
     """Edges of the other body are cut as well; the same mesh on any number of ranks."""
     contact = Contact("ground_footing", "punch_footing")

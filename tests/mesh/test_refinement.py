@@ -142,6 +142,28 @@ def test_angles_stay_bounded(comm: MPI.Intracomm, read: Read) -> None:
     assert sizes(tagged_mesh).min(initial=0.0) < 1e-7
 
 
+@pytest.mark.mpi3
+def test_cells_become_long_in_a_metric(read: Read) -> None:
+    """Edges along y count a fourth: cells become so much longer, and surfaces match still."""
+    contact = Contact("ground_footing", "punch_footing")
+    arguments = {"punch": True, "width": 3.0, "depth": 2.0, "grading": 1.0, "size": 1.0}
+    first = assembly = read(write_strip_footing, **arguments)
+    comm, counts = first.mesh.comm, list[int]()
+    for _ in range(4):
+        count = len(corners(assembly))
+        metric = np.broadcast_to(np.diag([1.0, 1 / 16]), (count, 2, 2))
+        pairs = opposite_vertices(assembly, [contact])
+        finer = refine(assembly, np.ones(count, dtype=np.bool_), pairs, metric)
+        check_finer(assembly, finer)
+        assembly = finer.tagged_mesh
+        check_interface(assembly, "ground_footing", "punch_footing")
+        counts.append(comm.allreduce(len(corners(assembly))))
+    extents = np.concatenate(comm.allgather(np.ptp(corners(assembly), axis=1)))
+    assert 2 < np.median(extents[:, 1] / extents[:, 0]) < 8
+    isotropic = refine(first, np.ones(len(corners(first)), dtype=np.bool_)).tagged_mesh
+    assert counts[0] < comm.allreduce(len(corners(isotropic)))
+
+
 def test_fan_doubles_the_cells_at_a_point(comm: MPI.Intracomm, read: Read) -> None:
     coarse = read(write_strip_footing)
     at = (1.0, 0.0)

@@ -7,6 +7,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.edge_metric import edge_metric
 from perfplast_fenicsx.limit_analysis.body.marking import largest_shares, to_refine
 from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
 from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
@@ -102,7 +103,8 @@ def refined(
     Args:
         problem: The bodies with their loads.
         marked: Of the cells that this rank owns.
-        found: Bounds on the mesh. In space cells at singular edges, where the lower one loses most,
+        found: Bounds on the mesh. In the plane cells become long where the mechanism changes across
+            them or the stress does (:mod:`edge_metric`). In space cells at singular edges, where the lower one loses most,
             are made fans in place of being refined: what it loses there is for want of directions.
         cells: That a mesh may have at most. In the plane fans of long cells are made at once where
             they take less than a fourth of them, and else a little of them with each mesh.
@@ -111,13 +113,15 @@ def refined(
     in_space = problem.bodies.gdim == 3
     if in_space and found is not None and found.static is not None:
         tagged_mesh, marked = _with_fans(problem, marked, found.static.dissipation)
-    at_once = False
+    at_once, metric = False, None
     if not in_space:
-        long, rest = _with_long_fans(problem, marked)
-        at_once = number_of_cells(long) <= cells / 4 + number_of_cells(tagged_mesh)
-        tagged_mesh, marked = (long, rest) if at_once else (tagged_mesh, marked)
+        metric = None if found is None else edge_metric(found)
+        gap = None if found is None else found.lower.apart(found.upper)
+        long = _with_long_fans(problem, marked, metric, gap)
+        at_once = number_of_cells(long[0]) <= cells / 4 + number_of_cells(tagged_mesh)
+        tagged_mesh, marked, metric = long if at_once else (tagged_mesh, marked, metric)
     pairs = opposite_vertices(tagged_mesh, given.contacts)
-    finer = refine(tagged_mesh, marked, pairs).tagged_mesh
+    finer = refine(tagged_mesh, marked, pairs, metric).tagged_mesh
     if in_space:
         return finer
     valence = 24  # cells that meet at least where the stress depends on the direction, in the end
@@ -129,23 +133,28 @@ def refined(
 
 
 def _with_long_fans(
-    problem: Problem, marked: npt.NDArray[np.bool_]
-) -> tuple[TaggedMesh, npt.NDArray[np.bool_]]:
-    """A plane mesh with fans that are as long as its cells, and marks on it. Collective.
+    problem: Problem,
+    marked: npt.NDArray[np.bool_],
+    metric: Floats | None,
+    gap: float | None,
+) -> tuple[TaggedMesh, npt.NDArray[np.bool_], Floats | None]:
+    """A plane mesh with fans that are as long as its cells, marks and metric on it. Collective.
 
     Cells that become parts of fans are not marked any more: they would be short.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     most = 8  # times that angles are cut in two
     for _ in range(most):
-        wide, there = wide_corners(tagged_mesh, given)
+        wide, there = wide_corners(tagged_mesh, given, gap)
         if not problem.comm.allreduce(int(wide.sum())):
             break
         pairs = opposite_vertices(tagged_mesh, given.contacts)
         finer = spread(tagged_mesh, wide, there, pairs)
         marked = fetch_rows(problem.comm, marked & ~wide.any(axis=1), finer.parents)
+        if metric is not None:
+            metric = fetch_rows(problem.comm, metric, finer.parents)
         tagged_mesh = finer.tagged_mesh
-    return tagged_mesh, marked
+    return tagged_mesh, marked, metric
 
 
 def _with_fans(

@@ -22,17 +22,25 @@ from perfplast_fenicsx.problem.declared.given import Given
 Flags = npt.NDArray[np.bool_]
 
 
-def wide_corners(tagged_mesh: TaggedMesh, given: Given) -> tuple[Flags, Flags]:
+def wide_corners(
+    tagged_mesh: TaggedMesh, given: Given, gap: float | None = None
+) -> tuple[Flags, Flags]:
     """Corners of owned cells at such points that are too wide, and all there. Collective.
 
     Args:
         tagged_mesh: Of triangles.
         given: Its loads, supports and contacts.
+        gap: Of the bounds on this mesh, relative. What cells of an angle leave of the gap goes with
+            its square, so that angles are halved once bounds are near, and with each quarter of
+            the gap.
 
     Returns:
         Both of shape (num_cells, 3).
     """
     widest = np.deg2rad(7.5)  # where stresses turn by a right angle; more where they turn by less
+    near_enough = 0.004  # gap at which that is halved: they leave a third of it
+    if gap is not None and 0 < gap < near_enough:
+        widest /= 2.0 ** np.ceil(np.log(near_enough / gap) / np.log(4.0))
     near = np.deg2rad(42.0)  # of a side: without friction the stress is one within 45°
     topology = tagged_mesh.mesh.topology
     vertices, points = corners(tagged_mesh.mesh)
