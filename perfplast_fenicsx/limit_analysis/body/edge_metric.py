@@ -5,6 +5,8 @@ turn about a point they change around it alone: cells that are long the other wa
 two edges of the same length the one along which more changes counts as the longer one.
 """
 
+from mpi4py import MPI
+
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
@@ -13,7 +15,7 @@ from perfplast_fenicsx.mesh.straight_geometry import corners
 
 
 def edge_metric(found: BodyBounds) -> Floats | None:
-    """A matrix M for each owned cell, in which the square of an edge e is e·M e.
+    """A matrix M for each owned cell, in which the square of an edge e is e·M e. Collective.
 
     M = GᵀG + 3 SᵀS with the gradients G of the mechanism, in the middle of the cell, and S of the
     deviator in the plane, each scaled so that the larger eigenvalue of its square is 1: an edge
@@ -45,15 +47,27 @@ def edge_metric(found: BodyBounds) -> Floats | None:
     )
     of_stress = np.einsum("cni,cnj->cij", deviator, slopes)
     more = 3.0  # weight of the stress: of a fan whose layers slide too, it wants the directions
-    return _stretches(of_velocity) + more * _stretches(of_stress)
+    comm, apart = tagged_mesh.mesh.comm, np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
+    sizes = apart.max(axis=1)
+    of_mechanism = _stretches(comm, of_velocity * sizes[:, None, None], u)
+    return of_mechanism + more * _stretches(comm, of_stress * sizes[:, None, None], deviator)
 
 
-def _stretches(gradients: Floats) -> Floats:
-    """GᵀG of gradients G, of the larger eigenvalue 1 and a smaller one that is not too small."""
+def _stretches(comm: MPI.Intracomm, changes: Floats, values: Floats) -> Floats:
+    """GᵀG of gradients G, of the larger eigenvalue 1 and a smaller one not too small. Collective.
+
+    Args:
+        comm: The ranks.
+        changes: G times the size of the cell, shape (n, 2, 2).
+        values: What changes, shape (n, k, 2): where it does by next to nothing, the direction is
+            one of rounding, and both eigenvalues are 1.
+    """
     longest = 8.0  # times as long as they are wide: the most that cells are to become
-    squares, axes = np.linalg.eigh(np.einsum("cki,ckj->cij", gradients, gradients))
+    nothing = 1e-4  # of the largest value
+    largest = comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
+    squares, axes = np.linalg.eigh(np.einsum("cki,ckj->cij", changes, changes))
     small, large = np.sqrt(np.maximum(squares, 0.0)).T
-    ratio = np.divide(small, large, out=np.ones_like(small), where=large > 0)
-    sizes = np.column_stack([np.maximum(ratio, 1 / longest), np.ones_like(ratio)])
-    stretches: Floats = np.einsum("cik,ck,cjk->cij", axes, sizes**2, axes)
+    ratio = np.divide(small, large, out=np.ones_like(small), where=large > nothing * largest)
+    stretched = np.column_stack([np.maximum(ratio, 1 / longest), np.ones_like(ratio)])
+    stretches: Floats = np.einsum("cik,ck,cjk->cij", axes, stretched**2, axes)
     return stretches

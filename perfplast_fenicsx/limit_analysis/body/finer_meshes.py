@@ -104,8 +104,9 @@ def refined(
         problem: The bodies with their loads.
         marked: Of the cells that this rank owns.
         found: Bounds on the mesh. In the plane cells become long where the mechanism changes across
-            them or the stress does (:mod:`edge_metric`). In space cells at singular edges, where the lower one loses most,
-            are made fans in place of being refined: what it loses there is for want of directions.
+            them or the stress does (:mod:`edge_metric`). In space cells at singular edges, where
+            the lower one loses most, are made fans in place of being refined: what it loses there
+            is for want of directions.
         cells: That a mesh may have at most. In the plane fans of long cells are made at once where
             they take less than a fourth of them, and else a little of them with each mesh.
     """
@@ -113,10 +114,10 @@ def refined(
     in_space = problem.bodies.gdim == 3
     if in_space and found is not None and found.static is not None:
         tagged_mesh, marked = _with_fans(problem, marked, found.static.dissipation)
-    at_once, metric = False, None
+    at_once, metric, gap = False, None, None
     if not in_space:
-        metric = None if found is None else edge_metric(found)
-        gap = None if found is None else found.lower.apart(found.upper)
+        if found is not None:
+            metric, gap = edge_metric(found), found.lower.apart(found.upper)
         long = _with_long_fans(problem, marked, metric, gap)
         at_once = number_of_cells(long[0]) <= cells / 4 + number_of_cells(tagged_mesh)
         tagged_mesh, marked, metric = long if at_once else (tagged_mesh, marked, metric)
