@@ -40,6 +40,7 @@ CASES = (
     "assemblies",
     "body_bounds",
     "bounds_in_space",
+    "space_costs",
     "ring_bounds",
     "ground_bounds",
     "yield_laws",

@@ -29,7 +29,7 @@ LONG = (
     *("ground_bounds", "ground_in_space"),
     *("bounds_apart", "platens", "published", "ring_bounds"),
     *("published_blocks", "published_contact", "published_plates", "rigid_footing"),
-    *("strip_footing", "thick_sphere"),
+    *("space_costs", "strip_footing", "thick_sphere"),
     *("statements", "torsion", "towers", "wall_bounds", "yield_laws"),
 )
 """Cases of the verification that take more than 5 s of one core where they are coarse."""

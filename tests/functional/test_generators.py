@@ -31,7 +31,18 @@ from meshes.ring import write_ring
 from meshes.rough_cube import HALF, write_rough_cube
 from meshes.rough_cube import PLATEN as LAYER
 from meshes.round_hole import write_round_hole
+from meshes.sectors import (
+    write_blocks_half,
+    write_bracket_half,
+    write_cantilever_quarter,
+    write_cube_sector,
+    write_patch_sector,
+    write_plate_sector,
+    write_prop_half,
+    write_punch_sector,
+)
 from meshes.shaft import write_shaft
+from meshes.sphere_sector import write_sphere_sector
 from meshes.square_bar import write_square_bar
 from meshes.square_footing import DEPTH as BELOW
 from meshes.square_footing import WIDTH as BROAD
@@ -272,6 +283,110 @@ CASES = [
             "punch_seam": (0, 0, -0.5),
         },
         [("ground_seam", "punch_seam")],
+        gdim=3,
+    ),
+    Case(
+        write_cantilever_quarter,
+        {},
+        {"beam": 1.25},
+        {"wall": (-0.25, 0, 0), "end": (0.25, 0, 0), "y0": (0, -2.5, 0), "z0": (0, 0, -2.5)},
+        gdim=3,
+    ),
+    Case(
+        write_plate_sector,
+        {},
+        {"plate": 6.25},
+        {
+            "y0": (0, -2.5, 0),
+            "oblique": (-2.5, 2.5, 0),
+            "edge": (2.5, 0, 0),
+            "top": (0, 0, 12.5),
+            "z0": (0, 0, -12.5),
+        },
+        gdim=3,
+    ),
+    Case(
+        write_cube_sector,
+        {},
+        {"cube": 0.0625},
+        {
+            "oblique": (-0.25, 0.25, 0),
+            "x0": (0.25, 0, 0),
+            "top": (0, 0, 0.125),
+            "z0": (0, 0, -0.125),
+        },
+        gdim=3,
+    ),
+    Case(
+        write_patch_sector,
+        {},
+        {"ground": 9.0},
+        {"oblique": (-6, 6, 0), "held": (6, 0, -4.5), "y0": (0, -6, 0), "top": (0, 0, 0.5)},
+        gdim=3,
+    ),
+    Case(
+        write_bracket_half,
+        {},
+        {"bracket": 7.0},
+        {"foot": (0, 0, -1), "end": (1, 0, 0), "y0": (0, -7, 0)},
+        gdim=3,
+    ),
+    Case(
+        write_blocks_half,
+        {},
+        {"lower": 1.5, "upper": 1.5},
+        {
+            "left": (-1, 0, 0),
+            "y0": (0, -6, 0),
+            "top": (0, 0, 0.75),
+            "upper_bottom": (0, 0, -1.5),
+            "lower_top": (0, 0, 1.5),
+        },
+        [("upper_bottom", "lower_top")],
+        gdim=3,
+    ),
+    Case(
+        write_prop_half,
+        {},
+        {"beam": 5e5, "block": 2.5e5},
+        {
+            "beam_x_low": (-1250, 0, 0),
+            "beam_z_high": (0, 0, 10000),
+            "block_z_low": (0, 0, -2500),
+            "y0": (0, -30000, 0),
+            "beam_joint": (0, 0, -2500),
+            "block_joint": (0, 0, 2500),
+        },
+        [("beam_joint", "block_joint")],
+        gdim=3,
+    ),
+    Case(
+        write_punch_sector,
+        {},
+        {"ground": 9.0, "punch": 0.25},
+        {
+            "oblique": (-6.5, 6.5, 0),
+            "y0": (0, -6.5, 0),
+            "held": (6, 0, -4.5),
+            "top": (0, 0, 0.5),
+            "ground_seam": (0, 0, 0.5),
+            "punch_seam": (0, 0, -0.5),
+        },
+        [("ground_seam", "punch_seam")],
+        gdim=3,
+    ),
+    Case(
+        write_sphere_sector,
+        {"size": 0.1},
+        {"shell": 7 * pi / 90},
+        {
+            "x0": (-0.83035, 0, 0),
+            "y0": (0, -0.54729, 0),
+            "oblique": (0.79166, 0.48927, -0.30239),
+            "inner": (-0.01290, -0.01934, -0.10080),
+            "outer": (0.05159, 0.07736, 0.40319),
+        },
+        rel=0.01,
         gdim=3,
     ),
     Case(

@@ -1,0 +1,303 @@
+# %% [markdown]
+# # What a per cent costs in space
+#
+# Nine bodies in space, each between strict bounds after about a minute of one core, from the start
+# of the program to the proof. Of each body the part between its planes of symmetry is meshed, by
+# few cells that suit its hinges ([meshes/sectors.py](../../meshes/sectors.py)):
+#
+# - the **beam on its prop** of the tutorial and the **two blocks** of the demo, halves along the
+#   plane of their load;
+# - a smooth **square punch**, an elastic body in contact, and a **uniform pressure** on a square,
+#   eighths between a middle plane and a diagonal one;
+# - a **cube between rough platens**, a sixteenth, whose platen is a rigid surface;
+# - a **thick sphere**, a 120th: as facets are flat, each bound has a polyhedron of its own, as in
+#   [bounds_in_space.py](bounds_in_space.py);
+# - a **cantilever** 5×1×1 under an end shear, a quarter, and a clamped **plate** 10×10×1 under a
+#   pressure, a sixteenth: they are bent, so that stress is odd about the middle plane. The mirror
+#   image of a mechanism, turned round, is one as well, and so is the mean of both: it moves across
+#   the middle plane alone, which is held in its plane and carries shear. Half the load acts on each
+#   half; of the plate half the pressure on either face, which differs from all of it on one face by
+#   a hydrostatic stress of half the pressure, that clamped sides take and no metal feels;
+# - an **L-bracket**, half of it.
+#
+# Metals are von Mises', of the yield stress 1 in shear but for the first two. Rates are those of
+# the gap against cells and against processor time, from the second mesh on.
+#
+#     OMP_NUM_THREADS=1 ./fenicsx python3 demos/verification/space_costs.py
+
+# %%
+import math
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+from mpi4py import MPI
+
+import numpy as np
+
+from demos.two_blocks import STEEL
+from demos.verification.bounded_bodies import GROUND
+from demos.verification.published import at_most, ends, show_bounds
+from demos.verification.slip import subfolder
+from demos.verification.study import Row, mesh, run
+from meshes import sectors
+from meshes.sphere_sector import write_sphere_sector
+from meshes.thick_sphere import INNER, OUTER
+from perfplast_fenicsx import (
+    Adaptation,
+    Contact,
+    Elastic,
+    Force,
+    Pressure,
+    Problem,
+    RigidSurface,
+    Support,
+    Traction,
+    VonMises,
+    adaptive_bounds,
+)
+from perfplast_fenicsx.cli import Terminal
+from perfplast_fenicsx.io import ResultFolder
+from perfplast_fenicsx.limit_analysis import AdaptiveBounds, Round
+from perfplast_fenicsx.materials import Material
+
+TITLE = "What a per cent costs in space"
+RTOL = 1e-3
+"""Of each bound on its mesh: far less than the gaps."""
+NARROWER = 1e-3
+"""A gap that no case comes down to, as cells end it."""
+ONE_MESH = 1
+"""Cells that no finer mesh may have: the first mesh is the only one."""
+S235 = VonMises(young=210e3, poisson=0.3, yield_stress=235.0)
+Y0, OBLIQUE = Support("y0", "y"), Support("oblique", "normal")
+MIDDLE = Support("z0", "xy")
+"""Of what is bent, in its plane alone."""
+EXACT = 2 * math.sqrt(3) * math.log(OUTER / INNER)
+SIZES = {"inner": 0.065, "outer": 0.09}
+"""Of the sphere's elements, where the facets of a surface are outside; the former is below."""
+COARSE = 0.33
+"""The same for a quick look."""
+STARTED = sum(os.times()[:4])
+"""Processor time that it took to get here (s)."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A body, and what its bounds should reach.
+
+    Attributes:
+        name: For the table.
+        write: Makes the first mesh.
+        materials: Of its volumes.
+        supports: What holds it, planes of symmetry among it.
+        loads: What pushes it.
+        asked: Gap in percent, with at most so many cells.
+        coarse: The gap on the first mesh, for a quick look; None to leave it out.
+        contacts: Between its bodies.
+        rigid: Surfaces.
+    """
+
+    name: str
+    write: Callable[..., None]
+    materials: dict[str, Material]
+    supports: Sequence[Support]
+    loads: Sequence[Pressure | Traction | Force]
+    asked: tuple[float, int]
+    coarse: float | None = None
+    contacts: Sequence[Contact] = field(default_factory=list)
+    rigid: Sequence[RigidSurface] = field(default_factory=list)
+
+
+CASES = (
+    Case(
+        "beam on its prop",
+        sectors.write_prop_half,
+        {"beam": S235, "block": S235},
+        [Support("beam_x_low"), Support("block_z_low"), Y0],
+        [Pressure("beam_z_high", 1.0)],
+        (5.5, 1400),
+        contacts=[Contact("beam_joint", "block_joint")],
+    ),
+    Case(
+        "two blocks",
+        sectors.write_blocks_half,
+        {"lower": STEEL, "upper": STEEL},
+        [Support("left"), Y0],
+        [Traction("top", (0.0, 0.0, -1.0))],
+        (3.5, 3400),
+        contacts=[Contact("upper_bottom", "lower_top")],
+    ),
+    Case(
+        "square punch",
+        sectors.write_punch_sector,
+        {"ground": GROUND, "punch": Elastic(1e6, 0.3)},
+        [Y0, OBLIQUE, Support("held")],
+        [Pressure("top", 1.0)],
+        (5.0, 3400),
+        contacts=[Contact("punch_seam", "ground_seam")],
+    ),
+    Case(
+        "pressure on a square",
+        sectors.write_patch_sector,
+        {"ground": GROUND},
+        [Y0, OBLIQUE, Support("held")],
+        [Pressure("top", 1.0)],
+        (7.0, 3600),
+    ),
+    Case(
+        "cube, rough platens",
+        sectors.write_cube_sector,
+        {"cube": GROUND},
+        [Support("x0", "x"), OBLIQUE, Support("z0", "z")],
+        [Force("top", (0.0, 0.0, -1 / 8))],
+        (0.65, 2400),
+        coarse=2.0,
+        rigid=[RigidSurface("top", held="xy")],
+    ),
+    Case(
+        "cantilever",
+        sectors.write_cantilever_quarter,
+        {"beam": GROUND},
+        [Support("wall"), Y0, MIDDLE],
+        [Traction("end", (0.0, 0.0, -1.0))],
+        (1.3, 2500),
+        coarse=10.0,
+    ),
+    Case(
+        "clamped plate",
+        sectors.write_plate_sector,
+        {"plate": GROUND},
+        [Y0, OBLIQUE, MIDDLE, Support("edge")],
+        [Pressure("top", 0.5)],
+        (3.6, 3200),
+    ),
+    Case(
+        "L-bracket",
+        sectors.write_bracket_half,
+        {"bracket": GROUND},
+        [Support("foot"), Y0],
+        [Traction("end", (0.0, 0.0, -1.0))],
+        (1.35, 2700),
+        coarse=16.0,
+    ),
+)
+
+
+# %%
+@dataclass
+class Clock:
+    """Meshes, gaps and processor time of one case, from the start of a program that has it alone.
+
+    Attributes:
+        comm: The ranks, whose time is counted together.
+        reached: Cells, gap and seconds after each mesh.
+    """
+
+    comm: MPI.Intracomm
+    reached: list[tuple[int, float, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.began = self._now()
+
+    def _now(self) -> float:
+        return float(self.comm.allreduce(sum(os.times()[:4])))
+
+    def seconds(self) -> float:
+        """Processor time so far, with the start of the program. Collective."""
+        return self._now() - self.began + self.comm.size * STARTED
+
+    def mesh(self, round_: Round) -> None:
+        """After a mesh. Collective."""
+        seconds = self.seconds()
+        if round_.gap is not None:
+            self.reached.append((round_.cells, 100 * round_.gap, seconds))
+
+    def rates(self) -> tuple[float, float]:
+        """Exponents p and q of gap ~ cells^-p and seconds^-q, from the second mesh on."""
+        cells, gaps, seconds = np.log(np.array(self.reached[1:])).T
+        p, q = (float(-np.polyfit(of, gaps, 1)[0]) for of in (cells, seconds))
+        return p, q
+
+    def words(self, name: str) -> str:
+        """What gaps cost, extrapolated where in brackets."""
+        told = "; ".join(f"{n} cells {gap:.2f} % {s:.0f} s" for n, gap, s in self.reached)
+        if len(self.reached) < 3:
+            return f"{name}: {told}"
+        p, q = self.rates()
+        costs = ", ".join(f"{per:g} % {self.cost(per, q)}" for per in (10, 5, 2, 1))
+        return f"{name}: {told}\n    p = {p:.2f}, q = {q:.2f}; {costs}"
+
+    def cost(self, gap: float, q: float) -> str:
+        """Seconds for a gap (percent): between two meshes by a power law, or extrapolated."""
+        gaps, seconds = (np.log([it[i] for it in self.reached]) for i in (1, 2))
+        wanted = math.log(gap)
+        if wanted >= gaps[0]:
+            return f"< {math.exp(seconds[0]):.0f} s"
+        if wanted >= gaps[-1]:
+            return f"{math.exp(np.interp(-wanted, -gaps, seconds)):.0f} s"
+        return f"({math.exp(seconds[-1] + (gaps[-1] - wanted) / q):.0f} s)"
+
+
+# %%
+def bounds_of(folder: ResultFolder, case: Case, coarse: bool) -> tuple[AdaptiveBounds, Clock]:
+    """Bounds of a case on finer and finer meshes. Collective."""
+    clock = Clock(folder.comm)
+    problem = Problem(
+        mesh(folder, case.write),
+        case.materials,
+        case.supports,
+        case.loads,
+        case.contacts,
+        degree=2,
+        rigid=case.rigid,
+    )
+    most = Adaptation(NARROWER, ONE_MESH if coarse else case.asked[1])
+    return adaptive_bounds(problem, most, RTOL, clock.mesh), clock
+
+
+def sphere(folder: ResultFolder, coarse: bool) -> tuple[AdaptiveBounds, Clock]:
+    """Bounds of the sphere from a polyhedron on either side of it. Collective."""
+    clock, found = Clock(folder.comm), list[AdaptiveBounds]()
+    for surface, size in SIZES.items():
+        shell = mesh(
+            folder, write_sphere_sector, size=COARSE if coarse else size, circumscribed=surface
+        )
+        held = [Support("x0", "x"), Y0, OBLIQUE]
+        problem = Problem(shell, {"shell": GROUND}, held, [Pressure("inner", 1.0)], degree=2)
+        found.append(adaptive_bounds(problem, Adaptation(NARROWER, ONE_MESH), RTOL))
+    both = replace(found[1], low=found[0].low)
+    low, high = ends(both)
+    clock.reached.append((found[0].rounds[0].cells, 100 * (high / low - 1), clock.seconds()))
+    return both, clock
+
+
+def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
+    """Strict brackets, and what they cost. Collective."""
+    terminal, rows = Terminal(comm), list[Row]()
+    for case in CASES:
+        if coarse and case.coarse is None:
+            continue
+        found, clock = bounds_of(folder, case, coarse)
+        low, high = ends(found)
+        allowed = case.asked[0] if case.coarse is None or not coarse else case.coarse
+        told = [("gap in %", 100 * (high / low - 1), allowed)]
+        if not coarse or case.name == "L-bracket":
+            show_bounds(subfolder(folder, case.write.__name__[6:]), case.name, found)
+        rows += at_most(case.name, found, clock.seconds(), told)
+        terminal.say(clock.words(case.name))
+    found, clock = sphere(folder, coarse)
+    low, high = ends(found)
+    told = [("gap in %", 100 * (high / low - 1), 20.0 if coarse else 1.0)]
+    told += [("below, exact", low, EXACT), ("exact, above", EXACT, high)]
+    terminal.say(clock.words("thick sphere"))
+    return rows + at_most("thick sphere", found, clock.seconds(), told)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Solve, print the table and check it. Collective."""
+    run(TITLE, study, argv)
+
+
+# %%
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,56 @@
+"""More cells around points and edges where the stress depends on the direction: stars and fans."""
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats, Longs
+
+Booleans = npt.NDArray[np.bool_]
+Body = tuple[Floats, Longs]
+"""Points (p, 3), and the numbers of those of tetrahedra (q, 4)."""
+
+
+def star(body: Body, point: Booleans) -> Body:
+    """Cut every edge that faces some points, each of which then has about three times the cells.
+
+    Args:
+        body: What is cut.
+        point: Which of its points these are, no two of them in one cell.
+    """
+    return cut(body, _opposite(body[1], point[body[1]], 1))
+
+
+def fan(body: Body, edge: Booleans) -> Body:
+    """Cut the edge that faces a singular one in every cell around that.
+
+    Args:
+        body: What is cut.
+        edge: Which of its points are on the line of singular edges.
+    """
+    return cut(body, _opposite(body[1], edge[body[1]], 2))
+
+
+def _opposite(cells: Longs, there: Booleans, count: int) -> Longs:
+    """Edges between the other corners of the cells that have so many corners there."""
+    here = there.sum(axis=1) == count
+    others = cells[here][~there[here]].reshape(-1, 4 - count)
+    first, second = np.triu_indices(4 - count, 1)
+    return np.stack([others[:, first], others[:, second]], axis=-1).reshape(-1, 2)
+
+
+def cut(body: Body, edges: Longs) -> Body:
+    """Cut edges at their midpoints, the longest first, and all cells around each of them in two.
+
+    Args:
+        body: What is cut.
+        edges: Numbers of their ends, shape (n, 2), in any order.
+    """
+    x, cells = body
+    ends = np.unique(np.sort(edges, axis=1), axis=0)
+    lengths = np.linalg.norm(x[ends[:, 0]] - x[ends[:, 1]], axis=1)
+    for a, b in ends[np.argsort(-np.round(lengths, 9), kind="stable")]:
+        around = (cells == a).any(axis=1) & (cells == b).any(axis=1)
+        x = np.vstack([x, (x[a] + x[b]) / 2])
+        parts = [np.where(cells[around] == end, len(x) - 1, cells[around]) for end in (a, b)]
+        cells = np.concatenate([cells[~around], *parts])
+    return x, cells
