@@ -132,11 +132,14 @@ class ViscousFlow:
             NoFlow: If nothing is left of it.
         """
         left, slowed = self._inadmissible(), np.inf
-        for _ in range(MOST_ITERATIONS):
+        first, patience = left, 10  # where so many iterations do little, no more are tried
+        for count in range(MOST_ITERATIONS):
             if left <= self._system.exact:
                 break
             self._ascend(1.0)
             before, left = left, self._inadmissible()
+            if count >= patience and left > first / 10:
+                raise NoFlow("the flow hardly becomes admissible")
             if left < before / 2 or not self._system.tells:
                 continue
             if not left < min(before, slowed / 2):
