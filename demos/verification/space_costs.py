@@ -66,8 +66,7 @@ RTOL = 1e-3
 """Of each bound on its mesh: far less than the gaps."""
 NARROWER = 1e-3
 """A gap that no case comes down to, as cells end it."""
-ONE_MESH = 1
-"""Cells that no finer mesh may have: the first mesh is the only one."""
+ONE_MESH = 1  # cell that no finer mesh may have: the first mesh is the only one
 S235 = VonMises(young=210e3, poisson=0.3, yield_stress=235.0)
 Y0, OBLIQUE = Support("y0", "y"), Support("oblique", "normal")
 MIDDLE = Support("z0", "xy")
@@ -75,8 +74,7 @@ MIDDLE = Support("z0", "xy")
 EXACT = 2 * math.sqrt(3) * math.log(OUTER / INNER)
 SIZES = {"inner": 0.065, "outer": 0.09}
 """Of the sphere's elements, where the facets of a surface are outside; the former is below."""
-COARSE = 0.33
-"""The same for a quick look."""
+COARSE = 0.33  # for a quick look
 STARTED = sum(os.times()[:4])
 """Processor time that it took to get here (s)."""
 
@@ -215,8 +213,7 @@ class Clock:
     def rates(self) -> tuple[float, float]:
         """Exponents p and q of gap ~ cells^-p and seconds^-q, from the second mesh on."""
         cells, gaps, seconds = np.log(np.array(self.reached[1:])).T
-        p, q = (float(-np.polyfit(of, gaps, 1)[0]) for of in (cells, seconds))
-        return p, q
+        return -float(np.polyfit(cells, gaps, 1)[0]), -float(np.polyfit(seconds, gaps, 1)[0])
 
     def words(self, name: str) -> str:
         """What gaps cost, extrapolated where in brackets."""
@@ -287,8 +284,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         terminal.say(clock.words(case.name))
     found, clock = sphere(folder, coarse)
     low, high = ends(found)
-    told = [("gap in %", 100 * (high / low - 1), 20.0 if coarse else 1.0)]
-    told += [("below, exact", low, EXACT), ("exact, above", EXACT, high)]
+    told = [("below, exact", low, EXACT), ("exact, above", EXACT, high)]
+    told.append(("gap in %", 100 * (high / low - 1), 20.0 if coarse else 1.0))
     terminal.say(clock.words("thick sphere"))
     return rows + at_most("thick sphere", found, clock.seconds(), told)
 
