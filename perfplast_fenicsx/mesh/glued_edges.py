@@ -29,7 +29,13 @@ class GluedEdges:
         length: What ``order`` is the order of, shape (num_edges,).
     """
 
-    def __init__(self, mesh: Mesh, opposite: Longs, metric: Floats | None = None) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        opposite: Longs,
+        metric: Floats | None = None,
+        stretches: Floats | None = None,
+    ) -> None:
         """Find which edges lie on each other. Collective.
 
         Args:
@@ -38,6 +44,7 @@ class GluedEdges:
                 on any rank, shape (num_pairs, 2).
             metric: Of each owned cell the matrix M of the length √(e·Me) of an edge e, of which the
                 mean over its cells counts, shape (num_cells, gdim, gdim); 1 by default.
+            stretches: Factors of the lengths of local edges, for their order; 1 by default.
         """
         topology, comm, tdim = mesh.topology, mesh.comm, mesh.topology.dim
         topology.create_entities(1)
@@ -59,6 +66,7 @@ class GluedEdges:
         self._meeting = _Meeting(comm, np.sort(labels[self.vertices[self._twins]], axis=1))
         along = ends[:, 1] - ends[:, 0]
         own = np.linalg.norm(along, axis=1) if metric is None else self._mean(along, metric)
+        own = own if stretches is None else own * stretches
         self.length = length = self._largest(own[: self._owned])
         place = self._largest(_place(self.middles[: self._owned]))
         first, last = self._map.local_range

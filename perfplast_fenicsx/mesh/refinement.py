@@ -19,6 +19,7 @@ from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.bisection import cut, edges_of_faces
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.edge_stretches import edge_stretches
 from perfplast_fenicsx.mesh.glued_edges import GluedEdges
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
@@ -59,12 +60,15 @@ def refine(
     marked: npt.NDArray[np.bool_],
     opposite: Longs | None = None,
     metric: Floats | None = None,
+    gradients: Floats | None = None,
 ) -> Refined:
     """Cut marked cells at all their edges, and others so that the mesh fits. Collective.
 
     In every triangle that has a cut edge the longest edge is cut first, so that angles stay
     bounded however often this is done. In a metric edges are longest in that, marked cells are cut
-    at those that are at least half as long, and it is by it that angles stay bounded.
+    at those that are at least half as long, and it is by it that angles stay bounded. Where
+    gradients are given, edges count as longer along them (:mod:`edge_stretches`), and of the edges
+    of marked cells only the longest one of each side is cut.
 
     Args:
         tagged_mesh: Bodies of straight cells; midside nodes do not get into the finer mesh.
@@ -73,20 +77,26 @@ def refine(
             global numbers, on any rank, shape (num_pairs, 2). They lie on each other afterwards
             too, and so do the new ones on the edges between them.
         metric: Of the cells that this rank owns (:class:`glued_edges.GluedEdges`).
+        gradients: Of what changes in each of these cells, in space, shape (num_cells, 3, m).
 
     Raises:
         InputError: If cells are curved.
     """
     check_refinable(tagged_mesh)
-    comm = tagged_mesh.mesh.comm
-    edges = GluedEdges(tagged_mesh.mesh, _pairs(opposite), metric)
+    mesh = tagged_mesh.mesh
+    stretches = None if gradients is None else edge_stretches(mesh, gradients)
+    edges = GluedEdges(mesh, _pairs(opposite), metric, stretches)
     marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
-    shortest = 0.0 if metric is None else 0.5  # of edges to be cut, in the longest of the cell
-    lengths = edges.length[edges.of_cell]
-    long = lengths >= shortest * lengths.max(axis=1, keepdims=True)
-    marks[edges.of_cell[long & marked[:, None]]] = True
-    faces = edges.of_cell[:, edges_of_faces(tagged_mesh.mesh.topology.dim)].reshape(-1, 3)
-    marks = _with_longest(comm, edges, faces, marks)
+    faces = edges.of_cell[:, edges_of_faces(mesh.topology.dim)]
+    if stretches is None:
+        shortest = 0.0 if metric is None else 0.5  # of edges to be cut, in the longest of the cell
+        lengths = edges.length[edges.of_cell]
+        long = lengths >= shortest * lengths.max(axis=1, keepdims=True)
+        marks[edges.of_cell[long & marked[:, None]]] = True
+    else:
+        sides = faces[marked].reshape(-1, 3)
+        marks[np.take_along_axis(sides, edges.order[sides].argmax(axis=1)[:, None], axis=1)] = True
+    marks = _with_longest(mesh.comm, edges, faces.reshape(-1, 3), marks)
     return _cut(tagged_mesh, edges, marks, edges.order[edges.of_cell])
 
 

@@ -202,6 +202,37 @@ def test_fan_around_an_edge_in_space(comm: MPI.Intracomm) -> None:
     assert comm.allreduce(np.count_nonzero(at_edge(finer.tagged_mesh))) == 2 * before
 
 
+@pytest.mark.mpi3
+def test_edges_along_which_fields_change_are_cut(comm: MPI.Intracomm) -> None:
+    """Cells become smaller along the gradient than across it; surfaces in contact still match."""
+
+    def finer(coarse: TaggedMesh) -> Refined:
+        every = np.ones(len(sizes(coarse)), dtype=np.bool_)
+        upwards = np.zeros((len(every), 3, 2))
+        upwards[:, 2, 1] = 7.0  # of whatever size
+        pairs = opposite_vertices(coarse, [Contact("upper_bottom", "lower_top")])
+        return refine(coarse, every, pairs, gradients=upwards)
+
+    found = two_blocks(comm, 1)
+    alone = two_blocks(MPI.COMM_SELF, 1)
+    for _ in range(2):
+        refined = finer(found)
+        check_finer(found, refined)
+        found, alone = refined.tagged_mesh, finer(alone).tagged_mesh
+        check_interface(found, "upper_bottom", "lower_top")
+        assert comm.allreduce(len(sizes(found))) == len(sizes(alone))
+    extents = mean_extents(found)
+    assert extents[2] < 0.8 * extents[:2].min()
+
+
+def mean_extents(tagged_mesh: TaggedMesh) -> Floats:
+    """Of cells along the axes, shape (gdim,)."""
+    extents = np.ptp(corners(tagged_mesh), axis=1)
+    comm = tagged_mesh.mesh.comm
+    out: Floats = comm.allreduce(extents.sum(axis=0)) / comm.allreduce(len(extents))
+    return out
+
+
 def test_parts_fit_whatever_edges_are_cut() -> None:
     """Two tetrahedra, all marks on their face: it is cut alike in both."""
     cells = np.array([[0, 1, 2, 3], [2, 4, 1, 0]])

@@ -7,6 +7,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.directions_of_change import directions_of_change
 from perfplast_fenicsx.limit_analysis.body.edge_metric import edge_metric
 from perfplast_fenicsx.limit_analysis.body.marking import largest_shares, to_refine
 from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
@@ -104,7 +105,8 @@ def refined(
         problem: The bodies with their loads.
         marked: Of the cells that this rank owns.
         found: Bounds on the mesh. In the plane cells become long where the mechanism changes across
-            them or the stress does (:mod:`edge_metric`). In space cells at singular edges, where
+            them or the stress does (:mod:`edge_metric`). In space edges along which velocity and
+            stress change are cut (:mod:`directions_of_change`), and cells at singular edges, where
             the lower one loses most, are made fans in place of being refined: what it loses there
             is for want of directions.
         cells: That a mesh may have at most. In the plane fans of long cells are made at once where
@@ -112,8 +114,10 @@ def refined(
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     in_space = problem.bodies.gdim == 3
+    changes = directions_of_change(found) if in_space and found is not None else None
     if in_space and found is not None and found.static is not None:
-        tagged_mesh, marked = _with_fans(problem, marked, found.static.dissipation)
+        dissipation = found.static.dissipation
+        tagged_mesh, marked, changes = _with_fans(problem, marked, dissipation, changes)
     at_once, metric, gap = False, None, None
     if not in_space:
         if found is not None:
@@ -122,7 +126,7 @@ def refined(
         at_once = number_of_cells(long[0]) <= cells / 4 + number_of_cells(tagged_mesh)
         tagged_mesh, marked, metric = long if at_once else (tagged_mesh, marked, metric)
     pairs = opposite_vertices(tagged_mesh, given.contacts)
-    finer = refine(tagged_mesh, marked, pairs, metric).tagged_mesh
+    finer = refine(tagged_mesh, marked, pairs, metric, changes).tagged_mesh
     if in_space:
         return finer
     valence = 24  # cells that meet at least where the stress depends on the direction, in the end
@@ -159,12 +163,15 @@ def _with_long_fans(
 
 
 def _with_fans(
-    problem: Problem, marked: npt.NDArray[np.bool_], dissipation: Floats
-) -> tuple[TaggedMesh, npt.NDArray[np.bool_]]:
+    problem: Problem,
+    marked: npt.NDArray[np.bool_],
+    dissipation: Floats,
+    changes: Floats | None,
+) -> tuple[TaggedMesh, npt.NDArray[np.bool_], Floats | None]:
     """A mesh in space with fans at those of the marked cells that want them. Collective.
 
     Returns:
-        The mesh, and which of its owned cells are still marked.
+        The mesh, which of its owned cells are still marked, and their directions of change.
     """
     comm, given, tagged_mesh = problem.comm, problem.given, problem.tagged_mesh
     most = 0.5  # of the dissipation of the multipliers, which often is that of a few cells,
@@ -175,9 +182,11 @@ def _with_fans(
     cut = edges.any(axis=1)
     at_edges, of_few = comm.allreduce(np.array([dissipation[cut].sum(), dissipation[few].sum()]))
     if not at_edges > nearly * of_few:
-        return tagged_mesh, marked
+        return tagged_mesh, marked, changes
     fans = fan_around(tagged_mesh, edges, opposite_vertices(tagged_mesh, given.contacts))
-    return fans.tagged_mesh, fetch_rows(comm, marked & ~cut, fans.parents)
+    if changes is not None:
+        changes = fetch_rows(comm, changes, fans.parents)
+    return fans.tagged_mesh, fetch_rows(comm, marked & ~cut, fans.parents), changes
 
 
 def number_of_cells(tagged_mesh: TaggedMesh) -> int:
