@@ -8,7 +8,8 @@ import pytest
 
 from meshes.naming import interface, name, name_planes
 from meshes.sizes import generate
-from perfplast_fenicsx import BodyForce, Contact, Newton, Problem, Support
+from meshes.sphere_sector import write_sphere_sector
+from perfplast_fenicsx import BodyForce, Contact, Newton, Pressure, Problem, Support
 from perfplast_fenicsx.contact.rows.loose_bodies import LooseMotion, in_words, loose_motions
 from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
 from tests.checks import assert_solved
@@ -95,3 +96,12 @@ def test_a_beam_that_is_held_far_from_where_it_rests(read: Read) -> None:
         [Contact("beam_seam", "block_seam")],
     )
     assert not loose_motions(problem.V, problem.bodies, problem.fixed, problem.constraints)
+
+
+def test_a_narrow_sector_is_held(read: Read, caplog: pytest.LogCaptureFixture) -> None:
+    """Three planes through the centre of a sphere, all of them near to a line through it."""
+    supports = [Support("x0", "x"), Support("y0", "y"), Support("oblique", "normal")]
+    loads = [Pressure("inner", 1.0)]
+    with caplog.at_level(logging.WARNING):
+        Problem(read(write_sphere_sector, size=0.33), {"shell": STEEL}, supports, loads)
+    assert "loosely held" not in caplog.text

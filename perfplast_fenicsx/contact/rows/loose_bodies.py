@@ -79,9 +79,10 @@ def warn_of_loose_motions(
     fixed: npt.NDArray[np.bool_],
     constraints: Constraints,
     free: Floats,
+    flat: int = 0,
 ) -> None:
     """Warn once of all that is loosely held; see :func:`loose_motions`. Collective."""
-    loose = loose_motions(V, bodies, fixed, constraints, free)
+    loose = loose_motions(V, bodies, fixed, constraints, free, flat)
     if loose and V.mesh.comm.rank == 0:
         log.warning("%s", in_words(loose, names))
 
@@ -92,6 +93,7 @@ def loose_motions(
     fixed: npt.NDArray[np.bool_],
     constraints: Constraints,
     free: Floats | None = None,
+    flat: int = 0,
 ) -> list[LooseMotion]:
     """Find what is loosely held. Collective.
 
@@ -102,12 +104,19 @@ def loose_motions(
         constraints: The rows of B.
         free: Motions that nothing resists at all, orthonormal columns of coefficients of all
             bodies' rigid motions, which are not meant; None for none.
+        flat: How many of this rank's rows, the last ones, are of flat supports, which resist what
+            they take up however little that is: a narrow sector's planes are held by nothing else.
     """
     nodes = V.tabulate_dof_coordinates()
     supported, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])
     unit = np.eye(fixed.shape[1])[axes]
     held = bodies.functionals(bodies.of_node[supported], nodes[supported], unit)
-    rows = np.concatenate([rigid_jumps(V, bodies, constraints.B), held])
+    jumps = rigid_jumps(V, bodies, constraints.B)
+    rows = np.concatenate([jumps, held])
+    # Share (its sine) of the motion of its place, or of all places on average, that one of them has
+    # to take up: otherwise the motion is loose.
+    aslant = np.full(len(rows), 0.35)
+    aslant[len(jumps) - flat : len(jumps)] = 0.02
     places = np.concatenate([nodes[constraints.host], nodes[supported]])
     motions = bodies.rigid_modes(places)
     found = []
@@ -115,7 +124,7 @@ def loose_motions(
         here = slice(body * bodies.num_modes, (body + 1) * bodies.num_modes)
         own = rows[:, here]
         touched = own.any(axis=1)
-        for v in _weak(V.mesh.comm, own[touched], motions[touched]):
+        for v in _weak(V.mesh.comm, own[touched], motions[touched], aslant[touched]):
             if free is not None and _is_free(v, free, here):
                 continue
             x = nodes[bodies.of_node == body, : fixed.shape[1]]
@@ -131,8 +140,8 @@ def _is_free(v: Floats, free: Floats, here: slice) -> bool:
     return bool(np.linalg.norm(whole - free @ (free.T @ whole)) < STILL * np.linalg.norm(v))
 
 
-def _weak(comm: MPI.Intracomm, rows: Floats, motions: Floats) -> list[Floats]:
-    """Motions of a body that no row takes up."""
+def _weak(comm: MPI.Intracomm, rows: Floats, motions: Floats, aslant: Floats) -> list[Floats]:
+    """Motions of a body of which no row takes up the share that it has to."""
     taken = comm.allreduce(rows.T @ rows)
     moved = comm.allreduce(np.einsum("nij,nik->jk", motions, motions))
     count = comm.allreduce(len(rows))
@@ -143,9 +152,6 @@ def _weak(comm: MPI.Intracomm, rows: Floats, motions: Floats) -> list[Floats]:
     # Mean square of the share of a motion that normals and supports take up, below which it is
     # looked at.
     weakest = 0.02
-    # Share (its sine) of the motion of its place, or of all places on average, that one of them has
-    # to take up: otherwise the motion is loose.
-    aslant = 0.35
     for v in vectors.T[shares <= weakest]:
         size = np.sqrt(v @ moved @ v / count)
         speed = np.linalg.norm(motions @ v, axis=1)
