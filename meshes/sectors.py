@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from meshes.kuhn import Kuhn, Place, both, layers, on, write_bodies
-from meshes.pointed import fan, star
+from meshes.pointed import Body, fan, star
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.mesh import gmsh_session
 
@@ -50,14 +50,31 @@ def write_cube_sector(path: str | Path, order: int = 1, parts: int = 4) -> None:
 
 
 def write_patch_sector(path: str | Path, order: int = 1) -> None:
-    """0 < y < x < 3, −2 < z < 0: ``ground``; ``y0``, ``oblique``, ``held``, ``top`` (x < 1)."""
+    """0 < y < x < 3, −2 < z < 0: ``ground``; ``y0``, ``oblique``, ``held``, ``top`` (x < 1).
+
+    Long cells of many directions meet at the corner of ``top``, which the lower bound wants.
+    """
     across = layers([0, 1, 2, 3], "+--")
     body = Kuhn((across, across, layers([-2, -1, 0])), _in_sector).cells()
-    for _ in range(2):
-        x, y, z = body[0].T
-        body = fan(body, np.isclose(x, 1) & (y <= 1) & (z == 0))
+    for more in (fan, star, fan, star, star):
         corner = np.isclose(body[0], [1, 1, 0]).all(axis=1)
-        body = star(body, np.asarray(corner))
+        body = more(body, _edge_of_patch(body[0]) if more is fan else np.asarray(corner))
+    _write_patch(path, body, order)
+
+
+def write_patch_edge_sector(path: str | Path, order: int = 1) -> None:
+    """The same body with short cells along the edge of ``top``, where mechanisms are thin."""
+    across = layers([0, 0.5, 0.8, 0.9, 1, 1.1, 1.2, 1.5, 3], "++++----")
+    body = Kuhn((across, across, layers([-2, -0.4, -0.15, 0])), _in_sector).cells()
+    _write_patch(path, fan(body, _edge_of_patch(body[0])), order)
+
+
+def _edge_of_patch(points: Floats) -> np.ndarray:
+    x, y, z = points.T
+    return np.isclose(x, 1) & (y <= 1) & (z == 0)
+
+
+def _write_patch(path: str | Path, body: Body, order: int) -> None:
     surfaces = {"y0": on(1, 0), "oblique": OBLIQUE, "held": _either(on(0, 3), on(2, -2))}
     surfaces["top"] = both(on(2, 0), lambda facets: facets[:, :, 0].max(axis=1) < 1 + 1e-9)
     _write_one(path, "ground", body, surfaces, order)

@@ -36,6 +36,7 @@ from meshes.sectors import (
     write_bracket_half,
     write_cantilever_quarter,
     write_cube_sector,
+    write_patch_edge_sector,
     write_patch_sector,
     write_plate_sector,
     write_prop_half,
@@ -319,6 +320,13 @@ CASES = [
     ),
     Case(
         write_patch_sector,
+        {},
+        {"ground": 9.0},
+        {"oblique": (-6, 6, 0), "held": (6, 0, -4.5), "y0": (0, -6, 0), "top": (0, 0, 0.5)},
+        gdim=3,
+    ),
+    Case(
+        write_patch_edge_sector,
         {},
         {"ground": 9.0},
         {"oblique": (-6, 6, 0), "held": (6, 0, -4.5), "y0": (0, -6, 0), "top": (0, 0, 0.5)},

@@ -48,14 +48,14 @@ def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[n
     marked = np.full(cells.size_local, part >= 1.0)
     if dissipation is not None and part < 1.0:
         # Where next to no cells hold back the stress, the gap is theirs, and its shares are those
-        # of a stress that is small elsewhere: nothing else is refined, unless in the plane bounds
-        # are near each other already, and a little more stress there would be of no use.
+        # of a stress that is small elsewhere: nothing else is refined, unless bounds are near each
+        # other already, and a little more stress there would be of no use.
         most, few, near = 0.9, 0.005, 0.1
         here = largest_shares(problem.comm, dissipation, most)
         if problem.comm.allreduce(int(here.sum())) < few * cells.size_global:
             marked |= here
             gap = found.lower.apart(found.upper)
-            if topology.dim == 3 or gap is None or gap > near:
+            if gap is None or gap > near:
                 return marked
             dissipation = np.where(here, 0.0, dissipation)
     every = [it for it in (found.shares, dissipation) if it is not None]
