@@ -6,20 +6,14 @@ plane, which both cubes have in common. Where layers along x and y are the same,
 plane x = y.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import permutations, product
-from pathlib import Path
 
-import gmsh
 import numpy as np
-import numpy.typing as npt
 
+from meshes.tetrahedra import Booleans
 from perfplast_fenicsx.arrays import Floats, Longs
-
-Booleans = npt.NDArray[np.bool_]
-Place = Callable[[Floats], Booleans]
-"""Whether facets are on a surface, from their corners of the shape (n, 3, 3)."""
 
 
 @dataclass(frozen=True)
@@ -79,55 +73,3 @@ class Kuhn:
             cells = cells[self.keep(x[cells].mean(axis=1))]
         used, numbers = np.unique(cells, return_inverse=True)
         return x[used], numbers.reshape(cells.shape)
-
-
-def write_bodies(
-    path: str | Path,
-    bodies: Mapping[str, tuple[Floats, Longs]],
-    surfaces: Mapping[str, tuple[Sequence[str], Place]],
-    order: int = 1,
-) -> None:
-    """Write bodies of tetrahedra that share no point as a .msh file, in a new model of gmsh.
-
-    Args:
-        path: The file to write.
-        bodies: Points and cells by the names of volumes.
-        surfaces: By name, of which bodies, and where.
-        order: Degree of the geometry, 1 or 2.
-    """
-    model, shift, facets_of = gmsh.model, 0, {}
-    model.add("bodies")
-    tetrahedron, triangle = 4, 2  # gmsh's numbers
-    for name, (x, cells) in bodies.items():
-        body = model.addDiscreteEntity(3)
-        model.mesh.addNodes(3, body, range(shift + 1, shift + len(x) + 1), x.ravel())
-        model.mesh.addElementsByType(body, tetrahedron, [], (cells + 1 + shift).ravel())
-        model.addPhysicalGroup(3, [body], name=name)
-        facets = np.sort(np.concatenate([np.delete(cells, i, axis=1) for i in range(4)]), axis=1)
-        facets, count = np.unique(facets, axis=0, return_counts=True)
-        facets = facets[count == 1]
-        facets_of[name] = (facets + 1 + shift, x[facets])
-        shift += len(x)
-    for name, (of, place) in surfaces.items():
-        here = [numbers[place(corners)] for numbers, corners in map(facets_of.__getitem__, of)]
-        surface = model.addDiscreteEntity(2)
-        model.mesh.addElementsByType(surface, triangle, [], np.concatenate(here).ravel())
-        model.addPhysicalGroup(2, [surface], name=name)
-    model.mesh.setOrder(order)
-    gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
-    gmsh.write(str(path))
-
-
-def on(direction: int | Sequence[float], value: float) -> Place:
-    """Facets in the plane x·direction = value; a number is that of an axis."""
-    along = np.eye(3)[direction] if isinstance(direction, int) else np.array(direction)
-
-    def there(facets: Floats) -> Booleans:
-        return np.asarray(np.isclose(facets @ along, value).all(axis=1))
-
-    return there
-
-
-def both(one: Place, other: Place) -> Place:
-    """Facets that are in both places."""
-    return lambda facets: one(facets) & other(facets)

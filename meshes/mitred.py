@@ -7,18 +7,13 @@ stands around an end of a line of the section stands around each of its edges.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import gmsh
 import numpy as np
-import numpy.typing as npt
 
+from meshes.tetrahedra import prisms, right_handed
 from perfplast_fenicsx.arrays import Floats, Longs
-
-Booleans = npt.NDArray[np.bool_]
-Place = Callable[[Floats], Booleans]
-"""Whether facets are on a surface, from their corners of the shape (n, 3, 3)."""
 
 
 def mitred(
@@ -51,71 +46,11 @@ def mitred(
     cells = []
     for layer, here in enumerate(along[:-1]):
         near, far = (layer, layer + 1) if here < 1 else (layer + 1, layer)
-        (a, b, c), (d, e, f) = numbers[near][sorted_].T, numbers[far][sorted_].T
-        cells += [np.column_stack(four) for four in ((a, b, c, f), (a, b, e, f), (a, d, e, f))]
+        cells.append(prisms(numbers[near][sorted_], numbers[far][sorted_]))
     every = np.concatenate(cells)
     kept = every[(np.diff(np.sort(every, axis=1), axis=1) > 0).all(axis=1)]
     used, cells_of_used = np.unique(kept, return_inverse=True)
-    return places[used], _right_handed(places[used], cells_of_used.reshape(kept.shape))
-
-
-def _right_handed(x: Floats, cells: Longs) -> Longs:
-    one, two, three = np.moveaxis(x[cells[:, 1:]] - x[cells[:, :1]], 1, 0)
-    turned = np.einsum("ci,ci->c", np.cross(one, two), three) < 0
-    return np.where(turned[:, None], cells[:, [1, 0, 2, 3]], cells)
-
-
-def on(axis: int, value: float, within: float = math.inf) -> Place:
-    """Facets in the plane x_axis = value, and in the square |x|, |y| < within."""
-
-    def there(facets: Floats) -> Booleans:
-        in_square = facets[:, :, :2].mean(axis=1).max(axis=1) < within
-        return np.asarray(np.isclose(facets[:, :, axis], value).all(axis=1) & in_square)
-
-    return there
-
-
-def on_mitre(facets: Floats) -> Booleans:
-    """Facets in the plane x = y."""
-    return np.asarray(np.isclose(facets[:, :, 0], facets[:, :, 1]).all(axis=1))
-
-
-def write_body(
-    path: str | Path,
-    bodies: Mapping[str, Longs],
-    x: Floats,
-    surfaces: Mapping[str, Sequence[Place]],
-    order: int = 1,
-) -> None:
-    """Write a body of tetrahedra, or glued ones, as a .msh file, in a new model of gmsh.
-
-    Args:
-        path: The file to write.
-        bodies: Names, and numbers of the points of the cells, as :func:`mitred` returns them.
-        x: Points.
-        surfaces: Names, and the places whose outer facets have them.
-        order: Degree of the geometry, 1 or 2.
-    """
-    cells = np.concatenate(list(bodies.values()))
-    facets = np.sort(np.concatenate([np.delete(cells, i, axis=1) for i in range(4)]), axis=1)
-    facets, count = np.unique(facets, axis=0, return_counts=True)
-    facets = facets[count == 1]
-    model = gmsh.model
-    model.add(" ".join(bodies))
-    entities = [model.addDiscreteEntity(3) for _ in bodies]
-    model.mesh.addNodes(3, entities[0], range(1, len(x) + 1), x.ravel())
-    tetrahedron, triangle = 4, 2  # gmsh's numbers
-    for body, (name, mine) in zip(entities, bodies.items(), strict=True):
-        model.mesh.addElementsByType(body, tetrahedron, [], (mine + 1).ravel())
-        model.addPhysicalGroup(3, [body], name=name)
-    for name, places in surfaces.items():
-        here = facets[np.logical_or.reduce([place(x[facets]) for place in places])]
-        surface = model.addDiscreteEntity(2)
-        model.mesh.addElementsByType(surface, triangle, [], (here + 1).ravel())
-        model.addPhysicalGroup(2, [surface], name=name)
-    model.mesh.setOrder(order)
-    gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
-    gmsh.write(str(path))
+    return places[used], right_handed(places[used], cells_of_used.reshape(kept.shape))
 
 
 def straight_fan(centre: Sequence[float], radius: float, turns: Sequence[float]) -> list[int]:

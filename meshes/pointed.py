@@ -1,11 +1,10 @@
 """More cells around points and edges where the stress depends on the direction: stars and fans."""
 
 import numpy as np
-import numpy.typing as npt
 
+from meshes.tetrahedra import Booleans
 from perfplast_fenicsx.arrays import Floats, Longs
 
-Booleans = npt.NDArray[np.bool_]
 Body = tuple[Floats, Longs]
 """Points (p, 3), and the numbers of those of tetrahedra (q, 4)."""
 

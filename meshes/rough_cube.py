@@ -8,15 +8,15 @@ of the octant is what has y ≤ x, with the plane of symmetry ``diagonal`` in pl
 cubes that are cut along their diagonals to the middle of the whole.
 """
 
-import itertools
 from pathlib import Path
 
 import numpy as np
 
 from meshes.command_line import mesh_parser, write_from
-from meshes.mitred import Place, on, on_mitre, write_body
+from meshes.kuhn import Kuhn, layers
 from meshes.naming import name, name_planes
 from meshes.shapes import add_box
+from meshes.tetrahedra import ON_DIAGONAL, in_sector, on, write_tetrahedra
 from perfplast_fenicsx.mesh import gmsh_session
 
 HALF, PLATEN = 0.5, 0.1
@@ -54,11 +54,11 @@ def write_rough_cube(
         name(3, bodies)
         sides = {"x0": (0, 0.0), "y0": (1, 0.0), "z0": (2, 0.0)}
         name_planes(2, sides | {"top": (2, HALF + PLATEN if platen else HALF)})
-        layers = max(1, round(HALF / size))
+        parts = max(1, round(HALF / size))
         for _, curve in gmsh.model.getEntities(1):
             length = gmsh.model.occ.getMass(1, curve)
             gmsh.model.mesh.setTransfiniteCurve(
-                curve, (layers if length > (HALF + PLATEN) / 2 else 1) + 1
+                curve, (parts if length > (HALF + PLATEN) / 2 else 1) + 1
             )
         for _, surface in gmsh.model.getEntities(2):
             gmsh.model.mesh.setTransfiniteSurface(surface)
@@ -75,31 +75,14 @@ def _write_half(path: str | Path, count: int, order: int, platen: bool) -> None:
     """Write half of the octant, of so many cubes along an edge."""
     along = -HALF + HALF * np.arange(count + 1) / count
     up = np.append(along + HALF, HALF + PLATEN)[: count + 1 + platen]
-    shape = (count + 1, count + 1, len(up))
-    corners = np.stack(np.meshgrid(*(np.arange(n - 1) for n in shape), indexing="ij"), axis=-1)
-    corners = corners.reshape(-1, 3)
-    parts, layers = [], []
-    for x, y, z in itertools.permutations(range(3)):  # when a path goes along each axis
-        steps = np.arange(4)[:, None] > np.array([x, y, z])
-        places = corners[:, None] + np.where([True, True, False], steps, ~steps)
-        inside = (places[..., 1] <= places[..., 0]).all(axis=1)
-        parts.append(places[inside])
-        layers.append(corners[inside, 2])
-    places, layer = np.concatenate(parts), np.concatenate(layers)
-    numbers = np.ravel_multi_index(tuple(np.moveaxis(places, -1, 0)), shape)
-    used, cells = np.unique(numbers, return_inverse=True)
-    i, j, k = np.unravel_index(used, shape)
-    points = np.column_stack([along[i], along[j], up[k]])
-    cells = cells.reshape(numbers.shape)
-    turned = np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]]) < 0
-    cells[turned] = cells[turned][:, [1, 0, 2, 3]]
-    bodies = {"cube": cells[layer < count]}
+    x, cells = Kuhn((layers(along), layers(along), layers(up, "-")), in_sector).cells()
+    above = x[cells].mean(axis=1)[:, 2] > HALF
+    bodies = {"cube": cells[~above]}
     if platen:
-        bodies["platen"] = cells[layer == count]
-    surfaces: dict[str, list[Place]] = {"x0": [on(0, 0.0)], "diagonal": [on_mitre]}
-    surfaces |= {"z0": [on(2, 0.0)], "top": [on(2, float(up[-1]))]}
+        bodies["platen"] = cells[above]
+    surfaces = {"x0": on(0, 0.0), "diagonal": ON_DIAGONAL, "z0": on(2, 0.0), "top": on(2, up[-1])}
     with gmsh_session():
-        write_body(path, bodies, points, surfaces, order)
+        write_tetrahedra(path, x, bodies, surfaces, order)
 
 
 def main() -> None:

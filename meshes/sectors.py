@@ -9,20 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from meshes.kuhn import Kuhn, Place, both, layers, on, write_bodies
+from meshes.kuhn import Kuhn, layers
 from meshes.pointed import Body, fan, star
+from meshes.tetrahedra import (
+    ON_DIAGONAL,
+    Place,
+    both,
+    either,
+    in_sector,
+    joined,
+    on,
+    write_tetrahedra,
+)
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.mesh import gmsh_session
-
-OBLIQUE = on((1.0, -1.0, 0.0), 0.0)
-
-
-def _in_sector(middles: Floats) -> np.ndarray:
-    return middles[:, 0] > middles[:, 1]
-
-
-def _either(*places: Place) -> Place:
-    return lambda facets: np.logical_or.reduce([place(facets) for place in places])
 
 
 def write_cantilever_quarter(path: str | Path, order: int = 1) -> None:
@@ -36,16 +36,16 @@ def write_cantilever_quarter(path: str | Path, order: int = 1) -> None:
 def write_plate_sector(path: str | Path, order: int = 1) -> None:
     """0 < y < x < 5, 0 < z < ½: ``plate``; ``y0``, ``oblique``, ``z0``, ``top``, ``edge``."""
     across = layers([0, 1, 2, 3, 4, 4.5, 4.8, 5])
-    plate = Kuhn((across, across, layers([0, 0.5])), _in_sector)
-    surfaces = {"y0": on(1, 0), "oblique": OBLIQUE, "z0": on(2, 0), "top": on(2, 0.5)}
+    plate = Kuhn((across, across, layers([0, 0.5])), in_sector)
+    surfaces = {"y0": on(1, 0), "oblique": ON_DIAGONAL, "z0": on(2, 0), "top": on(2, 0.5)}
     _write_one(path, "plate", plate.cells(), surfaces | {"edge": on(0, 5)}, order)
 
 
 def write_cube_sector(path: str | Path, order: int = 1, parts: int = 4) -> None:
     """−½ < y < x < 0, 0 < z < ½: ``cube``; ``x0``, ``oblique``, ``z0``, ``top``."""
     across = layers([i / parts / 2 - 0.5 for i in range(parts + 1)], "-")
-    cube = Kuhn((across, across, layers([i / parts / 2 for i in range(parts + 1)])), _in_sector)
-    surfaces = {"x0": on(0, 0), "oblique": OBLIQUE, "z0": on(2, 0), "top": on(2, 0.5)}
+    cube = Kuhn((across, across, layers([i / parts / 2 for i in range(parts + 1)])), in_sector)
+    surfaces = {"x0": on(0, 0), "oblique": ON_DIAGONAL, "z0": on(2, 0), "top": on(2, 0.5)}
     _write_one(path, "cube", cube.cells(), surfaces, order)
 
 
@@ -55,7 +55,7 @@ def write_patch_sector(path: str | Path, order: int = 1) -> None:
     Long cells of many directions meet at the corner of ``top``, which the lower bound wants.
     """
     across = layers([0, 1, 2, 3], "+--")
-    body = Kuhn((across, across, layers([-2, -1, 0])), _in_sector).cells()
+    body = Kuhn((across, across, layers([-2, -1, 0])), in_sector).cells()
     for more in (fan, star, fan, star, star):
         corner = np.isclose(body[0], [1, 1, 0]).all(axis=1)
         body = more(body, _edge_of_patch(body[0]) if more is fan else np.asarray(corner))
@@ -65,7 +65,7 @@ def write_patch_sector(path: str | Path, order: int = 1) -> None:
 def write_patch_edge_sector(path: str | Path, order: int = 1) -> None:
     """The same body with short cells along the edge of ``top``, where mechanisms are thin."""
     across = layers([0, 0.5, 0.8, 0.9, 1, 1.1, 1.2, 1.5, 3], "++++----")
-    body = Kuhn((across, across, layers([-2, -0.4, -0.15, 0])), _in_sector).cells()
+    body = Kuhn((across, across, layers([-2, -0.4, -0.15, 0])), in_sector).cells()
     _write_patch(path, fan(body, _edge_of_patch(body[0])), order)
 
 
@@ -75,7 +75,7 @@ def _edge_of_patch(points: Floats) -> np.ndarray:
 
 
 def _write_patch(path: str | Path, body: Body, order: int) -> None:
-    surfaces = {"y0": on(1, 0), "oblique": OBLIQUE, "held": _either(on(0, 3), on(2, -2))}
+    surfaces = {"y0": on(1, 0), "oblique": ON_DIAGONAL, "held": either(on(0, 3), on(2, -2))}
     surfaces["top"] = both(on(2, 0), lambda facets: facets[:, :, 0].max(axis=1) < 1 + 1e-9)
     _write_one(path, "ground", body, surfaces, order)
 
@@ -109,7 +109,7 @@ def write_blocks_half(path: str | Path, order: int = 1) -> None:
         "lower_top": (("lower",), on(2, 1)),
     }
     with gmsh_session():
-        write_bodies(path, bodies, surfaces, order)
+        write_tetrahedra(path, *joined(bodies), surfaces, order)
 
 
 def write_prop_half(path: str | Path, order: int = 1) -> None:
@@ -132,7 +132,7 @@ def write_prop_half(path: str | Path, order: int = 1) -> None:
         "block_joint": (("block",), on(2, 100)),
     }
     with gmsh_session():
-        write_bodies(path, bodies, surfaces, order)
+        write_tetrahedra(path, *joined(bodies), surfaces, order)
 
 
 def write_punch_sector(path: str | Path, order: int = 1) -> None:
@@ -142,29 +142,25 @@ def write_punch_sector(path: str | Path, order: int = 1) -> None:
     ``ground_seam`` and ``punch_seam``.
     """
     across, under = layers([0, 0.75, 1, 1.3, 3], "++--"), layers([0, 0.75, 1])
-    ground = Kuhn((across, across, layers([-2, -1, -0.4, 0])), _in_sector)
-    punch = Kuhn((under, under, layers([0, 0.5])), _in_sector)
+    ground = Kuhn((across, across, layers([-2, -1, -0.4, 0])), in_sector)
+    punch = Kuhn((under, under, layers([0, 0.5])), in_sector)
     bodies = {"ground": ground.cells(), "punch": punch.cells()}
     seam = both(on(2, 0), lambda facets: facets[:, :, 0].max(axis=1) < 1 + 1e-9)
     surfaces = {
         "y0": (tuple(bodies), on(1, 0)),
-        "oblique": (tuple(bodies), OBLIQUE),
-        "held": (("ground",), _either(on(0, 3), on(2, -2))),
+        "oblique": (tuple(bodies), ON_DIAGONAL),
+        "held": (("ground",), either(on(0, 3), on(2, -2))),
         "top": (("punch",), on(2, 0.5)),
         "ground_seam": (("ground",), seam),
         "punch_seam": (("punch",), on(2, 0)),
     }
     with gmsh_session():
-        write_bodies(path, bodies, surfaces, order)
+        write_tetrahedra(path, *joined(bodies), surfaces, order)
 
 
 def _write_one(
-    path: str | Path,
-    name: str,
-    body: tuple[Floats, np.ndarray],
-    surfaces: dict[str, Place],
-    order: int,
+    path: str | Path, name: str, body: Body, surfaces: dict[str, Place], order: int
 ) -> None:
     with gmsh_session():
-        named = {surface: ((name,), place) for surface, place in surfaces.items()}
-        write_bodies(path, {name: body}, named, order)
+        x, cells = body
+        write_tetrahedra(path, x, {name: cells}, surfaces, order)

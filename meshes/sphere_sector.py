@@ -8,12 +8,13 @@ cut their sphere nowhere.
 """
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from meshes.command_line import mesh_parser, write_from
-from meshes.kuhn import Booleans, Place, on, write_bodies
+from meshes.tetrahedra import Booleans, Place, on, prisms, right_handed, write_tetrahedra
 from meshes.thick_sphere import INNER, OUTER
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.mesh import gmsh_session
@@ -45,10 +46,8 @@ def write_sphere_sector(
     nearest = float(np.abs(np.einsum("fi,fi->f", a, normals)).min())
     radii[0 if circumscribed == "inner" else -1] /= nearest * (1 - 1e-12)
     points = (radii[:, None, None] * x).reshape(-1, 3)
-    cells = np.concatenate([_prisms(np.sort(triangles), len(x), i) for i in range(layers)])
-    one, two, three = np.moveaxis(points[cells[:, 1:]] - points[cells[:, :1]], 1, 0)
-    turned = np.einsum("ci,ci->c", np.cross(one, two), three) < 0
-    cells[turned] = cells[turned][:, [1, 0, 2, 3]]
+    ends = [np.sort(triangles) + layer * len(x) for layer in range(layers + 1)]
+    cells = right_handed(points, np.concatenate([prisms(*two) for two in pairwise(ends)]))
     oblique = tuple(np.cross(CORNERS[1], CORNERS[2]))
 
     def sphere(radius: float) -> Place:
@@ -61,8 +60,7 @@ def write_sphere_sector(
     with gmsh_session():
         surfaces = {"x0": on(0, 0.0), "y0": on(1, 0.0), "oblique": on(oblique, 0.0)}
         surfaces |= {"inner": sphere(radii[0]), "outer": sphere(radii[-1])}
-        named = {name: (("shell",), place) for name, place in surfaces.items()}
-        write_bodies(path, {"shell": (points, cells)}, named, order)
+        write_tetrahedra(path, points, {"shell": cells}, surfaces, order)
 
 
 def _divided(parts: int) -> tuple[Floats, Longs]:
@@ -79,15 +77,6 @@ def _divided(parts: int) -> tuple[Floats, Longs]:
         if i + j < parts - 1:
             triangles.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
     return x / np.linalg.norm(x, axis=1)[:, None], np.array(triangles)
-
-
-def _prisms(triangles: Longs, points: int, layer: int) -> Longs:
-    """Tetrahedra of the prisms above sorted triangles, between a layer of points and the next."""
-    a, b, c = (triangles + layer * points).T
-    d, e, f = (triangles + (layer + 1) * points).T
-    return np.concatenate(
-        [np.column_stack(four) for four in ((a, b, c, f), (a, b, e, f), (a, d, e, f))]
-    )
 
 
 def main() -> None:

@@ -14,9 +14,10 @@ import gmsh
 import numpy as np
 
 from meshes.command_line import mesh_parser, write_from
-from meshes.mitred import Place, mitred, on, on_mitre, straight_fan, write_body
+from meshes.mitred import mitred, straight_fan
 from meshes.shapes import add_outline, add_polygon
 from meshes.sizes import generate
+from meshes.tetrahedra import ON_DIAGONAL, both, either, on, write_tetrahedra
 from perfplast_fenicsx.mesh import gmsh_session
 
 WIDTH, DEPTH = 3.0, 2.0
@@ -71,16 +72,11 @@ def write_square_footing(
         far = -np.hypot(points[:, 0] - 1, points[:, 1])
         along = [i / layers for i in range(layers + 1)]
         x, tetrahedra = mitred(points, section, along, far, eighth)
-        mirror: dict[str, list[Place]] = {"x0": [on(0, 0.0)]}
-        if eighth:
-            mirror = {"diagonal": [on_mitre]}
-        surfaces = mirror | {
-            "y0": [on(1, 0.0)],
-            "bottom": [on(2, -DEPTH)],
-            "sides": [on(0, WIDTH), on(1, WIDTH)],
-            "footing": [on(2, 0.0, within=1.0)],
-        }
-        write_body(path, {"ground": tetrahedra}, x, surfaces, order)
+        under = both(on(2, 0.0), lambda facets: facets[:, :, :2].mean(axis=1).max(axis=1) < 1.0)
+        surfaces = {"diagonal": ON_DIAGONAL} if eighth else {"x0": on(0, 0.0)}
+        surfaces |= {"y0": on(1, 0.0), "bottom": on(2, -DEPTH), "footing": under}
+        surfaces["sides"] = either(on(0, WIDTH), on(1, WIDTH))
+        write_tetrahedra(path, x, {"ground": tetrahedra}, surfaces, order)
 
 
 def main() -> None:
