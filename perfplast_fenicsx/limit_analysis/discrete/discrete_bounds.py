@@ -74,11 +74,15 @@ def static_load(iteration: InteriorIteration) -> StaticLoad:
     # Force without balance, relative to the largest load, that need not be corrected.
     balanced = 1e-12
     most_corrections = 3
+    unbalanced = iteration.unbalanced()
     for _ in range(most_corrections):
-        unbalanced = iteration.unbalanced()
         if unbalanced <= balanced:
             break
+        before = unbalanced
         iteration.equilibrate()
+        unbalanced = iteration.unbalanced()
+        if not unbalanced < before:
+            break
     if not iteration.unbalanced() <= IN_BALANCE:
         rebalance(iteration)
     program, now = iteration.program, iteration.now

@@ -61,6 +61,7 @@ def discrete_result(
     if iteration is not None and steps:
         kinematic = (iteration.now.load + iteration.gap()) * program.load_unit
         power = (iteration.size() + iteration.gap()) * program.load_unit
+        iterate = iteration.now
         low = static_load(iteration)
         lower, unbalanced = low.value, low.unbalanced
         if lower is None and verdict is Verdict.FOUND:
@@ -69,6 +70,7 @@ def discrete_result(
         _write_stress(problem, iteration, stress)
         forces = iteration.now.forces * program.force_unit
         if verdict in (Verdict.FOUND, Verdict.STALLED):
+            iteration.now = iterate  # pairs that push are those before it was balanced
             high = kinematic_load(iteration)
             upper, inadmissible = high.value, high.inadmissible
             if upper is None:
