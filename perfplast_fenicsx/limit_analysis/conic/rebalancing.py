@@ -9,6 +9,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
+from perfplast_fenicsx.solvers.linear.conjugate_residuals import ConjugateResiduals
 
 MOST_ROUNDS = 4
 """So often it is balanced, and forces that pull are let go of between."""
@@ -49,16 +50,15 @@ def rebalance(iteration: InteriorIteration) -> None:
 def _balance(iteration: InteriorIteration, springs: Floats) -> None:
     """Correct stress and contact forces with the factors that there are. Collective.
 
-    By generalised conjugate residuals (S. Eisenstat, H. Elman and M. Schultz, SIAM Journal on
-    Numerical Analysis 20, 1983), with the factors as those of K. Where rows of equilibrium nearly
-    depend on each other, as where edges nearly cross, the ridge of the factors
+    By conjugate residuals, with the factors as those of K. Where rows of equilibrium nearly depend
+    on each other, as where edges nearly cross, the ridge of the factors
     (:data:`condensed_stiffness.RIDGE`) is more than K itself: mere refinement corrects next to
     nothing of a few such motions, and conjugate gradients leave the balance again where no stress
     has it to the last bit. The best balance is kept.
     """
     program, units = iteration.program, iteration.row_units()
     direction, product = program.create_vector(), program.create_vector()
-    before: list[tuple[Floats, Floats]] = []
+    directions = ConjugateResiduals(program.total)
     least, best, since = np.inf, iteration.now, 0
     # Forces without balance, relative to the largest load, that need not be corrected.
     balanced = 1e-13
@@ -66,7 +66,7 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
     worth = 0.5  # share of the least that was left, below which a correction has helped
     patience = 4  # corrections in a row that may not help before they end
     try:
-        while len(before) <= most_corrections:
+        while directions.count <= most_corrections:
             missing = iteration.unbalanced()
             since = 0 if missing < worth * least else since + 1
             if missing < least:
@@ -76,17 +76,12 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
             left = iteration.balance()
             program.stiffness.solve(left, direction)
             _resistance(iteration, springs, direction, product)
-            motion, forces = direction.array_r.copy(), product.array_r / units
-            for motion_before, forces_before in before:
-                share = program.total(float(forces_before @ forces))
-                motion -= share * motion_before
-                forces -= share * forces_before
-            size = np.sqrt(program.total(float(forces @ forces)))
-            if not size > 0:
+            step = directions.step(
+                direction.array_r, product.array_r / units, left.array_r / units
+            )
+            if step is None:
                 break
-            before.append((motion / size, forces / size))
-            length = program.total(float(forces @ (left.array_r / units))) / size
-            direction.array[:] = length * before[-1][0]
+            direction.array[:] = step
             pressure, stress, pushes = _resistance(iteration, springs, direction, product)
             now = iteration.now
             changed = now.pressure - pressure, now.deviator - stress

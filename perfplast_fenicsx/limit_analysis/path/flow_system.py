@@ -1,8 +1,7 @@
 """Systems of viscous flows that nearly keep what the laws ask for, by a penalty: how one is solved.
 
-What a penalty leaves is done away with by multipliers, and each of them takes a solve. Factors are
-used again, so that a large penalty and few solves are best; but CG takes the longer, the larger the
-penalty is.
+What a penalty leaves is done away with afterwards, by a few solves. Factors are used again, so that
+a large penalty and fewer solves are best; but CG takes the longer, the larger the penalty is.
 """
 
 from typing import Protocol
@@ -36,14 +35,11 @@ class FlowSystem(Protocol):
         penalty: Weight of what is inadmissible against the viscosity.
         exact: A strain rate that is inadmissible counts as none below this share of ‖ε(v)‖.
         large: Whether there are so many unknowns that iterating may do where this way does not.
-        tells: Whether solutions are so good that what is left of one after the other tells of those
-            to come.
     """
 
     penalty: float
     exact: float
     large: bool
-    tells: bool
 
     def suits(self, matrix: PETSc.Mat) -> bool:
         """Whether this way is the better one for a matrix, before any is set up. Collective."""
@@ -60,8 +56,13 @@ class FlowSystem(Protocol):
             NoFlow: If it cannot be solved for.
         """
 
-    def solve(self, b: PETSc.Vec, y: PETSc.Vec) -> None:
+    def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
         """Solve for y, which is near the solution, or zero, to begin with. Collective.
+
+        Args:
+            b: The forces.
+            y: Where to start, and what is found.
+            left: Share of the residual that may be left.
 
         Raises:
             NoFlow: If it cannot be solved for.
@@ -76,7 +77,6 @@ class FactorisedFlow:
 
     penalty = 1e8
     exact = 1e-11
-    tells = True
 
     def __init__(self, problem: Problem) -> None:
         """Create the solver. Collective."""
@@ -106,8 +106,8 @@ class FactorisedFlow:
             forget_factors(self._ksp)
             raise NoFlow("the flow cannot be factorised: it is not unique, or memory is short")
 
-    def solve(self, b: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Solve with the factors. Collective."""
+    def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
+        """Solve with the factors, which leave nothing. Collective."""
         self._ksp.solve(b, y)
 
     def destroy(self) -> None:
@@ -118,15 +118,18 @@ class FactorisedFlow:
 class IteratedFlow:
     """CG with smoothed aggregation, whose coarse spaces know about how the bodies flow."""
 
-    penalty = 1e3
+    penalty = 3e4
     exact = 1e-8
-    large = tells = False
+    large = False
 
     def __init__(self, problem: Problem) -> None:
         """Create the solver. Collective."""
         self._multigrid = Multigrid(problem)
         self._residual, self._change = problem.create_vector(), problem.create_vector()
         self._matrix: PETSc.Mat | None = None
+        owned = problem.V.dofmap.index_map.size_local
+        self._supported = np.flatnonzero(problem.fixed[:owned]).astype(np.int32)
+        self._at_rest = self._supported
 
     def suits(self, matrix: PETSc.Mat) -> bool:
         """Whenever factors do not."""
@@ -136,19 +139,20 @@ class IteratedFlow:
         """Form the coarse operators. Collective."""
         self._multigrid.prepare(operator)  # which has coarse spaces, as the problem is large
         self._matrix = operator.matrix
+        self._at_rest = np.concatenate([self._supported, closed])
         self._multigrid.set_matrix(operator, closed)
         self._multigrid.renew(flow)
 
-    def solve(self, b: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Do away with nearly all of the residual. Collective."""
+    def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
+        """Do away with most of the residual, and move no support. Collective."""
         assert self._matrix is not None
         self._matrix.mult(y, self._residual)
         self._residual.aypx(-1.0, b)
-        left = 1e-2  # share of the residual
         outcome = self._multigrid.solve(self._residual, self._change, left)
         if not outcome.solved:
             raise NoFlow(f"the flow cannot be solved for: {outcome.failure}")
         y.axpy(1.0, self._change)
+        y.array[self._at_rest] = 0.0
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""

@@ -1,7 +1,9 @@
 """The slow flow of bodies as viscous as one says, under their loads.
 
 v minimises ½∫ η‖ε(v)‖² − L₀(v) over the velocities with L₁(v) = 1 that enter no other body and of
-which the laws admit ε(v), by the method of multipliers.
+which the laws nearly admit ε(v), as what they do not is penalised. The rest of that is done away
+with by the flows under stresses in proportion to it, with conjugate residuals: these need not be
+solved for well, and cope with pressures that an element hardly tells from none.
 """
 
 from petsc4py import PETSc
@@ -24,10 +26,11 @@ from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawO
 from perfplast_fenicsx.problem.fields.stiffness import create_stiffness
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
+from perfplast_fenicsx.solvers.linear.conjugate_residuals import ConjugateResiduals
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
-MOST_ITERATIONS = 30
-"""Iterations of the multipliers of what is inadmissible, at most."""
+MOST_ITERATIONS, PATIENCE = 400, 20
+"""Flows that do away with what is inadmissible, at most, and how many of them at least halve it."""
 
 
 class ViscousFlow:
@@ -51,7 +54,7 @@ class ViscousFlow:
         strain = problem.kinematics.strain
         rate = strain(v)
         trial, test = (strain(f(problem.V)) for f in (ufl.TrialFunction, ufl.TestFunction))
-        multipliers = {
+        stresses = {
             on: fem.Function(problem.space_at_points(on.law.yields.inadmissible(rate).ufl_shape))
             for on in laws
         }
@@ -59,21 +62,22 @@ class ViscousFlow:
         self._system: FlowSystem = FactorisedFlow(problem)
         self._penalty = penalty = fem.Constant(problem.V.mesh, np.float64(self._system.penalty))
 
-        def risen(on: LawOnCells) -> Expr:
-            return multipliers[on] + penalty * eta * on.law.yields.inadmissible(rate)
+        def resisted(on: LawOnCells) -> Expr:
+            return penalty * eta * on.law.yields.inadmissible(rate)
 
         def density(on: LawOnCells) -> Expr:
             lost = (on.law.yields.inadmissible(e) for e in (trial, test))
             return eta * (on.law.yields.resistance(trial, test) + penalty * ufl.dot(*lost))
 
-        self._multipliers = [
-            (multiplier, LawExpression([on], multiplier.function_space, risen))
-            for on, multiplier in multipliers.items()
+        self._resisted = [
+            (on, stress, LawExpression([on], stress.function_space, resisted))
+            for on, stress in stresses.items()
         ]
         self._operator_form = fem.form(integrate(laws, density))
         self._force_form = fem.form(
-            integrate(laws, lambda on: -ufl.dot(multipliers[on], on.law.yields.inadmissible(test)))
+            integrate(laws, lambda on: ufl.dot(stresses[on], on.law.yields.inadmissible(test)))
         )
+        self._weight_form = fem.form(integrate(laws, lambda on: ufl.TestFunction(problem.Q)))
         lost = integrate(laws, lambda on: ufl.dot(*[on.law.yields.inadmissible(rate)] * 2))
         self._lost = Integral(problem.comm, lost)
         self._square = Integral(problem.comm, integrate(laws, lambda on: ufl.dot(rate, rate)))
@@ -104,8 +108,6 @@ class ViscousFlow:
         problem = self._problem
         self._closed = np.concatenate([problem.basis.index[held], problem.basis.tied])
         self._set_up(problem.basis.index[held])
-        for multiplier, _ in self._multipliers:
-            multiplier.x.array[:] = 0
         problem.loads.live.copy(self._force)
         self._live.array[self._closed] = 0
         self._solve(self._force, self._live)
@@ -129,58 +131,84 @@ class ViscousFlow:
         """Do away with what is inadmissible in the last flow, but for rounding. Collective.
 
         Raises:
-            NoFlow: If nothing is left of it.
+            NoFlow: If some of it cannot be done away with.
         """
-        left, slowed = self._inadmissible(), np.inf
-        first, patience = left, 10  # where so many iterations do little, no more are tried
+        directions, left = ConjugateResiduals(self._problem.comm.allreduce), self._inadmissible()
+        units, halved = self._units(), np.inf
         for count in range(MOST_ITERATIONS):
             if left <= self._system.exact:
                 break
-            self._ascend(1.0)
-            before, left = left, self._inadmissible()
-            if count >= patience and left > first / 10:
-                raise NoFlow("the flow hardly becomes admissible")
-            if left < before / 2 or not self._system.tells:
-                continue
-            if not left < min(before, slowed / 2):
-                raise NoFlow("no velocity is admissible: nothing can flow, or the elements lock")
-            slowed = left
-            self._ascend(1 / (1 - left / before))  # all such steps to come at once
+            if count % PATIENCE == 0:
+                if not left < halved / 2:
+                    raise NoFlow("no velocity is admissible: nothing can flow, or the elements lock")
+                halved = left
+            self._oppose(directions, units)
             left = self._inadmissible()
         else:
             raise NoFlow("the flow does not become admissible")
+        self._move_to(self._y / self._problem.loads.alpha(self.velocity.x.petsc_vec))
 
-    def _ascend(self, stretch: float) -> None:
-        """Let the multipliers rise by so many times what is inadmissible, and flow. Collective."""
-        problem = self._problem
-        for multiplier, ascent in self._multipliers:
-            here = multiplier.x.array.copy()
-            ascent.interpolate(multiplier)
-            multiplier.x.array[:] = here + stretch * (multiplier.x.array - here)
+    def _oppose(self, directions: ConjugateResiduals, units: list[tuple[Ints, Floats]]) -> None:
+        """Take the flow under stresses against what is inadmissible off. Collective."""
+        problem, here = self._problem, self._y.copy()
+        left = self._inadmissible_at(units)
         assemble_force(self._force, self._force_form, problem.bcs)
-        self._force.axpy(1.0, problem.loads.dead)
-        self._solve(self._force, self._rest)
-        self._combine()
+        self._rest.set(0)
+        roughly = 0.1  # share of a residual that is left; finer costs more than it spares
+        self._solve(self._force, self._rest, roughly)
+        self._move_to(self._rest)
+        step = directions.step(self._rest.array_r, self._inadmissible_at(units), left)
+        if step is not None:
+            here.array[:] -= step
+        self._move_to(here)
+        here.destroy()
+
+    def _units(self) -> list[tuple[Ints, Floats]]:
+        """Points of each law and √(w/η) there, by which what they miss is measured. Collective.
+
+        The flows under it are then symmetric: there are as many directions as there are sizes of
+        pressures that the elements tell apart.
+        """
+        Q = self._problem.Q
+        owned, points = Q.dofmap.index_map.size_local, Q.dofmap.list
+        weights = fem.assemble_vector(self._weight_form).array[:owned]
+        found: Floats = np.sqrt(weights / self.viscosity.x.array[:owned])
+        of_laws = (points[on.cells].ravel() for on, _, _ in self._resisted)
+        return [(at, found[at]) for at in (of_law[of_law < owned] for of_law in of_laws)]
+
+    def _inadmissible_at(self, units: list[tuple[Ints, Floats]]) -> Floats:
+        """What is inadmissible at this rank's points, of each law after the other. Collective."""
+        parts: list[Floats] = []
+        for (_, stress, expression), (at, unit) in zip(self._resisted, units, strict=True):
+            expression.interpolate(stress)
+            block = stress.function_space.dofmap.index_map_bs
+            parts.append((unit[:, None] * stress.x.array.reshape(-1, block)[at]).ravel())
+        return np.concatenate(parts)
 
     def dead_work(self) -> float:
         """L₀(v). Collective."""
         return float(self._problem.loads.dead.dot(self.velocity.x.petsc_vec))
 
-    def _solve(self, force: PETSc.Vec, y: PETSc.Vec) -> None:
+    def _solve(self, force: PETSc.Vec, y: PETSc.Vec, left: float = 1e-2) -> None:
         """The flow in the contact basis under nodal forces."""
         self._problem.basis.T.multTranspose(force, self._b)
         self._b.array[self._closed] = 0
-        self._system.solve(self._b, y)
+        self._system.solve(self._b, y, left)
         self.solves += 1
 
     def _combine(self) -> None:
         """V of the flow under the rest of the forces and as much of L₁ as makes L₁(v) = 1."""
-        problem, v = self._problem, self.velocity
-        problem.basis.T.mult(self._rest, v.x.petsc_vec)
-        share = (1 - problem.loads.alpha(v.x.petsc_vec)) / self._work
-        self._y.waxpy(share, self._live, self._rest)
-        problem.basis.T.mult(self._y, v.x.petsc_vec)
-        v.x.scatter_forward()
+        self._move_to(self._rest)
+        share = (1 - self._problem.loads.alpha(self.velocity.x.petsc_vec)) / self._work
+        self._rest.axpy(share, self._live)
+        self._move_to(self._rest)
+
+    def _move_to(self, y: PETSc.Vec) -> None:
+        """Take the velocity y in the jump basis. Collective."""
+        v = self.velocity.x
+        y.copy(self._y)
+        self._problem.basis.T.mult(y, v.petsc_vec)
+        v.scatter_forward()
 
     def _inadmissible(self) -> float:
         """Relative to ‖ε(v)‖."""
