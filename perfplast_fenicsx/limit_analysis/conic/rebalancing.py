@@ -76,9 +76,7 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
             left = iteration.balance()
             program.stiffness.solve(left, direction)
             _resistance(iteration, springs, direction, product)
-            step = directions.step(
-                direction.array_r, product.array_r / units, left.array_r / units
-            )
+            step = directions.step(direction.array_r, product.array_r / units, left.array_r / units)
             if step is None:
                 break
             direction.array[:] = step

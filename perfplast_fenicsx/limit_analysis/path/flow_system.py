@@ -119,7 +119,7 @@ class IteratedFlow:
     """CG with smoothed aggregation, whose coarse spaces know about how the bodies flow."""
 
     penalty = 3e4
-    exact = 1e-8
+    exact = 1e-7
     large = False
 
     def __init__(self, problem: Problem) -> None:

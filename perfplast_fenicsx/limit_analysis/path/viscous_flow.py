@@ -32,6 +32,8 @@ from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 MOST_ITERATIONS, PATIENCE = 400, 20
 """Flows that do away with what is inadmissible, at most, and how many of them at least halve it."""
 
+LOCKED = "no velocity is admissible: nothing can flow, or the elements lock"
+
 
 class ViscousFlow:
     """Flows of the bodies of a problem whose laws tell linearly what is admissible.
@@ -140,7 +142,9 @@ class ViscousFlow:
                 break
             if count % PATIENCE == 0:
                 if not left < halved / 2:
-                    raise NoFlow("no velocity is admissible: nothing can flow, or the elements lock")
+                    raise NoFlow(
+                        "no velocity is admissible: nothing can flow, or the elements lock"
+                    )
                 halved = left
             self._oppose(directions, units)
             left = self._inadmissible()
