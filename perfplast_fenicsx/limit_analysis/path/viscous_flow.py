@@ -32,8 +32,6 @@ from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 MOST_ITERATIONS, PATIENCE = 400, 20
 """Flows that do away with what is inadmissible, at most, and how many of them at least halve it."""
 
-LOCKED = "no velocity is admissible: nothing can flow, or the elements lock"
-
 
 class ViscousFlow:
     """Flows of the bodies of a problem whose laws tell linearly what is admissible.
@@ -137,6 +135,7 @@ class ViscousFlow:
         """
         directions, left = ConjugateResiduals(self._problem.comm.allreduce), self._inadmissible()
         units, halved = self._units(), np.inf
+        locked = "no velocity is admissible: nothing can flow, or the elements lock"
         for count in range(MOST_ITERATIONS):
             if left <= self._system.exact:
                 break
