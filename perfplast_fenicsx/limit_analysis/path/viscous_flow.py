@@ -135,7 +135,6 @@ class ViscousFlow:
         """
         directions, left = ConjugateResiduals(self._problem.comm.allreduce), self._inadmissible()
         units, halved = self._units(), np.inf
-        locked = "no velocity is admissible: nothing can flow, or the elements lock"
         for count in range(MOST_ITERATIONS):
             if left <= self._system.exact:
                 break
