@@ -106,7 +106,7 @@ def wedge_problem(tagged_mesh: TaggedMesh, **changes: object) -> Problem:
     return Problem(tagged_mesh, **(arguments | changes))  # type: ignore[arg-type]
 
 
-def touching_blocks(**changes: object) -> Problem:
+def touching_blocks(tagged_mesh: TaggedMesh | None = None, **changes: object) -> Problem:
     """Two cubes on each other, on rollers; ζ is the pressure on top."""
     arguments: dict[str, object] = {
         "materials": {"lower": STEEL, "upper": STEEL},
@@ -114,8 +114,8 @@ def touching_blocks(**changes: object) -> Problem:
         "loads": [Pressure("top", 1.0)],
         "contacts": [Contact("lower_top", "upper_bottom")],
     }
-    tagged_mesh = stacked_blocks(MPI.COMM_WORLD, 2)
-    return Problem(tagged_mesh, **(arguments | changes))  # type: ignore[arg-type]
+    mesh = tagged_mesh or stacked_blocks(MPI.COMM_WORLD, 2)
+    return Problem(mesh, **(arguments | changes))  # type: ignore[arg-type]
 
 
 def case_text(

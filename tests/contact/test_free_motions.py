@@ -141,7 +141,8 @@ def test_a_load_that_drives_the_motion_is_refused() -> None:
 def test_a_load_that_comes_to_drive_it_has_no_level() -> None:
     """Loads may be replaced, as by stages."""
     problem = touching_blocks(supports=SLIDING)
-    pushed = touching_blocks(loads=[Traction("top", (1.0, 0.0, 0.0))]).loads.live
+    push = [Traction("top", (1.0, 0.0, 0.0))]
+    pushed = touching_blocks(problem.tagged_mesh, loads=push).loads.live
     side = problem.create_vector()
     side.array[:] = pushed.array_r
     problem.loads = LoadCase(problem.loads.dead, side)
