@@ -98,6 +98,27 @@ def test_flows_whose_factors_do_not_fit_are_iterated(degree: int) -> None:
     assert found.mechanism is not None
 
 
+@pytest.mark.parametrize("iterated", [False, True])
+def test_pairs_that_seem_to_close(monkeypatch: pytest.MonkeyPatch, iterated: bool) -> None:
+    """Where a solution leaves some residual, those near to it are held at once."""
+    problem = blocks(WEAK, WEAK)
+    flow = viscous_flow.ViscousFlow(problem)
+    if iterated:
+        flow._system.destroy()
+        flow._system = flow_system.IteratedFlow(problem)
+    near, far, held = -1e-5, -1e-2, np.zeros(len(problem.basis.index), dtype=bool)
+    jumps = np.where(np.arange(held.size) % 2, near, far)
+    monkeypatch.setattr(flow, "_jumps", lambda: jumps)
+    assert not flow.closing(held).any()
+    jumps[:1] = 1e-6
+    expected = jumps > 0
+    if iterated:
+        expected |= jumps == near
+    np.testing.assert_array_equal(flow.closing(held), expected)
+    assert not flow.closing(held | expected).any()
+    flow.destroy()
+
+
 @pytest.mark.parametrize("exact", [1e-11, -1.0])
 def test_what_petsc_made_is_destroyed(monkeypatch: pytest.MonkeyPatch, exact: float) -> None:
     """Whether there is a bound or not."""

@@ -13,6 +13,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.machine_memory import spare_memory
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
@@ -34,11 +35,14 @@ class FlowSystem(Protocol):
     Attributes:
         penalty: Weight of what is inadmissible against the viscosity.
         exact: A strain rate that is inadmissible counts as none below this share of ‖ε(v)‖.
+        closes: Where a pair closes, all those are held whose jumps are above this share of the
+            largest velocity.
         large: Whether there are so many unknowns that iterating may do where this way does not.
     """
 
     penalty: float
     exact: float
+    closes: float
     large: bool
 
     def suits(self, matrix: PETSc.Mat) -> bool:
@@ -77,6 +81,7 @@ class FactorisedFlow:
 
     penalty = 1e8
     exact = 1e-11
+    closes = ROUNDING
 
     def __init__(self, problem: Problem) -> None:
         """Create the solver. Collective."""
@@ -120,6 +125,7 @@ class IteratedFlow:
 
     penalty = 3e4
     exact = 1e-7
+    closes = -1e-3  # what is left moves pairs to and fro: of those near to it, half at a time
     large = False
 
     def __init__(self, problem: Problem) -> None:

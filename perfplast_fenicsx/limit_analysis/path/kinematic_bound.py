@@ -29,7 +29,7 @@ from perfplast_fenicsx.problem.assembled.integrals import Integral
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, OfLaw, integrate
 from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.rounding import ROUNDING, TINY
+from perfplast_fenicsx.rounding import TINY
 
 
 @dataclass(frozen=True)
@@ -147,10 +147,9 @@ class KinematicBound:
 
     def _hold(self, flow: ViscousFlow, held: PairFlags) -> bool:
         """Hold pairs that a flow closes, if there are any. Collective."""
-        closing = flow.jumps() > ROUNDING
-        any_more = bool(self._comm.allreduce(int((closing & ~held).sum())))
+        closing = flow.closing(held)
         held |= closing
-        return any_more
+        return bool(self._comm.allreduce(int(closing.sum())))
 
     def _descend(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
         """Let the bodies flow until the bound falls no more."""

@@ -216,7 +216,21 @@ class ViscousFlow:
         """Relative to ‖ε(v)‖."""
         return float(np.sqrt(self._lost() / (self._square() or 1.0)))
 
-    def jumps(self) -> Floats:
+    def closing(self, held: PairFlags) -> PairFlags:
+        """Pairs to be held besides, if the last flow closes any of those that are not. Collective.
+
+        Args:
+            held: Those that are, shape (num_pairs,).
+
+        Returns:
+            Shape (num_pairs,).
+        """
+        jumps = self._jumps()
+        some = self._problem.comm.allreduce(int(((jumps > ROUNDING) & ~held).sum())) > 0
+        nearly: PairFlags = (jumps > self._system.closes) & ~held & some
+        return nearly
+
+    def _jumps(self) -> Floats:
         """Of the last flow at the pairs hosted here, relative to its largest velocity. Collective.
 
         Returns:
