@@ -138,18 +138,12 @@ class KinematicBound:
         most_holds = 4  # so many times pairs that a mechanism would close are held as well
         for _ in range(most_holds + 1):
             self._descend(flow, held, stiff)
-            if self._hold(flow, held):
+            if flow.hold(held):
                 continue
             flow.make_admissible()
-            if not self._hold(flow, held):
+            if not flow.hold(held):
                 return
         raise NoFlow("the mechanism closes open pairs")
-
-    def _hold(self, flow: ViscousFlow, held: PairFlags) -> bool:
-        """Hold pairs that a flow closes, if there are any. Collective."""
-        closing = flow.closing(held)
-        held |= closing
-        return bool(self._comm.allreduce(int(closing.sum())))
 
     def _descend(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
         """Let the bodies flow until the bound falls no more."""

@@ -216,19 +216,20 @@ class ViscousFlow:
         """Relative to ‖ε(v)‖."""
         return float(np.sqrt(self._lost() / (self._square() or 1.0)))
 
-    def closing(self, held: PairFlags) -> PairFlags:
-        """Pairs to be held besides, if the last flow closes any of those that are not. Collective.
+    def hold(self, held: PairFlags) -> bool:
+        """Hold more pairs, if the last flow closes any of those that are not held. Collective.
 
         Args:
-            held: Those that are, shape (num_pairs,).
+            held: Those that are, shape (num_pairs,); those that are to be besides are added.
 
         Returns:
-            Shape (num_pairs,).
+            Whether it closes any.
         """
         jumps = self._jumps()
-        some = self._problem.comm.allreduce(int(((jumps > ROUNDING) & ~held).sum())) > 0
-        nearly: PairFlags = (jumps > self._system.closes) & ~held & some
-        return nearly
+        closes = self._problem.comm.allreduce(int(((jumps > ROUNDING) & ~held).sum())) > 0
+        if closes:
+            held |= jumps > self._system.closes
+        return closes
 
     def _jumps(self) -> Floats:
         """Of the last flow at the pairs hosted here, relative to its largest velocity. Collective.
