@@ -5,6 +5,7 @@ from which these start (:mod:`meshes.kuhn`). Surfaces ``x0``, ``y0``, ``z0`` and
 (x = y) are planes of symmetry, or of antisymmetry where ``z0`` is the middle of what bends.
 """
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -54,9 +55,20 @@ def write_patch_sector(path: str | Path, order: int = 1) -> None:
 
     Long cells of many directions meet at the corner of ``top``, which the lower bound wants.
     """
+    _write_patch_corner(path, (fan, star, fan, star, star), order)
+
+
+def write_patch_finest_sector(path: str | Path, order: int = 1) -> None:
+    """The same with more directions still, four times as many cells."""
+    _write_patch_corner(path, (fan, star, fan, star, star, star), order)
+
+
+def _write_patch_corner(
+    path: str | Path, cuts: Sequence[Callable[[Body, np.ndarray], Body]], order: int
+) -> None:
     across = layers([0, 1, 2, 3], "+--")
     body = Kuhn((across, across, layers([-2, -1, 0])), in_sector).cells()
-    for more in (fan, star, fan, star, star):
+    for more in cuts:
         corner = np.isclose(body[0], [1, 1, 0]).all(axis=1)
         body = more(body, _edge_of_patch(body[0]) if more is fan else np.asarray(corner))
     _write_patch(path, body, order)

@@ -50,7 +50,7 @@ from perfplast_fenicsx.problem import Prescribed
 TITLE = "Published numbers"
 CUT = (3.7752, 3.7776)
 """Published bounds of γH/c, of the cohesion 1 and the height 1."""
-ASKED, QUICK = (0.005, 3000), (0.15, 400)
+ASKED, QUICK = (2e-4, 40000), (0.15, 400)
 """Gap of the bounds of the cut and cells for it; the same for a quick look."""
 VESSEL = VonMises(young=200e3, poisson=0.3, yield_stress=100.0)
 VESSEL_ASKED = (0.002, 4000)
@@ -131,7 +131,7 @@ def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
     problem = Problem(ground, {"ground": GROUND}, held, loads, degree=2)
     began = time.perf_counter()
     gap, cells = QUICK if coarse else ASKED
-    found = adaptive_bounds(problem, Adaptation(gap, cells))
+    found = adaptive_bounds(problem, Adaptation(gap, cells), gap / 10)
     seconds = time.perf_counter() - began
     lower, upper = ends(found)
     told = [

@@ -177,7 +177,7 @@ class InteriorIteration:
             if not further > longest + worth:
                 break
             chosen, longest = other, further
-        shortened = 0.98  # share of the way to the boundary that a step goes
+        shortened = 0.95  # share of the way to the boundary that a step goes
         length = min(1.0, shortened * longest)
         if not np.isfinite(chosen.unknowns.load):
             return 0.0
