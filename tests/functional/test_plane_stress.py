@@ -117,7 +117,7 @@ def test_strict_bounds_of_sheets_in_contact(read: Read) -> None:
         [Contact("inner_ring_seam", "outer_ring_seam")],
         degree=2,
     )
-    bounds = limit_bounds(problem)
+    bounds = limit_bounds(problem, 1e-5)
     assert bounds.strict
     assert bounds.lower.value == pytest.approx(YIELD, rel=1e-5)
     assert bounds.upper.value == pytest.approx(YIELD, rel=1e-5)
