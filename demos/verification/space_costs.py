@@ -137,7 +137,7 @@ CASES = (
         {"ground": GROUND, "punch": Elastic(1e6, 0.3)},
         [Y0, OBLIQUE, Support("held")],
         [Pressure("top", 1.0)],
-        (5.0, 3400),
+        (5.0, 3700),
         contacts=[Contact("punch_seam", "ground_seam")],
     ),
     PATCH,
@@ -180,7 +180,7 @@ CASES = (
         {"bracket": GROUND},
         [Support("foot"), Y0],
         [Traction("end", (0.0, 0.0, -1.0))],
-        (1.35, 2700),
+        (1.2, 3400),
         coarse=16.0,
     ),
 )
