@@ -133,6 +133,8 @@ def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
     gap, cells = QUICK if coarse else ASKED
     found = adaptive_bounds(problem, Adaptation(gap, cells), gap / 10)
     seconds = time.perf_counter() - began
+    if not coarse:
+        show_bounds(subfolder(folder, "cut"), "vertical cut", found)
     lower, upper = ends(found)
     told = [
         ("gap in %", 100 * (upper / lower - 1), 100 * gap),
