@@ -84,7 +84,7 @@ def static_load(iteration: InteriorIteration) -> StaticLoad:
         if not unbalanced < before:
             break
     left_by_factors = 1e-10  # more than that is balanced with others, whose K is far from singular
-    if not iteration.unbalanced() <= left_by_factors:
+    if not unbalanced <= left_by_factors:
         rebalance(iteration)
     program, now = iteration.program, iteration.now
     ratio = program.overstress(program.whole((now.pressure, now.deviator), now.load))
