@@ -19,15 +19,14 @@ class ContactOperator:
 
     Attributes:
         stiffness: K, in nodal unknowns and in blocks.
-        changed: Whether A is another matrix than K.
         matrix: A with the unknowns held that :meth:`hold` was last called with.
     """
 
     def __init__(self, problem: Problem, stiffness: PETSc.Mat) -> None:
         self.stiffness, self.matrix = stiffness, PETSc.Mat()
         self._T, self._tied = problem.basis.T, problem.basis.tied
-        self.changed = bool(problem.num_pairs or problem.num_tied)
-        self._rows = ContactRows(problem) if self.changed else None
+        changed = problem.num_pairs or problem.num_tied  # A is another matrix than K
+        self._rows = ContactRows(problem) if changed else None
         self._u, self._image, self._y = (problem.create_vector() for _ in range(3))
         self._springs: tuple[Ints, Floats] | None = None
 

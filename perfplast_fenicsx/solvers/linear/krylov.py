@@ -1,7 +1,7 @@
 """Systems solved by a Krylov method with any preconditioner that PETSc has.
 
-The method multiplies with a copy of the matrix that stores the upper triangle in blocks, more than
-twice as fast; preconditioners are made of the matrix itself.
+The method multiplies with blocks of the upper triangle (:class:`BlockedProducts`), more than twice
+as fast; preconditioners are made of the matrix itself.
 """
 
 from collections.abc import Mapping
@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.blocked_products import BlockedProducts
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.outcome import Outcome, run
 from perfplast_fenicsx.solvers.linear.petsc_options import LINEAR, own_prefix, solver_name
@@ -26,8 +27,16 @@ class Krylov:
 
     worth = 12
 
-    def __init__(self, comm: MPI.Intracomm, preset: Mapping[str, object]) -> None:
-        """Create the solver from the preset and the user's options. Collective."""
+    def __init__(
+        self, comm: MPI.Intracomm, preset: Mapping[str, object], *, parts: bool = False
+    ) -> None:
+        """Create the solver from the preset and the user's options. Collective.
+
+        Args:
+            comm: The ranks.
+            preset: Options that users' come before.
+            parts: Whether all parts of the preconditioner are given matrices of their own.
+        """
         prefix = own_prefix(LINEAR, preset)
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setOptionsPrefix(prefix)
@@ -35,8 +44,9 @@ class Krylov:
         self.name = solver_name(self._ksp.getType(), self.preconditioner.getType())
         asked = PETSc.Options(prefix).hasName("ksp_rtol")
         self._least_rtol = self._ksp.getTolerances()[0] if asked else 1.0
+        self._parts = parts
         self._matrix: PETSc.Mat | None = None
-        self._blocked: PETSc.Mat | None = None
+        self._products: BlockedProducts | None = None
 
     @property
     def preconditioner(self) -> PETSc.PC:
@@ -51,13 +61,17 @@ class Krylov:
     def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
         """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
         self._matrix = operator.matrix
-        source = operator.matrix if operator.changed else operator.stiffness
-        self._blocked = blocked(source, self._blocked)
+        if self._products is None:
+            self._products = BlockedProducts(operator.matrix)
+        self._products.fill(operator.matrix)
         self.attach()
 
     def attach(self) -> None:
         """Give the matrices to PETSc's object, anew where its preconditioner has been reset."""
-        self._ksp.setOperators(self._blocked, self._matrix)
+        # PETSc gives its own to a part that has the matrix which the whole is of
+        assert self._products is not None
+        product = self._products.matrix
+        self._ksp.setOperators(product, product if self._parts else self._matrix)
 
     def renew(self, flow: PETSc.Vec | None) -> None:
         """Make the preconditioner anew at the next solve."""
@@ -75,16 +89,5 @@ class Krylov:
     def destroy(self) -> None:
         """Give back memory at once. Collective."""
         self._ksp.destroy()
-        if self._blocked is not None:
-            self._blocked.destroy()
-
-
-def blocked(A: PETSc.Mat, copy: PETSc.Mat | None) -> PETSc.Mat:
-    """A symmetric matrix as one that keeps the blocks of its upper triangle. Collective.
-
-    Args:
-        A: The matrix.
-        copy: Of an earlier A with the same pattern, to be filled anew.
-    """
-    A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    return A.convert("sbaij", copy or PETSc.Mat())
+        if self._products is not None:
+            self._products.destroy()

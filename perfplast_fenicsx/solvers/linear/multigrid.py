@@ -11,6 +11,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.blocked_products import BlockedProducts
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.krylov import Krylov
 from perfplast_fenicsx.solvers.linear.outcome import Outcome
@@ -22,7 +23,6 @@ MULTIGRID = {
     "ksp_max_it": 1000,
     "pc_type": "mg",
     "pc_mg_cycle_type": "w",
-    "pc_use_amat": None,  # the smoothers work with the blocked matrix, as CG does
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_ksp_max_it": 3,
     "mg_levels_pc_type": "pbjacobi",
@@ -48,10 +48,11 @@ class Multigrid:
         """Create the solver; aggregates follow with the first operator. Collective."""
         self._problem = problem
         self.worth = WORTH[problem.degree]
-        self._krylov = Krylov(problem.comm, MULTIGRID)
+        self._krylov = Krylov(problem.comm, MULTIGRID, parts=True)
         self.name = self._krylov.name
         self._spaces: CoarseSpaces | None = None
         self._operator: ContactOperator | None = None
+        self._single: BlockedProducts | None = None
         self._held: Ints = np.zeros(0, dtype=np.int32)
 
     @phase("linear set-up")
@@ -73,6 +74,9 @@ class Multigrid:
         """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
         self._operator, self._held = operator, held
         self._krylov.set_matrix(operator, held)
+        if self._single is None:
+            self._single = BlockedProducts(operator.matrix, np.float32)
+        self._single.fill(operator.matrix)
 
     @phase("linear set-up")
     def renew(self, flow: PETSc.Vec | None) -> None:
@@ -83,7 +87,7 @@ class Multigrid:
                 aggregate; None to leave the aggregates as they are.
         """
         assert self._spaces is not None
-        assert self._operator is not None
+        assert self._operator is not None and self._single is not None
         self._krylov.renew(flow)
         pc = self._krylov.preconditioner
         if flow is not None:
@@ -91,7 +95,9 @@ class Multigrid:
             pc.setMGLevels(self._spaces.levels)
             self._krylov.attach()
             self._spaces.add(flow, self._operator.nodal)
-        self._spaces.project(self._operator.matrix, self._held, pc)
+        A = self._operator.matrix
+        pc.getMGSmoother(self._spaces.levels - 1).setOperators(self._single.matrix, A)
+        self._spaces.project(A, self._held, pc)
 
     def keep(self) -> None:
         """Solve with the coarse grids there are."""
@@ -104,5 +110,7 @@ class Multigrid:
     def destroy(self) -> None:
         """Give back memory at once. Collective."""
         self._krylov.destroy()
+        if self._single is not None:
+            self._single.destroy()
         if self._spaces is not None:
             self._spaces.destroy()

@@ -26,8 +26,8 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.aggregates import Aggregates, aggregate
+from perfplast_fenicsx.solvers.linear.blocked_products import BlockedProducts
 from perfplast_fenicsx.solvers.linear.contact_rows import every_column
-from perfplast_fenicsx.solvers.linear.krylov import blocked
 from perfplast_fenicsx.solvers.linear.linear_elements import LinearElements
 from perfplast_fenicsx.solvers.linear.petsc_options import SPECTRUM, default, own_prefix
 
@@ -62,7 +62,7 @@ class CoarseSpaces:
         self._rigid = self._aggregate(stiffness)
         self.interpolations: list[PETSc.Mat] = []
         self._operators: list[PETSc.Mat] = []
-        self._copies: list[PETSc.Mat] = []
+        self._smoothing: list[BlockedProducts] = []
         if self.levels > 1:
             self._set(self._rigid, stiffness)
 
@@ -93,10 +93,10 @@ class CoarseSpaces:
 
     def _clear(self) -> None:
         """Forget interpolations and operators. Collective."""
-        for matrices in (self.interpolations, self._operators, self._copies):
-            for matrix in matrices:
-                matrix.destroy()
-            matrices.clear()
+        for things in (self.interpolations, self._operators, self._smoothing):
+            for thing in things:
+                thing.destroy()
+            things.clear()
 
     def add(self, motion: PETSc.Vec, stiffness: Callable[[], PETSc.Mat]) -> None:
         """Make all levels anew, with one motion besides the rigid ones. Collective.
@@ -160,13 +160,14 @@ class CoarseSpaces:
             P = self.interpolations[depth]
             pc.setMGInterpolation(level, P)
             if depth == len(self._operators):
-                A = _coarse(A, P)
+                A = _regular(_coarse(A, P))
                 self._operators.append(A)
-                self._copies.append(blocked(_regular(A), None))
+                self._smoothing.append(BlockedProducts(A, np.float32))
             else:
-                A = A.PtAP(P, self._operators[depth])
-                blocked(_regular(A), self._copies[depth])
-            pc.getMGSmoother(level - 1).setOperators(self._copies[depth], A)
+                A = _regular(A.PtAP(P, self._operators[depth]))
+            self._smoothing[depth].fill(A)
+            multiplies = self._smoothing[depth].matrix if level > 1 else A
+            pc.getMGSmoother(level - 1).setOperators(multiplies, A)
 
     def _hold(self, held: Ints) -> None:
         """Take the held unknowns out of the finest coarse space, and put back the others."""

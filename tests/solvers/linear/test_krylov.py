@@ -2,7 +2,7 @@
 
 import pytest
 
-from perfplast_fenicsx.solvers.linear.krylov import Krylov, blocked
+from perfplast_fenicsx.solvers.linear.krylov import Krylov
 from perfplast_fenicsx.solvers.linear.petsc_options import default
 from tests.models import two_blocks_problem
 from tests.solvers.linear.systems import elastic_operator, loads
@@ -37,17 +37,3 @@ def test_why_an_iteration_ended_is_told() -> None:
     assert not outcome.solved
     assert (outcome.iterations, outcome.failure) == (3, "diverged max it")
     method.destroy()
-
-
-def test_the_blocked_copy_multiplies_alike_and_is_filled_anew() -> None:
-    problem = two_blocks_problem(2)
-    operator, y = elastic_operator(problem), loads(problem)
-    copy = None
-    image, other = problem.create_vector(), problem.create_vector()
-    for held in (problem.basis.index, problem.basis.index[::2]):
-        operator.hold(held)
-        copy = blocked(operator.matrix, copy)
-        operator.matrix.mult(y, image)
-        copy.mult(y, other)
-        other.axpy(-1.0, image)
-        assert other.norm() < 1e-13 * image.norm()

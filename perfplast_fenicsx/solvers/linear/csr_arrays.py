@@ -1,0 +1,74 @@
+"""What PETSc keeps of a rank's rows of a matrix, as arrays that are not copied."""
+
+import ctypes
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats
+
+Indices = npt.NDArray[np.integer]
+"""Of PETSc's type of integers."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Compressed rows.
+
+    Attributes:
+        pointer: Where each row's entries begin, shape (num_rows + 1,).
+        columns: Of the entries, local numbers.
+        values: The entries, in PETSc's memory: they are of no use once the matrix changes.
+    """
+
+    pointer: Indices
+    columns: Indices
+    values: Floats
+
+
+def own_rows(A: PETSc.Mat) -> tuple[Rows, Rows | None, Indices]:
+    """The rows of this rank.
+
+    Args:
+        A: Of type "aij".
+
+    Returns:
+        Their columns of this rank; those of other ranks, None on a single rank; which global
+        columns those are.
+    """
+    handle, none = ctypes.c_void_p(A.handle), np.zeros(0, dtype=PETSc.IntType)
+    if A.comm.getSize() == 1:
+        return _rows(handle, A.getLocalSize()[0]), None, none
+    here, there, columns = ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_void_p()
+    _call("MatMPIAIJGetSeqAIJ", handle, *map(ctypes.byref, (here, there, columns)))
+    count = A.getLocalSize()[0]
+    beyond = _rows(there, count)
+    size = int(beyond.columns.max(initial=-1)) + 1  # PETSc numbers no column that has no entry
+    return _rows(here, count), beyond, _array(columns, size, PETSc.IntType)
+
+
+def _rows(sequential: ctypes.c_void_p, count: int) -> Rows:
+    """Of a sequential matrix with so many rows."""
+    i, j, a, memory = ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_int()
+    _call("MatSeqAIJGetCSRAndMemType", sequential, *map(ctypes.byref, (i, j, a, memory)))
+    pointer = _array(i, count + 1, PETSc.IntType)
+    entries = int(pointer[-1])
+    return Rows(pointer, _array(j, entries, PETSc.IntType), _array(a, entries, np.float64))
+
+
+def _array(start: ctypes.c_void_p, size: int, of: type[np.generic]) -> npt.NDArray:
+    """Memory as an array."""
+    if not size or not start.value:
+        return np.zeros(0, dtype=of)
+    memory = (ctypes.c_char * (size * np.dtype(of).itemsize)).from_address(start.value)
+    return np.frombuffer(memory, dtype=of)
+
+
+def _call(name: str, *arguments: object) -> None:
+    """Call a function of PETSc's that petsc4py has no word for."""
+    failure = getattr(ctypes.CDLL(PETSc.__file__), name)(*arguments)
+    if failure:
+        raise PETSc.Error(failure)

@@ -1,0 +1,80 @@
+"""Products with blocks of a symmetric matrix against those of PETSc."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from perfplast_fenicsx.solvers.linear.blocked_products import BlockedProducts
+from perfplast_fenicsx.solvers.linear.blocked_source import SIZES
+
+ROUNDING = {np.float32: 1e-6, np.float64: 1e-14}
+
+
+def symmetric(comm: MPI.Intracomm, size: int, seed: int) -> PETSc.Mat:
+    """A symmetric matrix of 40 rows of blocks with holes in them, spread over the ranks."""
+    rng = np.random.default_rng(seed)
+    nodes = sparse.random(40, 40, density=0.15, rng=np.random.default_rng(1))
+    entries = sparse.kron(nodes, np.ones((size, size))).tocsr()
+    entries.data = rng.normal(size=entries.nnz)
+    holes = np.random.default_rng(2).random(entries.nnz) < 0.2
+    entries.data[holes] = 0
+    entries.eliminate_zeros()
+    whole = (entries + entries.T + 10 * sparse.identity(40 * size)).tocsr()
+    whole.sort_indices()
+    mine = np.array_split(np.arange(40), comm.size)[comm.rank]
+    rows = whole[size * mine[0] : size * (mine[-1] + 1)]
+    csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
+    sizes = (rows.shape[0], None)
+    A = PETSc.Mat().createAIJ((sizes, sizes), bsize=size, csr=csr, comm=comm)
+    A.assemble()
+    return A
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("precision", ROUNDING)
+@pytest.mark.parametrize("size", SIZES)
+def test_products_are_those_of_petsc(size: int, precision: type[np.floating]) -> None:
+    comm = MPI.COMM_WORLD
+    products = None
+    for seed in (3, 4):  # filled, and filled anew
+        A = symmetric(comm, size, seed)
+        products = products or BlockedProducts(A, precision)
+        products.fill(A)
+        x, y = A.createVecs()
+        image = y.duplicate()
+        rows = np.arange(*A.getOwnershipRange())
+        x.array[:] = np.sin(1.0 + rows)
+        A.mult(x, y)
+        for _ in range(2):  # nothing is left of a product
+            products.matrix.mult(x, image)
+            image.axpy(-1.0, y)
+            assert image.norm() < ROUNDING[precision] * y.norm()
+        A.destroy()
+
+
+@pytest.mark.mpi3
+def test_no_block_has_to_be_of_this_rank_or_of_others() -> None:
+    comm = MPI.COMM_WORLD
+    sizes = (2 * (3 if comm.rank == 0 else 0), None)
+    A = PETSc.Mat().createAIJ((sizes, sizes), bsize=2, nnz=2, comm=comm)
+    first, last = A.getOwnershipRange()
+    for row in range(first, last):
+        A.setValue(row, row, 1.0 + row)
+    A.assemble()
+    products = BlockedProducts(A)
+    products.fill(A)
+    x, y = A.createVecs()
+    x.set(1.0)
+    products.matrix.mult(x, y)
+    np.testing.assert_allclose(y.array, 1.0 + np.arange(first, last), rtol=1e-14)
+
+
+def test_who_solves_is_told_of_other_entries() -> None:
+    A = symmetric(MPI.COMM_WORLD, 3, 5)
+    products = BlockedProducts(A)
+    before = products.matrix.stateGet()
+    products.fill(A)
+    assert products.matrix.stateGet() > before
