@@ -10,6 +10,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
+from perfplast_fenicsx.rounding import TINY
 
 NONE = np.zeros(0, dtype=np.int32)
 
@@ -66,6 +67,27 @@ class Moduli:
             at, roots = self.whole
             found[at] = roots @ np.swapaxes(roots, 1, 2)
         return found
+
+    def roots(self) -> Floats:
+        """R with R Rᵀ = κ(1, −b)(1, −b)ᵀ, and a I − N Nᵀ on the deviator, or the whole modulus.
+
+        Returns:
+            Shape (count, 1 + m, 1 + m).
+        """
+        length2 = np.einsum("ni,ni->n", self.normal, self.normal)
+        left = np.sqrt(np.maximum(1 - length2 / self.a, 0.0))
+        share = (1 - left) / np.maximum(length2, TINY)
+        count, m = self.normal.shape
+        roots = np.zeros((count, 1 + m, 1 + m))
+        roots[:, 0, 0] = np.sqrt(self.bulk)
+        if self.along is not None:
+            roots[:, 1:, 0] = -roots[:, :1, 0] * self.along
+        along = np.einsum("n,ni,nj->nij", share, self.normal, self.normal)
+        roots[:, 1:, 1:] = np.sqrt(self.a)[:, None, None] * (np.eye(m) - along)
+        if self.whole is not None:
+            at, whole = self.whole
+            roots[at] = whole
+        return roots
 
 
 class Strains(Protocol):

@@ -15,7 +15,6 @@ from dolfinx.fem import petsc as fem_petsc
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
-from perfplast_fenicsx.materials.mandel import Expr, trace
 from perfplast_fenicsx.problem.assembled.integrals import assemble_force
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -95,9 +94,3 @@ class PointStrains:
         self._coordinates.working(pressure, deviator, array)
         assemble_force(self._force, self._force_form, self._problem.bcs)
         self._problem.basis.T.multTranspose(self._force, out)
-
-
-def deviator_in_plane(e: Expr, gdim: int) -> Expr:
-    """The deviator of a strain rate, of its part in the plane in plane strain; UFL."""
-    mean = trace(e) / gdim
-    return ufl.as_vector([e[i] - mean if i < gdim else e[i] for i in range(len(e))])

@@ -52,15 +52,3 @@ class StressFrames:
         for here, cone in zip(self.groups, self._cones.cones, strict=True):
             found[here] = cone.whole(stress[here])
         return found
-
-    def moduli(self, of_frames: Floats) -> Floats:
-        """Moduli of x from those of (p, s), shape (count, n, n).
-
-        Args:
-            of_frames: Shape (count, 1 + size, 1 + size).
-        """
-        n = len(self.frames[0])
-        found = np.zeros((self._count, n, n))
-        for here, F in zip(self.groups, self.frames, strict=True):
-            found[here] = F @ of_frames[here] @ F.T
-        return found

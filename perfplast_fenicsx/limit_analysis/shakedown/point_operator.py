@@ -6,6 +6,8 @@ Mandel vectors (:mod:`mandel`), and moduli matrices of these.
 
 from petsc4py import PETSc
 
+import basix
+import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -15,7 +17,6 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE
 from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
-from perfplast_fenicsx.limit_analysis.discrete.conic_stiffness import tensors_at_points
 from perfplast_fenicsx.problem.assembled.integrals import assemble_force
 from perfplast_fenicsx.problem.fields.stiffness import create_stiffness
 from perfplast_fenicsx.problem.problem import Problem
@@ -68,7 +69,7 @@ class PointOperator(SprungMatrix):
         of_points = fem_petsc.assemble_vector(fem.form(ufl.TestFunction(problem.Q) * problem.dx))
         self.weights: Floats = of_points.array_r[: self.count].copy()
         of_points.destroy()
-        self._moduli = fem.Function(tensors_at_points(problem, self.size))
+        self._moduli = fem.Function(_tensors_at_points(problem, self.size))
         e, d = (strain(f(problem.V)) for f in (ufl.TrialFunction, ufl.TestFunction))
         self._form = fem.form(ufl.dot(ufl.dot(self._moduli, e), d) * problem.dx)
         self._stiffness = create_stiffness(problem)
@@ -129,3 +130,17 @@ class PointOperator(SprungMatrix):
         self._problem.free.hold(self._stiffness)
         self._operator.hold(NONE)
         self.factorise()
+
+
+def _tensors_at_points(problem: Problem, n: int) -> fem.FunctionSpace:
+    """Matrices at the points of a problem, shape (n, n). Collective."""
+    mesh, points = problem.tagged_mesh.mesh, interpolation_points(problem.S.element)
+    cell = mesh.basix_cell()
+    if problem.degree == 1:
+        element = basix.ufl.element("DG", cell, 0, shape=(n, n))
+    else:
+        weights = np.full(len(points), basix.cell.volume(cell) / len(points))
+        element = basix.ufl.quadrature_element(
+            cell, value_shape=(n, n), points=points, weights=weights
+        )
+    return fem.functionspace(mesh, element)

@@ -7,11 +7,10 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
+from perfplast_fenicsx.limit_analysis.discrete.cell_condensation import CellCondensation
 from perfplast_fenicsx.limit_analysis.discrete.friction_points import Springs
-from perfplast_fenicsx.limit_analysis.stress.cell_condensation import CellCondensation
 from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
 from perfplast_fenicsx.profiling import phase
-from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 
 RIDGE = 1e-13
@@ -124,7 +123,7 @@ class CondensedStiffness(SprungMatrix):
             SingularStiffness: If inner unknowns of a cell cannot be eliminated.
         """
         strains = self._strains
-        roots = _roots(moduli) * np.sqrt(strains.weights)[:, None, None]
+        roots = moduli.roots() * np.sqrt(strains.weights)[:, None, None]
         # rows that the eliminated ones have told already, of cells with few stresses
         ridge: Floats = RIDGE * strains.few.astype(np.float64)
         idle: Floats = strains.idle[:, strains.layout.outer :].astype(np.float64)
@@ -156,26 +155,3 @@ class CondensedStiffness(SprungMatrix):
         array = x.array
         array[:count] = self._found.array_r
         array[count:] = self._cells.bring_in(outer).ravel()
-
-
-def _roots(moduli: Moduli) -> Floats:
-    """R with R Rᵀ = κ(1, −b)(1, −b)ᵀ, and a I − N Nᵀ on the deviator, or the whole modulus.
-
-    Returns:
-        Shape (n, 1 + m, 1 + m).
-    """
-    a, normal = moduli.a, moduli.normal
-    length2 = np.einsum("ni,ni->n", normal, normal)
-    left = np.sqrt(np.maximum(1 - length2 / a, 0.0))
-    share = (1 - left) / np.maximum(length2, TINY)
-    size = normal.shape[1]
-    roots = np.zeros((len(a), size + 1, size + 1))
-    roots[:, 0, 0] = np.sqrt(moduli.bulk)
-    if moduli.along is not None:
-        roots[:, 1:, 0] = -roots[:, :1, 0] * moduli.along
-    along = np.einsum("n,ni,nj->nij", share, normal, normal)
-    roots[:, 1:, 1:] = np.sqrt(a)[:, None, None] * (np.eye(size) - along)
-    if moduli.whole is not None:
-        at, whole = moduli.whole
-        roots[at] = whole
-    return roots

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.solvers.linear.petsc_calls import call
 
 Indices = npt.NDArray[np.integer]
 """Of PETSc's type of integers."""
@@ -43,7 +44,7 @@ def own_rows(A: PETSc.Mat) -> tuple[Rows, Rows | None, Indices]:
     if A.comm.getSize() == 1:
         return _rows(handle, A.getLocalSize()[0]), None, none
     here, there, columns = ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_void_p()
-    _call("MatMPIAIJGetSeqAIJ", handle, *map(ctypes.byref, (here, there, columns)))
+    call("MatMPIAIJGetSeqAIJ", handle, *map(ctypes.byref, (here, there, columns)))
     count = A.getLocalSize()[0]
     beyond = _rows(there, count)
     size = int(beyond.columns.max(initial=-1)) + 1  # PETSc numbers no column that has no entry
@@ -53,7 +54,7 @@ def own_rows(A: PETSc.Mat) -> tuple[Rows, Rows | None, Indices]:
 def _rows(sequential: ctypes.c_void_p, count: int) -> Rows:
     """Of a sequential matrix with so many rows."""
     i, j, a, memory = ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_int()
-    _call("MatSeqAIJGetCSRAndMemType", sequential, *map(ctypes.byref, (i, j, a, memory)))
+    call("MatSeqAIJGetCSRAndMemType", sequential, *map(ctypes.byref, (i, j, a, memory)))
     pointer = _array(i, count + 1, PETSc.IntType)
     entries = int(pointer[-1])
     return Rows(pointer, _array(j, entries, PETSc.IntType), _array(a, entries, np.float64))
@@ -65,10 +66,3 @@ def _array(start: ctypes.c_void_p, size: int, of: type[np.generic]) -> npt.NDArr
         return np.zeros(0, dtype=of)
     memory = (ctypes.c_char * (size * np.dtype(of).itemsize)).from_address(start.value)
     return np.frombuffer(memory, dtype=of)
-
-
-def _call(name: str, *arguments: object) -> None:
-    """Call a function of PETSc's that petsc4py has no word for."""
-    failure = getattr(ctypes.CDLL(PETSc.__file__), name)(*arguments)
-    if failure:
-        raise PETSc.Error(failure)

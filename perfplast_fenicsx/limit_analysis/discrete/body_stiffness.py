@@ -1,0 +1,153 @@
+"""The stiffness of bodies with moduli given at each point, in nodal unknowns.
+
+Matrices of cells are Σ (Bᵀ R)(Bᵀ R)ᵀ, with B the strain rates of nodal unknowns in the coordinates
+of the points' cones and R a root of the moduli there: a kernel sums them to blocks of nodes, and
+PETSc those of the ranks. A form of DOLFINx takes more than twice as long in space.
+"""
+
+import math
+
+from petsc4py import PETSc
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.compiled_kernels import aligned, compiled
+from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli
+from perfplast_fenicsx.limit_analysis.discrete.body_source import source
+from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
+from perfplast_fenicsx.problem.fields.stiffness import create_stiffness
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.linear.petsc_calls import expect_entries, give_entries
+
+
+class BodyStiffness:
+    """K, assembled again and again.
+
+    Attributes:
+        matrix: K, with room for what contact couples, and the identity at supports.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Find the pattern, and the strain rates of nodal unknowns. Collective."""
+        self._kernels, self._ffi = compiled(problem.comm, source())
+        topology, V = problem.tagged_mesh.mesh.topology, problem.V
+        cells = np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
+        nodes = V.dofmap.list[cells]
+        self._dim = V.dofmap.index_map_bs
+        self._points = problem.Q.dofmap.list[cells]
+        self._weights = np.sqrt(_weights(problem))[:, None, None]
+        self._rates, self._shape = _rates(problem, cells), nodes.shape
+        known = V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts
+        pairs = known * nodes[:, :, None].astype(np.int64) + nodes[:, None]
+        blocks, place = np.unique(pairs, return_inverse=True)
+        self._place: Ints = place.astype(np.int32).ravel()
+        numbers = V.dofmap.index_map.local_to_global(np.arange(known, dtype=np.int32))
+        rows, columns = (numbers[at] for at in divmod(blocks, known))
+        self._sums = np.zeros(len(blocks) * self._dim**2)
+        self._room, self.matrix = _matrix(problem, rows, columns)
+        self._fixed = np.flatnonzero(problem.fixed[: V.dofmap.index_map.size_local])
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        self.matrix.destroy()
+
+    def assemble(self, moduli: Moduli) -> None:
+        """Bring K to moduli at the points of this rank. Collective."""
+        roots = (moduli.roots() * self._weights)[self._points]
+        (cells, nodes), parts = self._shape, self._rates.shape[3]
+        given = (self._ffi.from_buffer("double[]", array) for array in (self._rates, roots))
+        place = self._ffi.from_buffer("int32_t[]", self._place)
+        sums = self._ffi.from_buffer("double[]", self._sums)
+        sizes = cells, self._points.shape[1], nodes, self._dim, parts
+        self._kernels.body_sums(*sizes, *given, place, self._sums.size // self._dim**2, sums)
+        give_entries(self.matrix, np.concatenate([self._sums, np.zeros(self._room)]))
+        diagonal = self.matrix.getDiagonal()
+        diagonal.array[self._fixed] = 1.0
+        self.matrix.setDiagonal(diagonal)
+        diagonal.destroy()
+
+
+def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.Mat]:
+    """A matrix that takes the entries of these blocks, and zeros where contact has others later.
+
+    Collective.
+
+    Args:
+        problem: Whose contact is meant.
+        rows: Of the blocks, global numbers of nodes.
+        columns: The same.
+
+    Returns:
+        How many zeros it takes behind the blocks' entries; the matrix.
+    """
+    room = create_stiffness(problem)
+    dim, size = room.getBlockSize(), room.getSize()[0] // room.getBlockSize()
+    pointer, entries = _blocks(room)
+    first = room.getOwnershipRange()[0] // dim
+    own = first + np.repeat(np.arange(len(pointer) - 1), np.diff(pointer))
+    further = np.setdiff1d(size * own + entries, size * rows + columns)
+    i = np.concatenate([rows, further // size])
+    j = np.concatenate([columns, further % size])
+    inside = np.arange(dim)
+    i = dim * i[:, None, None] + inside[:, None] + 0 * inside
+    j = dim * j[:, None, None] + 0 * inside[:, None] + inside
+    matrix = PETSc.Mat().create(problem.comm)
+    matrix.setSizes(room.getSizes(), bsize=dim)
+    matrix.setType(PETSc.Mat.Type.AIJ)
+    expect_entries(matrix, i.ravel(), j.ravel())
+    room.destroy()
+    return len(further) * dim**2, matrix
+
+
+def _blocks(room: PETSc.Mat) -> tuple[Longs, Longs]:
+    """Where blocks of each row of blocks begin, and the columns of blocks that they are in."""
+    pointer, columns, _ = room.getValuesCSR()
+    dim = room.getBlockSize()
+    starts = np.repeat(pointer[:-1:dim], np.diff(pointer)[::dim] // dim)
+    counts = np.diff(pointer)[::dim] // dim
+    firsts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    within = np.arange(firsts[-1]) - np.repeat(firsts[:-1], counts)
+    return firsts, columns[starts + dim * within].astype(np.int64) // dim
+
+
+def _weights(problem: Problem) -> Floats:
+    """Volume that a point stands for, shape (count,). Collective."""
+    vector = fem_petsc.assemble_vector(fem.form(ufl.TestFunction(problem.Q) * problem.dx))
+    weights: Floats = vector.array_r[: problem.Q.dofmap.index_map.size_local].copy()
+    vector.destroy()
+    return weights
+
+
+def _rates(problem: Problem, cells: Ints) -> Floats:
+    """Strain rates of nodal unknowns in the coordinates of the points' cones, none where held.
+
+    Collective.
+
+    Returns:
+        As the kernel reads them: of four cells side by side, and zero beyond the last, shape
+        (num_groups, num_points, n, 1 + m, 4).
+    """
+    at_once = 4
+    at, points = PointCoordinates(problem), problem.Q.dofmap.list[cells]
+    size, num_points = problem.S.dofmap.index_map_bs, points.shape[1]
+    strain = problem.kinematics.strain(ufl.TrialFunction(problem.V))
+    evaluated = fem.Expression(strain, interpolation_points(problem.S.element))
+    e = evaluated.eval(problem.V.mesh, cells).reshape(len(cells), num_points, size, -1)
+    e *= ~problem.fixed[problem.V.dofmap.list[cells]].reshape(len(cells), 1, 1, -1)
+    groups, unknowns = -(-len(cells) // at_once), e.shape[3]
+    shape = (groups, num_points, unknowns, 1 + size, at_once)
+    found = aligned(math.prod(shape)).reshape(shape)
+    by_cell = np.moveaxis(found, -1, 1)
+    mandel = np.zeros((len(at.radii), size))
+    padded = np.zeros((groups * at_once, num_points, 1 + size))
+    for unknown in range(unknowns):
+        mandel[points] = e[..., unknown]
+        rates = np.column_stack(at.rates(mandel))
+        padded[: len(cells)] = rates[points]
+        by_cell[:, :, :, unknown] = padded.reshape(groups, at_once, num_points, 1 + size)
+    return found
