@@ -40,7 +40,7 @@ class Products:
 
     def raised(self, by: float) -> "Products":
         """The products with a number added to their eigenvalues."""
-        cones = self.cones.copy()
+        cones = self.cones.copy(order="K")
         cones[:, 0] += by
         return Products(cones, self.matrices + by * np.eye(SIZE), self.pairs + by)
 

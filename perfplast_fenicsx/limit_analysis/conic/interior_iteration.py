@@ -42,7 +42,8 @@ class InteriorIteration:
         self._begun = False
         self._comm, self._jumps = program.comm, program.jumps
         self.velocity, self._work = program.create_vector(), Workspace(program)
-        stress, pressure = np.zeros((program.strains.count, program.strains.size)), program.start()
+        shape = (program.strains.count, program.strains.size)
+        stress, pressure = np.zeros(shape, order="F"), program.start()
         S = program.members((pressure, stress))
         Z = np.zeros_like(S)
         Z[:, 0] = program.strengths[program.round] / program.viscosities

@@ -151,7 +151,7 @@ class FrictionStrains:
         """Trace and deviator, shapes (count,) and (count, m). Collective."""
         trace, deviator = self._points.of(y)
         opens, *jumps = (self._places.jumps(y.array_r) / self.length[:, None]).T
-        more = np.zeros((len(opens), self.size))
+        more = np.zeros((len(opens), self.size), order="F")
         more[:, : len(jumps)] = np.transpose(jumps)
         return np.append(trace, opens), np.concatenate([deviator, more])
 

@@ -84,9 +84,10 @@ class PointStrains:
         return self._coordinates.rates(self._strains())
 
     def _strains(self) -> Floats:
-        """ε of the velocity that is held, shape (count, m)."""
+        """ε of the velocity that is held, shape (count, m), component by component in memory."""
         self._e.interpolate(self._strain, self._problem.cells)
-        return self._e.x.array[: self.count * self.size].reshape(-1, self.size).copy()
+        e = self._e.x.array[: self.count * self.size].reshape(-1, self.size)
+        return e.copy(order="F")
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to ∫ σ:ε(v) for all v of the contact basis. Collective."""

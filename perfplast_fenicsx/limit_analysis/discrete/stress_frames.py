@@ -36,7 +36,7 @@ class StressFrames:
         found = np.zeros((self._count, self.size + 1))
         for here, F in zip(self.groups, self.frames, strict=True):
             found[here] = e[here] @ F
-        return found[:, 0].copy(), found[:, 1:].copy()
+        return found[:, 0].copy(), found[:, 1:].copy(order="F")
 
     def stresses(self, pressure: Floats, deviator: Floats) -> Floats:
         """Components in equations, shape (count, n)."""

@@ -158,7 +158,7 @@ class MultiplierStrains:
         values = np.hstack([self.facets.gather(array[: self.facets.count]), self.inner(array)])
         e = values[:, self.rows][:, :, None] @ self.matrices
         e = e.reshape(self.count, -1)
-        return e[:, 0].copy(), e[:, 1:].copy()
+        return e[:, 0].copy(), e[:, 1:].copy(order="F")
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to Aσ. Collective."""
