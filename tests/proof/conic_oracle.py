@@ -3,6 +3,7 @@
 Another way to the numbers of the program: nothing but the arrays of its files is used.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Any
@@ -46,8 +47,17 @@ class Rows:
         return sp.csc_matrix((parts[0], (parts[1], parts[2])), shape=(self.count, width))
 
 
-def best_load(body: Body) -> float | None:
-    """The largest λ of linear stresses; None where Clarabel does not converge."""
+Solve = Callable[[Floats, tuple[Any, Floats], Any, Rows, Floats], float | None]
+"""As :func:`solve`."""
+
+
+def best_load(body: Body, by: Solve | None = None) -> float | None:
+    """The largest λ of linear stresses; None where Clarabel does not converge.
+
+    Args:
+        body: The bodies.
+        by: What solves, :func:`solve` by default.
+    """
     d = body.dim
     pairs = [(i, j) for i in range(d) for j in range(i, d)]
     basis = np.zeros((len(pairs), d, d))
@@ -98,7 +108,8 @@ def best_load(body: Body) -> float | None:
     cost = np.zeros(width)
     cost[load] = -1.0
     equalities = equal.matrix(width)[keep]
-    found = solve(cost, (equalities, np.zeros(keep.sum())), least.matrix(width), cones, right)
+    rows_and_right = (equalities, np.zeros(keep.sum()))
+    found = (by or solve)(cost, rows_and_right, least.matrix(width), cones, right)
     return None if found is None else -found
 
 
@@ -119,13 +130,16 @@ def solve(
     return float(solution.obj_val) if str(solution.status) == "Solved" else None
 
 
-def least_power(body: Body, nodes: npt.NDArray, points: Floats) -> float | None:
+def least_power(
+    body: Body, nodes: npt.NDArray, points: Floats, by: Solve | None = None
+) -> float | None:
     """The least dissipation of quadratic velocities with L(v) = 1, integrated at points.
 
     Args:
         body: The bodies.
         nodes: Of their cells.
         points: Barycentric coordinates of points of equal weight in a cell.
+        by: What solves, :func:`solve` by default.
 
     Returns:
         It; None where Clarabel does not converge.
@@ -180,7 +194,7 @@ def least_power(body: Body, nodes: npt.NDArray, points: Floats) -> float | None:
     cost = np.zeros(width)
     cost[times] = (body.volumes * body.yield_radius)[plastic, None] / len(points)
     right = np.zeros((times.size, 1 + d * d))
-    return solve(cost, (equal.matrix(width), b), least.matrix(width), cones, right)
+    return (by or solve)(cost, (equal.matrix(width), b), least.matrix(width), cones, right)
 
 
 def _facet_places(body: Body) -> npt.NDArray:
