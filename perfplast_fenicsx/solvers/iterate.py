@@ -256,7 +256,7 @@ class Iterate:
         else:
             change, before = direction.du_norm2(), fields.u_norm2()
             after = direction.moved_norm2()
-        total = max(np.sqrt(before) + np.sqrt(after), np.sqrt(self.least_norm2()))
+        total = fields.at_least(RIGID, float(np.sqrt(before) + np.sqrt(after)))
         return float(np.sqrt(max(change, 0)) / total) if total > 0 else 0.0
 
     def least_norm2(self) -> float:

@@ -33,16 +33,21 @@ def strain_norm2(problem: Problem, strain: Expr) -> Integral:
 
 
 def stiffness_of_nodes(problem: Problem) -> float:
-    """A node's stiffness (force/length) against all others, the mean ∫ 2μ/h² of them. Collective.
+    """A node's stiffness (force/length) against all others, the mean of them. Collective.
 
     √(stiffness · energy) is the norm of the forces by which the stress of an energy pulls at nodes
     from all sides, which may balance each other.
     """
+    return stiffness_of_all(problem) / problem.V.dofmap.index_map.size_global
+
+
+def stiffness_of_all(problem: Problem) -> float:
+    """∫ 2μ/h², by which :func:`jagged_norm2` is at most this times the largest |u|². Collective."""
     h2 = abs(ufl.JacobianDeterminant(problem.tagged_mesh.mesh)) ** (
         2 / problem.tagged_mesh.mesh.geometry.dim
     )
     stiffness = integrate(problem.laws, lambda on: 2 * on.law.elastic.shear / h2)
-    return Integral(problem.comm, stiffness)() / problem.V.dofmap.index_map.size_global
+    return Integral(problem.comm, stiffness)()
 
 
 def jagged_norm2(problem: Problem, u: fem.Function) -> Integral:

@@ -3,9 +3,12 @@
 All forms and Expressions are compiled once for a problem. Nothing here loops over cells.
 """
 
+from functools import cached_property
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem, la
 
@@ -16,6 +19,7 @@ from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, OfLa
 from perfplast_fenicsx.problem.assembled.spaces import by_cell
 from perfplast_fenicsx.problem.fields.energy_norms import (
     jagged_norm2,
+    stiffness_of_all,
     stiffness_of_nodes,
     strain_norm2,
     stress_norm2,
@@ -179,6 +183,23 @@ class QuadratureFields:
     def jagged_norm2(self) -> float:
         """What rounding errors of ``u_norm2`` are relative to (:mod:`energy_norms`). Collective."""
         return max(self._jagged_norm2(), self._left[0])
+
+    def at_least(self, share: float, norm: float) -> float:
+        """The larger one of a norm of strains and a share of the root of that. Collective.
+
+        The latter's integral is formed where a bound by the largest displacement does not tell.
+        """
+        largest = float(np.abs(self.u.x.array).max(initial=0.0))
+        largest = self.problem.comm.allreduce(largest, MPI.MAX)
+        beyond = 4.0  # by no more |u| between nodes exceeds the largest component at one
+        bound = max(self._stiffness_of_all * (beyond * largest) ** 2, self._left[0])
+        return (
+            norm if share**2 * bound <= norm**2 else max(norm, share * self.jagged_norm2() ** 0.5)
+        )
+
+    @cached_property
+    def _stiffness_of_all(self) -> float:
+        return stiffness_of_all(self.problem)
 
     def gross_force(self) -> float:
         """Norm (force) that rounding errors of all nodal forces are relative to. Collective."""

@@ -45,7 +45,7 @@ class BlockedProducts:
         self._there = None
         if there is not None:
             self._there = _Blocks(code, precision, size, there, upper=False)
-        self._ghosts, self._scatter = _ghosts(A, columns)
+        self._ghosts, self._scatter = ghosts_of(A, columns)
         self.matrix = PETSc.Mat().createPython(A.getSizes(), _Called(self.product), comm=A.comm)
         self.matrix.setBlockSize(size)
         self.matrix.setUp()
@@ -156,9 +156,17 @@ class _Blocks:
         return self._ffi.from_buffer(kind, array)
 
 
-def _ghosts(A: PETSc.Mat, columns: npt.NDArray[np.integer]) -> tuple[PETSc.Vec, PETSc.Scatter]:
-    """Room for what other ranks have of a vector, and what brings it. Collective."""
-    size = A.getBlockSize()
+def ghosts_of(A: PETSc.Mat, columns: npt.NDArray[np.integer]) -> tuple[PETSc.Vec, PETSc.Scatter]:
+    """Room for what other ranks have of a vector, and what brings it. Collective.
+
+    Args:
+        A: Which multiplies the vector.
+        columns: Global numbers of columns of A that are of other ranks.
+
+    Returns:
+        Room for whole blocks of columns; what brings them there.
+    """
+    size = A.getBlockSizes()[1]
     ghosts = PETSc.Vec().createSeq(size * _whole(len(columns), size), comm=PETSc.COMM_SELF)
     if A.comm.getSize() == 1:
         return ghosts, PETSc.Scatter()

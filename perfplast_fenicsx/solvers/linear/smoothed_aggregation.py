@@ -26,6 +26,7 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.aggregates import Aggregates, aggregate
+from perfplast_fenicsx.solvers.linear.blocked_interpolation import BlockedInterpolation
 from perfplast_fenicsx.solvers.linear.blocked_products import BlockedProducts
 from perfplast_fenicsx.solvers.linear.contact_rows import every_column
 from perfplast_fenicsx.solvers.linear.linear_elements import LinearElements
@@ -63,6 +64,7 @@ class CoarseSpaces:
         self.interpolations: list[PETSc.Mat] = []
         self._operators: list[PETSc.Mat] = []
         self._smoothing: list[BlockedProducts] = []
+        self._transfers: list[BlockedInterpolation] = []
         if self.levels > 1:
             self._set(self._rigid, stiffness)
 
@@ -93,7 +95,7 @@ class CoarseSpaces:
 
     def _clear(self) -> None:
         """Forget interpolations and operators. Collective."""
-        for things in (self.interpolations, self._operators, self._smoothing):
+        for things in (self.interpolations, self._operators, self._smoothing, self._transfers):
             for thing in things:
                 thing.destroy()
             things.clear()
@@ -158,7 +160,10 @@ class CoarseSpaces:
                 aggregates = self._aggregates[depth - self._first]
                 self._put(depth, _smoothed(A, aggregates, self._spectrum))
             P = self.interpolations[depth]
-            pc.setMGInterpolation(level, P)
+            if depth == len(self._transfers):
+                self._transfers.append(BlockedInterpolation(P))
+            self._transfers[depth].fill(P)
+            pc.setMGInterpolation(level, self._transfers[depth].matrix)
             if depth == len(self._operators):
                 A = _regular(_coarse(A, P))
                 self._operators.append(A)

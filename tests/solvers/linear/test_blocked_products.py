@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from perfplast_fenicsx.solvers.linear.blocked_interpolation import BlockedInterpolation
 from perfplast_fenicsx.solvers.linear.blocked_products import BlockedProducts
 from perfplast_fenicsx.solvers.linear.blocked_source import SIZES
 
@@ -31,6 +32,23 @@ def symmetric(comm: MPI.Intracomm, size: int, seed: int) -> PETSc.Mat:
     A = PETSc.Mat().createAIJ((sizes, sizes), bsize=size, csr=csr, comm=comm)
     A.assemble()
     return A
+
+
+def interpolation(comm: MPI.Intracomm, sizes: tuple[int, int], seed: int) -> PETSc.Mat:
+    """From 15 coarse nodes to 40 fine ones, spread over the ranks."""
+    rng = np.random.default_rng(seed)
+    nodes = sparse.random(40, 15, density=0.2, rng=np.random.default_rng(1))
+    entries = sparse.kron(nodes, np.ones(sizes)).tocsr()
+    entries.data = rng.normal(size=entries.nnz)
+    entries.sort_indices()
+    fine, coarse = (np.array_split(np.arange(n), comm.size)[comm.rank] for n in (40, 15))
+    rows = entries[sizes[0] * fine[0] : sizes[0] * (fine[-1] + 1)]
+    csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
+    shape = ((rows.shape[0], None), (sizes[1] * len(coarse), None))
+    P = PETSc.Mat().createAIJ(shape, csr=csr, comm=comm)
+    P.assemble()
+    P.setBlockSizes(*sizes)
+    return P
 
 
 @pytest.mark.mpi3
@@ -70,6 +88,38 @@ def test_no_block_has_to_be_of_this_rank_or_of_others() -> None:
     x.set(1.0)
     products.matrix.mult(x, y)
     np.testing.assert_allclose(y.array, 1.0 + np.arange(first, last), rtol=1e-14)
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize("sizes", [(2, 3), (2, 4), (3, 3), (3, 6), (3, 7), (4, 4), (6, 6), (7, 7)])
+def test_interpolations_are_those_of_petsc(sizes: tuple[int, int]) -> None:
+    transfer = None
+    for seed in (3, 4):  # filled, and filled anew
+        P = interpolation(MPI.COMM_WORLD, sizes, seed)
+        transfer = transfer or BlockedInterpolation(P)
+        transfer.fill(P)
+        x, y = P.createVecs()
+        x.array[:] = np.sin(1.0 + np.arange(*P.getOwnershipRangeColumn()))
+        y.array[:] = np.cos(1.0 + np.arange(*P.getOwnershipRange()))
+        whole, found = y.duplicate(), y.duplicate()
+        P.mult(x, whole)
+        transfer.matrix.mult(x, found)
+        found.axpy(-1.0, whole)
+        assert found.norm() < ROUNDING[np.float32] * whole.norm()
+        transfer.matrix.multAdd(x, y, found)
+        found.axpy(-1.0, y)
+        found.axpy(-1.0, whole)
+        assert found.norm() < ROUNDING[np.float32] * (whole.norm() + y.norm())
+        expected, found = x.duplicate(), x.duplicate()
+        P.multTranspose(y, expected)
+        transfer.matrix.multTranspose(y, found)
+        found.axpy(-1.0, expected)
+        assert found.norm() < ROUNDING[np.float32] * expected.norm()
+        total = y.copy()
+        transfer.matrix.multAdd(x, total, total)
+        total.axpy(-1.0, y)
+        total.axpy(-1.0, whole)
+        assert total.norm() < ROUNDING[np.float32] * (whole.norm() + y.norm())
 
 
 def test_who_solves_is_told_of_other_entries() -> None:

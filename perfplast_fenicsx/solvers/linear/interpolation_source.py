@@ -1,0 +1,139 @@
+"""C source of interpolations in single precision (:mod:`blocked_interpolation`).
+
+Blocks are kept row by row; coarse vectors have room for as many entries of a block as are worked on
+at once: what is loaded beyond a row is multiplied with zeros or put where nobody looks.
+"""
+
+from petsc4py import PETSc
+
+import numpy as np
+
+SIZES = (2, 3, 4, 6, 7)
+"""Of the blocks that there are: unknowns of a node, motions of an aggregate."""
+
+
+def source() -> str:
+    """Functions pattern, fill, interpolate and restrict_."""
+    products = "".join(
+        _PRODUCTS.replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)
+    )
+    whole = f"int{8 * np.dtype(PETSc.IntType).itemsize}_t"
+    return (_ENTRIES + products + _CALLS).replace("INDEX", whole)
+
+
+_ENTRIES = r"""
+#include <stdint.h>
+#include <string.h>
+
+#define OWN static inline __attribute__((always_inline))
+
+/* where blocks of each row of blocks begin or, the second time, their columns of blocks */
+void pattern(int fine, int coarse, int64_t rows, const INDEX *start, const INDEX *column,
+             int64_t *mark, int64_t *first, int known, int32_t *block) {
+  int64_t count = 0;
+  for (int64_t r = 0; r < rows; ++r) {
+    first[r] = count;
+    for (int64_t e = start[fine * r]; e < start[fine * r + fine]; ++e) {
+      int64_t c = column[e] / coarse;
+      if (mark[c] == r + 1) continue;
+      mark[c] = r + 1;
+      if (known) block[count] = (int32_t)c;
+      ++count;
+    }
+  }
+  first[rows] = count;
+}
+
+void fill(int fine, int coarse, int64_t rows, const INDEX *start, const INDEX *column,
+          const double *value, int64_t *place, const int64_t *first, const int32_t *block,
+          float *kept) {
+  memset(kept, 0, sizeof(float) * fine * coarse * (size_t)first[rows]);
+  for (int64_t r = 0; r < rows; ++r) {
+    for (int64_t b = first[r]; b < first[r + 1]; ++b) place[block[b]] = b;
+    for (int i = 0; i < fine; ++i)
+      for (int64_t e = start[fine * r + i]; e < start[fine * r + i + 1]; ++e) {
+        int64_t c = column[e] / coarse;
+        kept[coarse * (fine * place[c] + i) + column[e] - coarse * c] = (float)value[e];
+      }
+  }
+}
+"""
+
+_PRODUCTS = r"""
+typedef float lanes_WIDTH __attribute__((vector_size(4 * LANES)));
+
+OWN void interpolate_WIDTH(const int fine, int coarse, int64_t rows, const int64_t *first,
+                           const int32_t *block, const float *kept, const float *x, double *y) {
+  for (int64_t r = 0; r < rows; ++r) {
+    lanes_WIDTH sum[8] = {0}, row, given;
+    for (int64_t b = first[r]; b < first[r + 1]; ++b) {
+      const float *A = kept + fine * coarse * b;
+      memcpy(&given, x + LANES * (int64_t)block[b], sizeof given);
+      for (int i = 0; i < fine; ++i) {
+        memcpy(&row, A + coarse * i, sizeof row);
+        sum[i] += row * given;
+      }
+    }
+    for (int i = 0; i < fine; ++i) {
+      float all = 0;
+      for (int j = 0; j < coarse; ++j) all += sum[i][j];
+      y[fine * r + i] += all;
+    }
+  }
+}
+
+OWN void restrict_WIDTH(const int fine, int coarse, int64_t rows, const int64_t *first,
+                        const int32_t *block, const float *kept, const double *x, float *y) {
+  for (int64_t r = 0; r < rows; ++r) {
+    float own[8];
+    for (int i = 0; i < fine; ++i) own[i] = (float)x[fine * r + i];
+    for (int64_t b = first[r]; b < first[r + 1]; ++b) {
+      const float *A = kept + fine * coarse * b;
+      lanes_WIDTH row, taken;
+      memcpy(&taken, y + LANES * (int64_t)block[b], sizeof taken);
+      for (int i = 0; i < fine; ++i) {
+        memcpy(&row, A + coarse * i, sizeof row);
+        taken += row * own[i];
+      }
+      memcpy(y + LANES * (int64_t)block[b], &taken, sizeof taken);
+    }
+  }
+}
+"""
+
+_CALLS = r"""
+#define FOR_SIZE(function, ...)                   \
+  switch (fine) {                                 \
+    case 2: function(2, __VA_ARGS__); break;      \
+    case 3: function(3, __VA_ARGS__); break;      \
+    case 4: function(4, __VA_ARGS__); break;      \
+    case 6: function(6, __VA_ARGS__); break;      \
+    case 7: function(7, __VA_ARGS__); break;      \
+  }
+
+void interpolate(int fine, int coarse, int64_t rows, int64_t columns, const int64_t *first,
+                 const int32_t *block, const float *kept, float *room, const double *x,
+                 double *y) {
+  const int width = coarse > 4 ? 8 : 4;
+  for (int64_t c = 0; c < columns; ++c)
+    for (int i = 0; i < width; ++i) room[width * c + i] = i < coarse ? (float)x[coarse * c + i] : 0;
+  if (width == 4) {
+    FOR_SIZE(interpolate_4, coarse, rows, first, block, kept, room, y)
+  } else {
+    FOR_SIZE(interpolate_8, coarse, rows, first, block, kept, room, y)
+  }
+}
+
+void restrict_(int fine, int coarse, int64_t rows, int64_t columns, const int64_t *first,
+               const int32_t *block, const float *kept, float *room, const double *x, double *y) {
+  const int width = coarse > 4 ? 8 : 4;
+  memset(room, 0, sizeof(float) * width * (size_t)columns);
+  if (width == 4) {
+    FOR_SIZE(restrict_4, coarse, rows, first, block, kept, x, room)
+  } else {
+    FOR_SIZE(restrict_8, coarse, rows, first, block, kept, x, room)
+  }
+  for (int64_t c = 0; c < columns; ++c)
+    for (int i = 0; i < coarse; ++i) y[coarse * c + i] = room[width * c + i];
+}
+"""
