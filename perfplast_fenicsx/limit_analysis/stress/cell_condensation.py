@@ -8,7 +8,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compiled_kernels import aligned, compiled
-from perfplast_fenicsx.limit_analysis.discrete.condensation_source import source
+from perfplast_fenicsx.limit_analysis.stress.condensation_source import source
 
 
 class CellCondensation:
