@@ -34,7 +34,6 @@ PROXIMAL = 1e-5
 slow where linear elements nearly lock (three times the steps at 1e-4); smaller: K is
 ill-conditioned."""
 
-
 Stress: TypeAlias = tuple[Floats, Floats]
 """Pressure and deviator at the points, shapes (count,) and (count, m)."""
 
@@ -128,10 +127,10 @@ class ConicProgram:
         self.strengths = left / unit * np.where(self.plastic, self.sizes, 0.0)
         principal = self.strains.principal
         self.blocks = Blocks(principal.those(self.plastic[principal.at]).divided(unit / left))
-        self.round = self.plastic.copy()
-        self.round[self.blocks.cones.at] = False
-        # a slice where it is all of them, as nothing is copied then
-        self.where_round = slice(None) if self.round.all() else self.round
+        cones = self.plastic.copy()
+        cones[self.blocks.cones.at] = False
+        # all of them as a slice, which copies nothing
+        self.round = slice(None) if cones.all() else np.flatnonzero(cones)
         slopes = self.strains.slopes * np.where(self._loose & self._of_slopes, left, 1.0)
         self.slopes, loose = slopes[self.round], self._loose[self.round]
         self.radii = np.where(loose, 0.0, self.strengths[self.round])
@@ -182,10 +181,9 @@ class ConicProgram:
         return found
 
     def members(self, stress: Stress) -> Floats:
-        """(γ − αp, s + γt) of the round points, shape (num_round, 1 + m)."""
-        pressure, deviator = stress
-        heads = self.radii - self.slopes * pressure[self.round]
-        tails = self.of_round(deviator)
+        """(γ − αp, s + γt) of the round points, shape (num_round, 1 + m), by components."""
+        heads = self.radii - self.slopes * stress[0][self.round]
+        tails = np.asfortranarray(stress[1][self.round])
         if self.strains.tilts is not None:
             tails = tails + self.radii[:, None] * self.strains.tilts[self.round]
         return np.column_stack([heads, tails])
@@ -225,24 +223,16 @@ class ConicProgram:
         bulk = np.full_like(viscosity, 1 / PROXIMAL)
         if self.dilates:
             soft = self.viscosities[self.dilating] / self.slopes[self.dilating] ** 2
-            bulk[np.flatnonzero(self.round)[self.dilating]] = soft
+            bulk[np.arange(len(bulk))[self.round][self.dilating]] = soft
         at = self.blocks.cones.at
         bulk[at], viscosity[at] = self.blocks.moduli(1 / PROXIMAL)
         none: Floats = np.zeros((len(viscosity), self.strains.size))
         return Moduli(bulk, viscosity, none)
 
-    def of_round(self, values: Floats) -> Floats:
-        """Those of the round points, shape (num_round, m), component by component in memory.
-
-        What is done with all points at once is done several times as fast so.
-        """
-        return np.asfortranarray(values[self.where_round])
-
     def at_points(self, values: Floats, others: float) -> Floats:
         """Values at all points from those at the round ones."""
-        found: Floats
-        found = np.full((self.strains.count, *values.shape[1:]), others, order="F")
-        found[self.where_round] = values
+        found: Floats = np.full((self.strains.count, *values.shape[1:]), others, order="F")
+        found[self.round] = values
         return found
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:

@@ -39,7 +39,7 @@ class DilatingPoints:
             deviator: The same.
         """
         self.among = program.dilating
-        self.at = np.flatnonzero(program.round)[self.among]
+        self.at = np.arange(program.strains.count)[program.round][self.among]
         self._slopes, self._weights = program.slopes[self.among], program.weights[self.at]
         self._scaling = Scaling(now.S[self.among], now.Z[self.among])
         self.off = now.Z[self.among] - self.rates(trace, deviator)

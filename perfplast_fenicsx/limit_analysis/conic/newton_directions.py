@@ -86,7 +86,7 @@ class NewtonDirections:
             self._factorise()
         self._find_of_loads(velocity)
         self._rates = program.weights[program.round, None]
-        self._off = now.Z[:, 1:] + self._rates * program.of_round(self._deviator)
+        self._off = now.Z[:, 1:] + self._rates * self._deviator[program.round]
         self._off_jumps = velocity.array_r[program.jumps] + now.rooms
 
     def _find_of_loads(self, velocity: PETSc.Vec) -> None:
@@ -143,7 +143,7 @@ class NewtonDirections:
     def towards(self, change: Products) -> Direction:
         """The direction in which the products change so, to first order. Collective."""
         now, program, work = self._now, self._program, self._work
-        round_, free, jumps = program.where_round, self._free, program.jumps
+        round_, free, jumps = program.round, self._free, program.jumps
         aim, pairs = quotient(self.scaling.point, change.cones), change.pairs
         unscaled = self.scaling.invert(aim)[:, 1:]
         pressure, stress = free * self._trace, free[:, None] * self._deviator
@@ -166,7 +166,7 @@ class NewtonDirections:
             work.change.axpy(float(factor), motion)
 
         trace, deviator = program.strains.of(work.change)
-        dZ = -self._off - self._rates * program.of_round(deviator)
+        dZ = -self._off - self._rates * deviator[program.round]
         pressure = free * (self._trace + trace)
         stress = free[:, None] * (self._deviator + deviator)
         stress[round_] = self._moduli(unscaled - dZ)
@@ -201,8 +201,7 @@ class NewtonDirections:
         program.stiffness.solve(self._work.balance, change)
         trace, deviator = program.strains.of(change)
         pressure, stress = self._free * trace, self._free[:, None] * deviator
-        moved = self._moduli(self._rates * program.of_round(deviator))
-        stress[program.where_round] = moved
+        stress[program.round] = self._moduli(self._rates * deviator[program.round])
         if (dilating := self._dilating) is not None:
             dilating.put(dilating.members(dilating.rates(trace, deviator)), pressure, stress)
         t = now.t

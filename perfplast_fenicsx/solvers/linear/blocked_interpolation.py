@@ -11,8 +11,9 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compiled_kernels import compiled
 from perfplast_fenicsx.solvers.linear.blocked_products import ghosts_of
+from perfplast_fenicsx.solvers.linear.blocked_source import sizes
 from perfplast_fenicsx.solvers.linear.csr_arrays import Rows, own_rows
-from perfplast_fenicsx.solvers.linear.interpolation_source import SIZES, source
+from perfplast_fenicsx.solvers.linear.interpolation_source import source
 
 
 class BlockedInterpolation:
@@ -28,16 +29,16 @@ class BlockedInterpolation:
         Args:
             P: Of type "aij", with blocks of sizes that kernels have.
         """
-        sizes = P.getBlockSizes()
-        assert set(sizes) <= set(SIZES), f"no kernel for blocks of {sizes}"
+        both = P.getBlockSizes()
+        assert set(both) <= set(sizes()), f"no kernel for blocks of {both}"
         code = compiled(P.comm.tompi4py(), source())
         here, there, columns = own_rows(P)
         coarse = P.getLocalSize()[1]
-        self._here = _Blocks(*code, sizes, here, coarse)
+        self._here = _Blocks(*code, both, here, coarse)
         self._ghosts, self._scatter = ghosts_of(P, columns)
         self._there = None
         if there is not None:
-            self._there = _Blocks(*code, sizes, there, self._ghosts.getLocalSize())
+            self._there = _Blocks(*code, both, there, self._ghosts.getLocalSize())
         called = _Called(self.interpolate, self.restrict)
         self.matrix = PETSc.Mat().createPython(P.getSizes(), called, comm=P.comm)
         self.matrix.setUp()

@@ -18,7 +18,7 @@ from cffi import FFI
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compiled_kernels import compiled
-from perfplast_fenicsx.solvers.linear.blocked_source import SIZES, source
+from perfplast_fenicsx.solvers.linear.blocked_source import sizes, source
 from perfplast_fenicsx.solvers.linear.csr_arrays import Rows, own_rows
 
 
@@ -37,7 +37,7 @@ class BlockedProducts:
             precision: Of what is kept and multiplied, float32 or float64.
         """
         size = A.getBlockSize()
-        assert size in SIZES, f"no kernel for blocks of {size}"
+        assert size in sizes(), f"no kernel for blocks of {size}"
         comm = A.comm.tompi4py()
         here, there, columns = own_rows(A)
         code = compiled(comm, source(precision))

@@ -10,8 +10,10 @@ from petsc4py import PETSc
 
 import numpy as np
 
-SIZES = (2, 3, 4, 6, 7)
-"""Of the blocks that there are: unknowns of a node, motions of an aggregate."""
+
+def sizes() -> tuple[int, ...]:
+    """Of the blocks that there are: unknowns of a node, motions of an aggregate."""
+    return 2, 3, 4, 6, 7
 
 
 def source(precision: type[np.floating]) -> str:
@@ -22,13 +24,14 @@ def source(precision: type[np.floating]) -> str:
     """
     real = {np.float32: "float", np.float64: "double"}[precision]
     products = "".join(
-        _PRODUCTS.replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)
+        _products().replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)
     )
     whole = f"int{8 * np.dtype(PETSc.IntType).itemsize}_t"
-    return (_ENTRIES + products + _CALLS).replace("INDEX", whole).replace("REAL", real)
+    return (_entries() + products + _calls()).replace("INDEX", whole).replace("REAL", real)
 
 
-_ENTRIES = r"""
+def _entries() -> str:
+    return r"""
 #include <stdint.h>
 #include <string.h>
 
@@ -85,7 +88,9 @@ OWN void fill_(const int n, int64_t rows, int upper, const INDEX *start, const I
 #define WIDTH(n) ((n) > 4 ? 8 : 4)
 """
 
-_PRODUCTS = r"""
+
+def _products() -> str:
+    return r"""
 typedef REAL lanes_WIDTH __attribute__((vector_size(sizeof(REAL) * LANES)));
 
 OWN void rows_WIDTH(const int n, const REAL *A, const REAL *z, lanes_WIDTH *sum) {
@@ -143,7 +148,9 @@ OWN void add_WIDTH(const int n, int64_t rows, const int64_t *first, const int32_
 }
 """
 
-_CALLS = r"""
+
+def _calls() -> str:
+    return r"""
 OWN void product_(const int n, int64_t rows, const int64_t *first, const int32_t *block,
                   const REAL *kept, const REAL *x, REAL *y) {
   memset(y, 0, sizeof(REAL) * WIDTH(n) * (size_t)rows);

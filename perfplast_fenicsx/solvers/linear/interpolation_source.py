@@ -8,20 +8,18 @@ from petsc4py import PETSc
 
 import numpy as np
 
-SIZES = (2, 3, 4, 6, 7)
-"""Of the blocks that there are: unknowns of a node, motions of an aggregate."""
-
 
 def source() -> str:
     """Functions pattern, fill, interpolate and restrict_."""
     products = "".join(
-        _PRODUCTS.replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)
+        _products().replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)
     )
     whole = f"int{8 * np.dtype(PETSc.IntType).itemsize}_t"
-    return (_ENTRIES + products + _CALLS).replace("INDEX", whole)
+    return (_entries() + products + _calls()).replace("INDEX", whole)
 
 
-_ENTRIES = r"""
+def _entries() -> str:
+    return r"""
 #include <stdint.h>
 #include <string.h>
 
@@ -59,7 +57,9 @@ void fill(int fine, int coarse, int64_t rows, const INDEX *start, const INDEX *c
 }
 """
 
-_PRODUCTS = r"""
+
+def _products() -> str:
+    return r"""
 typedef float lanes_WIDTH __attribute__((vector_size(4 * LANES)));
 
 OWN void interpolate_WIDTH(const int fine, int coarse, int64_t rows, const int64_t *first,
@@ -101,7 +101,9 @@ OWN void restrict_WIDTH(const int fine, int coarse, int64_t rows, const int64_t 
 }
 """
 
-_CALLS = r"""
+
+def _calls() -> str:
+    return r"""
 #define FOR_SIZE(function, ...)                   \
   switch (fine) {                                 \
     case 2: function(2, __VA_ARGS__); break;      \
