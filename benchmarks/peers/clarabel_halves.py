@@ -19,7 +19,6 @@ from mpi4py import MPI
 import clarabel
 import h5py
 import numpy as np
-import scipy.sparse as sp
 
 from demos.two_blocks import blocks
 from perfplast_fenicsx.io import ResultFolder
@@ -28,7 +27,7 @@ from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import admitted, mechanism_bound
 from perfplast_fenicsx.limit_analysis.stress.static_bound import form_that_fits, strict_lower_bound
 from perfplast_fenicsx.proof.body import Body
-from tests.proof.conic_oracle import Floats, Rows, best_load, least_power
+from tests.proof.conic_oracle import Floats, Rows, best_load, least_power, posed
 
 RTOL = 1e-4
 
@@ -65,17 +64,13 @@ def solve(
     cost: Floats, equal: tuple[Any, Floats], least: Any, cones: Rows, right: Floats
 ) -> float | None:
     """As the oracle's, timed."""
-    matrix = sp.vstack([equal[0], least, cones.matrix(len(cost))], format="csc")
-    b = np.concatenate([equal[1], np.zeros(least.shape[0]), right.ravel()])
-    kinds = [clarabel.ZeroConeT(equal[0].shape[0]), clarabel.NonnegativeConeT(least.shape[0])]
-    kinds += [clarabel.SecondOrderConeT(right.shape[1])] * len(right)
+    problem = posed(cost, equal, least, cones, right)
     settings = clarabel.DefaultSettings()
     settings.verbose, settings.max_threads = False, 1
     settings.tol_gap_rel, settings.tol_gap_abs = RTOL, 1e-12
     settings.dynamic_regularization_delta = 1e-5
-    nothing = sp.csc_matrix((len(cost), len(cost)))
     began = time.process_time()
-    solution = clarabel.DefaultSolver(nothing, cost, matrix, b, kinds, settings).solve()
+    solution = clarabel.DefaultSolver(*problem, settings).solve()
     took = time.process_time() - began
     print(f"{solution.status}, {solution.obj_val:.6g}, {took:.2f} s", flush=True)
     return float(solution.obj_val)

@@ -76,7 +76,8 @@ def test_it_is_the_forces_of_moduli_times_strain_rates(
     make: Callable[[Read], Problem], read: Read
 ) -> None:
     problem = make(read)
-    strains, bodies = PointStrains(problem), BodyStiffness(problem)
+    strains = PointStrains(problem)
+    bodies = BodyStiffness(problem, strains)
     T, y, u, image, found, expected = problem.basis.T, *(problem.create_vector() for _ in range(5))
     first = u.getOwnershipRange()[0]
     owned = len(u.array_r)
@@ -86,7 +87,7 @@ def test_it_is_the_forces_of_moduli_times_strain_rates(
     T.mult(y, u)  # ties hold
     p, s = strains.of(y)
     for _ in range(2):  # nothing is left of the last one
-        moduli = random_moduli(PointCoordinates(problem), s.shape[1])
+        moduli = random_moduli(strains.coordinates, s.shape[1])
         stress = np.einsum("nij,nj->ni", moduli.matrices(), np.column_stack([p, s]))
         strains.forces(stress[:, 0].copy(), stress[:, 1:].copy(), expected)
         bodies.assemble(moduli)

@@ -119,15 +119,25 @@ def solve(
     """min cost·x with A x = b, C x ≤ 0 and right − S x in cones of equal size; None if it fails."""
     import clarabel  # a test that wants it has looked whether it is there
 
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    problem = posed(cost, equal, least, cones, right)
+    solution = clarabel.DefaultSolver(*problem, settings).solve()
+    return float(solution.obj_val) if str(solution.status) == "Solved" else None
+
+
+def posed(
+    cost: Floats, equal: tuple[Any, Floats], least: Any, cones: Rows, right: Floats
+) -> tuple[Any, ...]:
+    """The same as Clarabel takes it, before its settings."""
+    import clarabel
+
     matrix = sp.vstack([equal[0], least, cones.matrix(len(cost))], format="csc")
     b = np.concatenate([equal[1], np.zeros(least.shape[0]), right.ravel()])
     kinds = [clarabel.ZeroConeT(equal[0].shape[0]), clarabel.NonnegativeConeT(least.shape[0])]
     kinds += [clarabel.SecondOrderConeT(right.shape[1])] * len(right)
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
     nothing = sp.csc_matrix((len(cost), len(cost)))
-    solution = clarabel.DefaultSolver(nothing, cost, matrix, b, kinds, settings).solve()
-    return float(solution.obj_val) if str(solution.status) == "Solved" else None
+    return nothing, cost, matrix, b, kinds
 
 
 def least_power(

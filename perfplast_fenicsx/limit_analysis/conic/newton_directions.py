@@ -166,7 +166,7 @@ class NewtonDirections:
             work.change.axpy(float(factor), motion)
 
         trace, deviator = program.strains.of(work.change)
-        dZ = -self._off - self._rates * deviator[program.round]
+        dZ = -self._off - self._rates * deviator[round_]
         pressure = free * (self._trace + trace)
         stress = free[:, None] * (self._deviator + deviator)
         stress[round_] = self._moduli(unscaled - dZ)

@@ -12,7 +12,6 @@ from petsc4py import PETSc
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import interpolation_points
@@ -20,6 +19,7 @@ from perfplast_fenicsx.compiled_kernels import aligned, compiled
 from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli
 from perfplast_fenicsx.limit_analysis.discrete.body_source import source
 from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.problem.fields.stiffness import create_stiffness
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.petsc_calls import expect_entries, give_entries
@@ -32,16 +32,21 @@ class BodyStiffness:
         matrix: K, with room for what contact couples, and the identity at supports.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        """Find the pattern, and the strain rates of nodal unknowns. Collective."""
+    def __init__(self, problem: Problem, points: PointStrains) -> None:
+        """Find the pattern, and the strain rates of nodal unknowns. Collective.
+
+        Args:
+            problem: Whose bodies are meant.
+            points: Its points.
+        """
         self._kernels, self._ffi = compiled(problem.comm, source())
         topology, V = problem.tagged_mesh.mesh.topology, problem.V
         cells = np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
         nodes = V.dofmap.list[cells]
         self._dim = V.dofmap.index_map_bs
         self._points = problem.Q.dofmap.list[cells]
-        self._weights = np.sqrt(_weights(problem))[:, None, None]
-        self._rates, self._shape = _rates(problem, cells), nodes.shape
+        self._weights = np.sqrt(points.weights)[:, None, None]
+        self._rates, self._shape = _rates(problem, points.coordinates, cells), nodes.shape
         known = V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts
         pairs = known * nodes[:, :, None].astype(np.int64) + nodes[:, None]
         blocks, place = np.unique(pairs, return_inverse=True)
@@ -117,15 +122,7 @@ def _blocks(room: PETSc.Mat) -> tuple[Longs, Longs]:
     return firsts, columns[starts + dim * within].astype(np.int64) // dim
 
 
-def _weights(problem: Problem) -> Floats:
-    """Volume that a point stands for, shape (count,). Collective."""
-    vector = fem_petsc.assemble_vector(fem.form(ufl.TestFunction(problem.Q) * problem.dx))
-    weights: Floats = vector.array_r[: problem.Q.dofmap.index_map.size_local].copy()
-    vector.destroy()
-    return weights
-
-
-def _rates(problem: Problem, cells: Ints) -> Floats:
+def _rates(problem: Problem, at: PointCoordinates, cells: Ints) -> Floats:
     """Strain rates of nodal unknowns in the coordinates of the points' cones, none where held.
 
     Collective.
@@ -135,7 +132,7 @@ def _rates(problem: Problem, cells: Ints) -> Floats:
         (num_groups, num_points, n, 1 + m, 4).
     """
     at_once = 4
-    at, points = PointCoordinates(problem), problem.Q.dofmap.list[cells]
+    points = problem.Q.dofmap.list[cells]
     size, num_points = problem.S.dofmap.index_map_bs, points.shape[1]
     strain = problem.kinematics.strain(ufl.TrialFunction(problem.V))
     evaluated = fem.Expression(strain, interpolation_points(problem.S.element))

@@ -4,6 +4,7 @@ from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Moduli
 from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.limit_analysis.discrete.body_stiffness import BodyStiffness
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
@@ -13,10 +14,15 @@ from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 class ConicStiffness(SprungMatrix):
     """K of displacements in the contact basis; see :class:`discretisation.Stiffness`."""
 
-    def __init__(self, problem: Problem) -> None:
-        """Compile the form, and find the pattern. Collective."""
+    def __init__(self, problem: Problem, points: PointStrains) -> None:
+        """Find the pattern. Collective.
+
+        Args:
+            problem: Whose displacements are meant.
+            points: Its points.
+        """
         self._problem = problem
-        self._bodies = BodyStiffness(problem)
+        self._bodies = BodyStiffness(problem, points)
         self._operator = ContactOperator(problem, self._bodies.matrix)
         super().__init__(problem.comm, self._operator.matrix, problem.basis.index, DIRECT)
 

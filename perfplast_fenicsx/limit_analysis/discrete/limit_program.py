@@ -21,7 +21,8 @@ def limit_program(problem: Problem, question: Question, reserve: float) -> Conic
         question: Of which loads the factor is sought.
         reserve: See :class:`ConicProgram`.
     """
-    points, bodies = PointStrains(problem), ConicStiffness(problem)
+    points = PointStrains(problem)
+    bodies = ConicStiffness(problem, points)
     strains: Strains = points
     stiffness: Stiffness = bodies
     if problem.friction.count:

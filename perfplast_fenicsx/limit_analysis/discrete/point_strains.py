@@ -33,8 +33,8 @@ class PointStrains:
         self._force = problem.create_vector()
         self.count = problem.Q.dofmap.index_map.size_local
         self.size = problem.S.dofmap.index_map_bs
-        self.weights = self._weights()
-        self._coordinates = at = PointCoordinates(problem)
+        self.weights = weights_of_points(problem)
+        self.coordinates = at = PointCoordinates(problem)
         self.radii, self.slopes, self.tilts = at.radii, at.slopes, at.tilts
         self.principal = at.principal
         self.gdim = at.normal
@@ -42,13 +42,6 @@ class PointStrains:
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
         self._force.destroy()
-
-    def _weights(self) -> Floats:
-        form = fem.form(ufl.TestFunction(self._problem.Q) * self._problem.dx)
-        vector = fem_petsc.assemble_vector(form)
-        weights: Floats = vector.array_r[: self.count].copy()
-        vector.destroy()
-        return weights
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
         """Trace and deviator of ε(Ty). Collective.
@@ -75,13 +68,13 @@ class PointStrains:
             v: Admissible, its ghosts up to date.
         """
         sums, e = self.of_function(v)
-        if not self._coordinates.isotropic:
+        if not self.coordinates.isotropic:
             return self._strains()
         e[:, : self.gdim] += (np.where(self.slopes > 0, sums, 0.0) / self.gdim)[:, None]
         return e
 
     def _split(self) -> tuple[Floats, Floats]:
-        return self._coordinates.rates(self._strains())
+        return self.coordinates.rates(self._strains())
 
     def _strains(self) -> Floats:
         """ε of the velocity that is held, shape (count, m), component by component in memory."""
@@ -92,6 +85,14 @@ class PointStrains:
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to ∫ σ:ε(v) for all v of the contact basis. Collective."""
         array = self._stress.x.array[: self.count * self.size].reshape(-1, self.size)
-        self._coordinates.working(pressure, deviator, array)
+        self.coordinates.working(pressure, deviator, array)
         assemble_force(self._force, self._force_form, self._problem.bcs)
         self._problem.basis.T.multTranspose(self._force, out)
+
+
+def weights_of_points(problem: Problem) -> Floats:
+    """Volume that each point of this rank stands for, shape (count,). Collective."""
+    vector = fem_petsc.assemble_vector(fem.form(ufl.TestFunction(problem.Q) * problem.dx))
+    weights: Floats = vector.array_r[: problem.Q.dofmap.index_map.size_local].copy()
+    vector.destroy()
+    return weights

@@ -17,6 +17,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE
 from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import weights_of_points
 from perfplast_fenicsx.problem.assembled.integrals import assemble_force
 from perfplast_fenicsx.problem.fields.stiffness import create_stiffness
 from perfplast_fenicsx.problem.problem import Problem
@@ -66,9 +67,7 @@ class PointOperator(SprungMatrix):
         self._strains, strain = Strains(problem), problem.kinematics.strain
         self._force_form = fem.form(problem.internal_form(self._stress))
         self._force = problem.create_vector()
-        of_points = fem_petsc.assemble_vector(fem.form(ufl.TestFunction(problem.Q) * problem.dx))
-        self.weights: Floats = of_points.array_r[: self.count].copy()
-        of_points.destroy()
+        self.weights = weights_of_points(problem)
         self._moduli = fem.Function(_tensors_at_points(problem, self.size))
         e, d = (strain(f(problem.V)) for f in (ufl.TrialFunction, ufl.TestFunction))
         self._form = fem.form(ufl.dot(ufl.dot(self._moduli, e), d) * problem.dx)
