@@ -10,7 +10,7 @@ import numpy as np
 
 
 def source() -> str:
-    """Functions pattern, fill, interpolate and restrict_."""
+    """Functions ``pattern``, ``fill``, ``interpolate`` and ``restrict_``."""
     products = "".join(
         _products().replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)
     )
