@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import la
-from dolfinx.mesh import Mesh, MeshTags, create_mesh, meshtags
+from dolfinx.mesh import Mesh, create_mesh
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.errors import InputError
@@ -23,9 +23,14 @@ from perfplast_fenicsx.mesh.edge_stretches import edge_stretches
 from perfplast_fenicsx.mesh.glued_edges import GluedEdges
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.mesh.tags_of_cells import (
+    UNNAMED,
+    cell_meshtags,
+    facet_meshtags,
+    facet_tags_of,
+    values_of,
+)
 from perfplast_fenicsx.parallel import fetch_rows, send_rows
-
-_UNNAMED = np.iinfo(np.int32).min
 
 
 @dataclass(frozen=True)
@@ -222,13 +227,13 @@ def _cut(
     middles = edges.new_numbers(marks, first + len(old))
 
     vertices = topology.connectivity(dim, 0).array.reshape(-1, dim + 1)[:owned]
-    bodies = _values(tagged_mesh.cell_tags, owned)
+    bodies = values_of(tagged_mesh.cell_tags, owned)
     parts = cut(
         number.array[vertices],
-        _facet_tags(tagged_mesh, owned),
+        facet_tags_of(tagged_mesh, owned),
         middles[edges.of_cell],
         order,
-        inner=_UNNAMED,
+        inner=UNNAMED,
     )
     numbers = topology.index_map(dim).local_range[0] + parts.parents
     rows = np.column_stack([bodies[parts.parents], numbers, parts.facets, parts.cells])
@@ -240,10 +245,8 @@ def _cut(
     return Refined(
         TaggedMesh(
             mesh=finer,
-            cell_tags=meshtags(
-                finer, dim, np.arange(len(told), dtype=np.int32), told[:, 0].astype(np.int32)
-            ),
-            facet_tags=_facet_meshtags(finer, told[:, 2 : dim + 3].astype(np.int32)),
+            cell_tags=cell_meshtags(finer, told[:, 0].astype(np.int32)),
+            facet_tags=facet_meshtags(finer, told[:, 2 : dim + 3].astype(np.int32)),
             volumes=tagged_mesh.volumes,
             surfaces=tagged_mesh.surfaces,
             section=tagged_mesh.section,
@@ -266,33 +269,3 @@ def _in_order(mesh: Mesh, rows: Longs, parents: Longs) -> Longs:
     )
     ordered: Longs = arrived[np.argsort(arrived[:, 0], kind="stable"), 1:]
     return ordered
-
-
-def _values(tags: MeshTags, count: int) -> Ints:
-    """The tag of each of the first local entities."""
-    values = np.full(max(count, tags.indices.max(initial=-1) + 1), _UNNAMED, dtype=np.int32)
-    values[tags.indices] = tags.values
-    return values[:count]
-
-
-def _facet_tags(tagged_mesh: TaggedMesh, owned: int) -> Ints:
-    """Tags of the facets of the first cells, shape (owned, dim + 1)."""
-    topology = tagged_mesh.mesh.topology
-    dim = topology.dim
-    topology.create_connectivity(dim, dim - 1)
-    facets = topology.index_map(dim - 1)
-    tags = _values(tagged_mesh.facet_tags, facets.size_local + facets.num_ghosts)
-    of_cell: Ints = tags[topology.connectivity(dim, dim - 1).array.reshape(-1, dim + 1)[:owned]]
-    return of_cell
-
-
-def _facet_meshtags(mesh: Mesh, of_cell: Ints) -> MeshTags:
-    """The tags of facets that are told cell by cell."""
-    dim = mesh.topology.dim
-    mesh.topology.create_connectivity(dim, dim - 1)
-    mesh.topology.create_connectivity(dim - 1, dim)
-    facets = mesh.topology.connectivity(dim, dim - 1).array
-    values = of_cell.ravel()
-    named = values != _UNNAMED
-    found, at = np.unique(facets[named], return_index=True)
-    return meshtags(mesh, dim - 1, found, values[named][at])

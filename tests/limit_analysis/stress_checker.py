@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 
 from perfplast_fenicsx import Problem
 from perfplast_fenicsx.arrays import Floats
@@ -34,6 +35,11 @@ class Checked:
     normals: Floats
     tractions: Floats
     forces: float
+
+    def pressures(self, chosen: npt.NDArray[np.bool_]) -> Floats:
+        """Pressure at the vertices of chosen facets of the boundary."""
+        found: Floats = -np.einsum("fvi,fi->fv", self.tractions[chosen], self.normals[chosen])
+        return found
 
 
 def check_stress(

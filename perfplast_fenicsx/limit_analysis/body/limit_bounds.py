@@ -10,6 +10,12 @@ import numpy as np
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_words import taken_as
+from perfplast_fenicsx.limit_analysis.body.flow_problem import (
+    FlowProblem,
+    flow_problem,
+    is_straight,
+)
+from perfplast_fenicsx.limit_analysis.body.halves import halves_at_once, pays
 from perfplast_fenicsx.limit_analysis.body.parts_of_cells import of_parents, on_parts
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.body.ring_results import of_displacements
@@ -22,8 +28,7 @@ from perfplast_fenicsx.limit_analysis.discrete.limit_methods import resisted
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
 from perfplast_fenicsx.limit_analysis.facets.contact_strength import any_loose
-from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, without_pores
-from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
+from perfplast_fenicsx.limit_analysis.facets.ring_flux import without_pores
 from perfplast_fenicsx.limit_analysis.statements.bound import (
     CONFINED,
     NO_MECHANISM,
@@ -52,8 +57,7 @@ from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
 )
 from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import keep_apart, let_rest
 from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
-from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.judged.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
@@ -84,12 +88,7 @@ def limit_bounds(
             computed).
     """
     problem = admitted(problem, rtol)
-    below, above = weaker_and_stronger(problem)
-    with ExitStack() as made:
-        form = form_that_fits(below)
-        if form is not None:
-            made.callback(form.destroy)
-        bounds = _bounds(below, above, form, rtol, monitor)
+    bounds = _bounds(*weaker_and_stronger(problem), rtol, monitor)
     return replace(bounds, taken=taken_as(problem))
 
 
@@ -116,18 +115,26 @@ def admitted(problem: Problem, rtol: float) -> Problem:
 def _bounds(
     below: Problem,
     above: Problem,
-    form: StaticForm | None,
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
 ) -> BodyBounds:
-    """A lower bound of one problem, whose stresses have a form, and an upper one of the other.
+    """A lower bound of one problem and an upper one of the other. Collective.
 
-    Both are on one mesh, and mostly the same. Collective.
+    Both are on one mesh, and mostly the same.
     """
-    bounds, rates, split = mechanism_bound(above, rtol, monitor)
-    log.info("lower bound: a stress on the same cells")
-    static = strict_lower_bound(below, rtol, monitor, bounds.question, form)
-    static = with_standing_stress(below, static, rtol, monitor, bounds.question, form)
+    at_once = halves_at_once(below, above, rtol, monitor) if pays(below, above) else None
+    if at_once is None:
+        with ExitStack() as made:
+            form = form_that_fits(below)
+            if form is not None:
+                made.callback(form.destroy)
+            bounds, rates, split = mechanism_bound(above, rtol, monitor)
+            static = _stress(below, rtol, monitor, bounds.question, form)
+    else:
+        bounds, rates, split = _of_flow(at_once.flow, at_once.limit)
+        static = at_once.static
+        if bounds.question is not at_once.question:
+            static = _stress(below, rtol, monitor, bounds.question, None)
     lower, certificates = judged(static, bounds)
     problem, stress, shares = bounds.problem, None, None
     # parts of a tetrahedron that is not split for the mechanism are no cells of any mesh
@@ -164,17 +171,30 @@ def mechanism_bound(
         The bound, around an axis of the problem in ru (:mod:`ring_flux`); the rates of its
         mechanism, None without one; and how cells are split for it.
     """
-    straight, split = is_straight(problem), split_of(problem)
-    if split is not None:
-        problem = problem.on(split)
-    if problem.tagged_mesh.axisymmetric and straight:
-        problem = by_flux(problem)
-    if straight and body_cones(problem).dilates:
-        problem = with_points_at_vertices(problem)
-    log.info("upper bound: a mechanism on %s", problem)
-    limit = resisted(interior_point(with_strict_contact(problem), rtol, monitor))
-    limit = _with_forces_of_pairs(problem, limit)
-    return *_of_mesh(problem, limit), split
+    flow = flow_problem(problem)
+    log.info("upper bound: a mechanism on %s", flow.problem)
+    return _of_flow(flow, interior_point(with_strict_contact(flow.problem), rtol, monitor))
+
+
+def _of_flow(
+    flow: FlowProblem, limit: LimitLoad
+) -> tuple[BodyBounds, MechanismRates | None, AlfeldSplit | None]:
+    """The upper bound by a mechanism that was looked for; as of :func:`mechanism_bound`."""
+    limit = _with_forces_of_pairs(flow.problem, resisted(limit))
+    return *_of_mesh(flow.problem, limit), flow.split
+
+
+def _stress(
+    problem: Problem,
+    rtol: float,
+    monitor: Callable[[InteriorStep], None] | None,
+    question: Question,
+    form: StaticForm | None,
+) -> StaticBound:
+    """The lower bound with its stress, or what is known without one. Collective."""
+    log.info("lower bound: a stress on the same cells")
+    static = strict_lower_bound(problem, rtol, monitor, question, form)
+    return with_standing_stress(problem, static, rtol, monitor, question, form)
 
 
 def with_displacements(given: Problem, bounds: BodyBounds) -> BodyBounds:
@@ -203,18 +223,6 @@ def judged(static: StaticBound, bounds: BodyBounds) -> tuple[Bound, dict[str, fl
     loose = body_cones(flow).loose or any_loose(flow)
     power = measure_of(value + dead, value, loose)
     return beside_mechanism(static.bound, static.certificate, power, mechanism), certificates
-
-
-def split_of(problem: Problem) -> AlfeldSplit | None:
-    """How cells are split for strict bounds; None where they are not. Collective."""
-    if problem.bodies.gdim == 3 and is_straight(problem):
-        return alfeld_split(problem.tagged_mesh)
-    return None
-
-
-def is_straight(problem: Problem) -> bool:
-    """Whether its elements are quadratic on straight cells. Collective."""
-    return problem.degree == 2 and not has_curved_cells(problem.tagged_mesh.mesh)
 
 
 def _with_forces_of_pairs(problem: Problem, limit: LimitLoad) -> LimitLoad:

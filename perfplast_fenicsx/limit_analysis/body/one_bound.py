@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_words import taken_as
+from perfplast_fenicsx.limit_analysis.body.flow_problem import split_of
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import (
     admitted,
     judged,
     mechanism_bound,
-    split_of,
     with_displacements,
 )
 from perfplast_fenicsx.limit_analysis.body.parts_of_cells import on_parts

@@ -1,17 +1,30 @@
 """Values of the parts that tetrahedra are split into, and of the tetrahedra."""
 
 import numpy as np
+import numpy.typing as npt
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 
 
 def on_parts(stress: Floats, split: AlfeldSplit) -> Floats:
     """The stress of the parts of cells, as that of the cells of the split mesh."""
     parts = split.mesh.topology.dim + 1
-    part = np.asarray(split.mesh.topology.original_cell_index) % parts
-    chosen: Floats = stress.reshape(len(stress), parts, parts, stress.shape[2])[split.parents, part]
+    return of_parts(stress.reshape(len(stress), parts, parts, stress.shape[2]), split)
+
+
+def of_parts(values: Floats, split: AlfeldSplit) -> Floats:
+    """Values cell by cell, shape (num_cells, d + 1, ...), as those of the split mesh's cells."""
+    chosen: Floats = values[split.parents, _places(split)]
     return chosen
+
+
+def by_cells(values: Floats, split: AlfeldSplit) -> Floats:
+    """Values of the split mesh's cells, cell by cell; the other way round."""
+    parts = split.mesh.topology.dim + 1
+    found: Floats = np.empty((len(values) // parts, parts, *values.shape[1:]))
+    found[split.parents, _places(split)] = values
+    return found
 
 
 def of_parents(values: Floats, split: AlfeldSplit) -> Floats:
@@ -19,3 +32,9 @@ def of_parents(values: Floats, split: AlfeldSplit) -> Floats:
     sums: Floats = np.zeros(len(values) // (split.mesh.topology.dim + 1))
     np.add.at(sums, split.parents, values)
     return sums
+
+
+def _places(split: AlfeldSplit) -> npt.NDArray[np.integer]:
+    """Which part of its cell each is."""
+    original: Longs = np.asarray(split.mesh.topology.original_cell_index, dtype=np.int64)
+    return original % (split.mesh.topology.dim + 1)

@@ -251,7 +251,7 @@ def _result(
     if program.keeps:
         told = told.with_some_of(reached, static)
     pressure, deviator, value, aside = told.pressure, told.deviator, told.load, told.aside
-    certificate, pushes = certify_stress(static, pressure, deviator, value, aside)
+    certificate = certify_stress(static, pressure, deviator, value, aside)
     scope = Scope.MESH if why_not else Scope.BODY
     bound = Bound(value, "lower", scope, why_not)
     if not certificate.holds:
@@ -261,7 +261,7 @@ def _result(
         verdict = Verdict.STALLED
         kept = f"{share:.2g} of it is kept, for what rounding leaves of its balance"
         reason = "; ".join([reason, kept, *weak_bodies(problem)])
-    tdim, count = strains.gdim, strains.num_cells
+    count = strains.num_cells
     plastic, unit = program.plastic[: strains.count], program.stress_unit
     radii = np.where(plastic, strains.radii, 0.0) / unit
     pressure, deviator = pressure[: strains.count], deviator[: strains.count]
@@ -283,8 +283,6 @@ def _result(
         reason=reason,
         stress=stress.reshape(count, len(strains.rows), stress.shape[1]),
         aside=aside,
-        contact_facets=np.sort(form.body.facets.hosts),
-        contact_pressure=pushes.reshape(-1, tdim),
         dissipation=powers.reshape(count, -1).sum(axis=1) * program.load_unit,
         certificate=certificate,
         steps=steps,

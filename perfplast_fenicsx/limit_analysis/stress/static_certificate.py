@@ -85,7 +85,7 @@ class StaticCertificate:
 
 def certify_stress(
     static: StaticProgram, pressure: Floats, deviator: Floats, load: float, aside: float = 0.0
-) -> tuple[StaticCertificate, Floats]:
+) -> StaticCertificate:
     """Judge a stress at the points of :class:`MultiplierStrains`. Collective.
 
     Args:
@@ -95,10 +95,6 @@ def certify_stress(
         deviator: The same, shape (count, m); shear tractions there.
         load: λ.
         aside: Factor of the loads of any factor.
-
-    Returns:
-        The certificate; the pressure on the vertices of facets that are hosts of contact, shape
-        (num_hosts · d,).
     """
     strains, comm = static.form.strains, static.program.comm
     left = strains.create_vector()
@@ -138,7 +134,7 @@ def certify_stress(
     sums: Floats = np.array([forces.sum(), loaded.sum()])
     comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
     missing, whole = (float(value) for value in sums)
-    certificate = StaticCertificate(
+    return StaticCertificate(
         equilibrium=in_cells,
         traction=jump,
         shear=shear,
@@ -149,9 +145,6 @@ def certify_stress(
         left_of_strength=missing / strength,
         overstress=over,
     )
-    pushes = -(pressing / np.repeat(static.form.areas.ravel(), tdim))
-    pushes[:-1] += np.where(static.form.dilating[:-1], pushes[1:], 0.0)  # both add up to r·n
-    return certificate, pushes[static.form.pressed]
 
 
 def beside_mechanism(

@@ -46,8 +46,6 @@ class StaticForm:
         jumps: Whether an owned facet unknown is a jump of contact, shape (num_unknowns,).
         pressed: Those of the vertices along the normal, or the first of two, on the axis too, where
             there is no pressure.
-        dilating: Whether it and the one after it are the jumps of a facet that parts as it slips,
-            in the plane.
         slips: Whether it is a tangential one on a surface in contact that does not rub.
         places: Of slip.
         pieces: Cells that facets join.
@@ -66,7 +64,6 @@ class StaticForm:
     open_jumps: Ints
     jumps: npt.NDArray[np.bool_]
     pressed: npt.NDArray[np.bool_]
-    dilating: npt.NDArray[np.bool_]
     slips: npt.NDArray[np.bool_]
     places: SlipPlaces
     pieces: Pieces
@@ -101,11 +98,10 @@ def static_form(problem: Problem) -> StaticForm:
     everywhere = np.zeros((num_owned, form.nodes, tdim), dtype=bool)
     jumps, slips, held = everywhere.copy(), everywhere.copy(), everywhere
     jumps[at.facets.hosts, :, 0] = True
-    pressed, dilating = jumps.copy(), everywhere.copy()
+    pressed = jumps.copy()
     pressed[:, tdim:] = False
     dilates, flat = at.facets.friction[:num_owned] > 0, tdim == 2
     jumps[dilates, :, :2] = flat
-    dilating[dilates, :, 0] = flat
     slips[at.facets.in_contact, :, 1:] = True
     slips[at.facets.rubbing] = False
     on_axis = form.areas[:num_owned] == 0
@@ -152,7 +148,6 @@ def static_form(problem: Problem) -> StaticForm:
         open_jumps=open_jumps,
         jumps=jumps.ravel(),
         pressed=pressed.ravel(),
-        dilating=dilating.ravel(),
         slips=slips.ravel() & ~held.ravel(),
         places=places,
         pieces=Pieces.of(mesh, at.numbers),

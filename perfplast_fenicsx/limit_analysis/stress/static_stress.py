@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict
 from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
@@ -25,8 +25,6 @@ class StaticBound:
             other, part a being the one in which the barycentre replaces vertex a. Around an axis
             Bernstein's coefficients of rσ, which is quadratic (:mod:`ring_cells`).
         aside: Factor of the loads of any factor, where there are any.
-        contact_facets: Owned facets on which ``contact_pressure`` is given, one of each pair.
-        contact_pressure: Pressure at their vertices, by global number, shape (num_facets, d).
         dissipation: (γ − αp)‖dev ε‖ of the multipliers, of each owned cell, with L = 1; where
             bodies keep their volume the sum over all cells is the bound, but for the tolerance.
             Where it is large, smaller cells would help.
@@ -40,8 +38,6 @@ class StaticBound:
     reason: str
     stress: Floats
     aside: float
-    contact_facets: Longs
-    contact_pressure: Floats
     dissipation: Floats
     certificate: StaticCertificate | None
     steps: list[InteriorStep]
@@ -63,8 +59,6 @@ def no_stress(
         reason=reason,
         stress=np.zeros(shape),
         aside=0.0,
-        contact_facets=np.zeros(0, dtype=np.int64),
-        contact_pressure=np.zeros((0, tdim)),
         dissipation=np.zeros(count),
         certificate=None,
         steps=[],

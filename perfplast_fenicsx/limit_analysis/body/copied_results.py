@@ -1,0 +1,89 @@
+"""What one rank has found on its copy of a mesh, on the mesh that all ranks share."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.body.flow_problem import FlowProblem
+from perfplast_fenicsx.limit_analysis.body.parts_of_cells import by_cells, of_parts
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
+from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.mesh.whole_mesh import WholeMesh, to_owners
+
+
+@dataclass(frozen=True)
+class Copied:
+    """A mesh that ranks share, and this rank's copy of it."""
+
+    shared: TaggedMesh
+    copy: WholeMesh
+
+    def limit(
+        self, root: int, flow: FlowProblem, own: FlowProblem | None, found: LimitLoad | None
+    ) -> LimitLoad | None:
+        """A limit load with its mechanism and its stress, but without forces of pairs. Collective.
+
+        Args:
+            root: The rank that has found it.
+            flow: Where mechanisms are looked for, on the shared mesh.
+            own: The same on the copy; where ``found`` is, on the root alone.
+            found: What was found there; on other ranks it does not matter.
+
+        Returns:
+            The same on every rank; None where nothing was found.
+        """
+        told, rows = None, dict[str, npt.NDArray]()
+        if self._comm.rank == root and own is not None and found is not None:
+            fields = {"mechanism": found.mechanism, "stress": found.stress}
+            rows = {name: _rows(it, own) for name, it in fields.items() if it is not None}
+            told = vars(found) | dict.fromkeys((*fields, "contact_forces"))
+        told = self._comm.bcast(told, root)
+        if told is None:
+            return None
+        rows = to_owners(self.shared, self.copy, root, rows)
+        problem = flow.problem
+        spaces = {"mechanism": problem.V, "stress": problem.S}
+        fields = {name: _function(flow, spaces[name], name, it) for name, it in rows.items()}
+        return LimitLoad(**(told | fields))
+
+    def stress(self, root: int, found: StaticBound | None) -> StaticBound:
+        """A lower bound with its stress. Collective.
+
+        Args:
+            root: The rank that has found it.
+            found: What was found there; on other ranks it does not matter.
+        """
+        told, rows = dict[str, Any](), dict[str, npt.NDArray]()
+        if self._comm.rank == root and found is not None:
+            rows = {"stress": found.stress, "dissipation": found.dissipation}
+            told = vars(found) | dict.fromkeys(rows)
+        told = self._comm.bcast(told, root)
+        return StaticBound(**(told | to_owners(self.shared, self.copy, root, rows)))
+
+    @property
+    def _comm(self) -> MPI.Intracomm:
+        return self.shared.mesh.comm
+
+
+def _rows(function: fem.Function, own: FlowProblem) -> Floats:
+    """Values at the nodes or points of each cell, shape (num_cells, ...), of its parts if split."""
+    dofmap = function.function_space.dofmap
+    values: Floats = function.x.array.reshape(-1, dofmap.index_map_bs)[dofmap.list]
+    return values if own.split is None else by_cells(values, own.split)
+
+
+def _function(
+    flow: FlowProblem, space: fem.FunctionSpace, name: str, rows: npt.NDArray
+) -> fem.Function:
+    """A function with such values. Collective."""
+    function, dofmap = fem.Function(space, name=name), space.dofmap
+    values = rows if flow.split is None else of_parts(rows, flow.split)
+    function.x.array.reshape(-1, dofmap.index_map_bs)[dofmap.list[: len(values)]] = values
+    function.x.scatter_forward()
+    return function

@@ -1,0 +1,99 @@
+"""The whole of a mesh that ranks share, on each of them: for what each does by itself."""
+
+from dataclasses import dataclass, field
+
+from mpi4py import MPI
+
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx.mesh import create_mesh
+
+from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.mesh.tags_of_cells import (
+    cell_meshtags,
+    facet_meshtags,
+    facet_tags_of,
+    values_of,
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WholeMesh(TaggedMesh):
+    """A mesh of this rank alone, with all cells of one that ranks share.
+
+    Attributes:
+        numbers: Of each cell in the shared mesh, through all ranks, shape (num_cells,).
+    """
+
+    numbers: Longs = field(kw_only=True)
+
+
+def whole_mesh(shared: TaggedMesh) -> WholeMesh:
+    """A copy on each rank, whose cells have their vertices in the same order. Collective.
+
+    Args:
+        shared: Straight cells, without ghosts.
+    """
+    mesh = shared.mesh
+    comm, topology = mesh.comm, mesh.topology
+    vertices, points = corners(mesh)
+    cells, of_vertices = len(vertices), topology.index_map(0)
+    local = np.arange(len(points), dtype=np.int32)
+    numbers = np.asarray(of_vertices.local_to_global(local), dtype=np.int64)
+    x = _of_all(comm, points[: of_vertices.size_local].astype(mesh.geometry.x.dtype))
+    whole = _of_all(comm, numbers[vertices])
+    bodies = _of_all(comm, values_of(shared.cell_tags, cells))
+    facets = _of_all(comm, facet_tags_of(shared, cells))
+    element = basix.ufl.element(
+        "Lagrange", topology.cell_name(), 1, shape=(mesh.geometry.dim,), dtype=x.dtype
+    )
+    copy = create_mesh(MPI.COMM_SELF, whole, x=x, e=ufl.Mesh(element))
+    order: Longs = np.asarray(copy.topology.original_cell_index, dtype=np.int64)
+    return WholeMesh(
+        mesh=copy,
+        cell_tags=cell_meshtags(copy, bodies[order]),
+        facet_tags=facet_meshtags(copy, facets[order]),
+        volumes=shared.volumes,
+        surfaces=shared.surfaces,
+        section=shared.section,
+        remarks=shared.remarks,
+        taken=shared.taken,
+        numbers=order,
+    )
+
+
+def to_owners(
+    shared: TaggedMesh, copy: WholeMesh, root: int, rows: dict[str, npt.NDArray]
+) -> dict[str, npt.NDArray]:
+    """What one rank has found on its copy, to the ranks that own the cells. Collective.
+
+    Args:
+        shared: The mesh that ranks share.
+        copy: That of this rank.
+        root: The rank that has found it.
+        rows: Arrays with a row for each cell of its copy; those of other ranks do not matter.
+
+    Returns:
+        The same with a row for each owned cell.
+    """
+    topology = shared.mesh.topology
+    comm, count = shared.mesh.comm, topology.index_map(topology.dim).size_local
+    ends = np.cumsum(comm.allgather(count))
+    pieces = None
+    if comm.rank == root:
+        places = np.argsort(copy.numbers)
+        pieces = [
+            {name: array[places[end - size : end]] for name, array in rows.items()}
+            for end, size in zip(ends, np.diff(ends, prepend=0), strict=True)
+        ]
+    return comm.scatter(pieces, root)
+
+
+def _of_all(comm: MPI.Intracomm, rows: npt.NDArray) -> npt.NDArray:
+    """Rows of all ranks, one rank after the other. Collective."""
+    found: npt.NDArray = np.concatenate(comm.allgather(rows))
+    return found
