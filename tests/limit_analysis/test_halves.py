@@ -1,5 +1,7 @@
 """Both bounds at once, each on one of two ranks: they are those of both ranks together."""
 
+import json
+import signal
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -17,6 +19,8 @@ from perfplast_fenicsx import (
     limit_bounds,
     stacked_blocks,
 )
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.recorder import Recorder
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis.body import halves
 from perfplast_fenicsx.limit_analysis.body.halves import halves_at_once
@@ -29,7 +33,8 @@ from tests.limit_analysis.test_dead_loads import K, footing
 from tests.limit_analysis.test_nonassociated_ground import column, ground
 from tests.limit_analysis.test_rings import disc
 from tests.limit_analysis.test_rubbing_bounds import between_platens, pushed
-from tests.models import touching_blocks
+from tests.limit_analysis.test_stopped_search import CASE as BLOCKS
+from tests.models import touching_blocks, write_case
 
 COMM = MPI.COMM_WORLD
 RTOL = 1e-6
@@ -162,6 +167,29 @@ def test_a_search_that_is_stopped() -> None:
     assert found.mechanism.function_space.mesh.comm.size == COMM.size
     assert COMM.allgather(found.lower)[0] == pytest.approx(found.lower, rel=1e-14)
     assert COMM.allgather(numbers(told))[0] == numbers(told)
+
+
+@pytest.mark.usefixtures("at_once")
+@pytest.mark.parametrize("rank", [0, 1])
+def test_a_signal_that_reaches_one_rank(
+    rank: int, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both end, and what is known of the limit load of the mesh is on file."""
+    text = BLOCKS.replace('control = "work"', 'control = "bounds"')
+    case = write_case(COMM, shared_tmp_path / "case.toml", text.replace('until = "limit"\n', ""))
+    results, plain = shared_tmp_path / "results", Recorder.interior
+
+    def interior(self: Recorder, step: InteriorStep) -> None:
+        if step.number == 5 and rank == COMM.rank:
+            signal.raise_signal(signal.SIGTERM)
+        plain(self, step)
+
+    monkeypatch.setattr(Recorder, "interior", interior)
+    assert main(["run", str(case), "-o", str(results)]) == 128 + signal.SIGTERM
+    COMM.barrier()
+    known = json.loads((results / "summary.json").read_text(encoding="utf-8"))["limit"]
+    assert "the search was stopped after 5 steps" in known["reason"]
+    COMM.barrier()
 
 
 def test_few_cells_are_not_worth_a_copy(monkeypatch: pytest.MonkeyPatch) -> None:
