@@ -8,10 +8,10 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compiled_kernels import compiled
+from perfplast_fenicsx.solvers.linear.block_rows import BlockRows, room_of
 from perfplast_fenicsx.solvers.linear.blocked_products import ghosts_of
-from perfplast_fenicsx.solvers.linear.blocked_source import sizes
 from perfplast_fenicsx.solvers.linear.csr_arrays import Rows, own_rows
 from perfplast_fenicsx.solvers.linear.interpolation_source import source
 
@@ -30,15 +30,15 @@ class BlockedInterpolation:
             P: Of type "aij", with blocks of sizes that kernels have.
         """
         both = P.getBlockSizes()
-        assert set(both) <= set(sizes()), f"no kernel for blocks of {both}"
-        code = compiled(P.comm.tompi4py(), source())
+        comm = P.comm.tompi4py()
+        kernels, of = compiled(comm, source())[0], (comm, np.float32, both)
         here, there, columns = own_rows(P)
-        coarse = P.getLocalSize()[1]
-        self._here = _Blocks(*code, both, here, coarse)
         self._ghosts, self._scatter = ghosts_of(P, columns)
-        self._there = None
+        own = BlockRows(*of, here, P.getLocalSize()[1])
+        self._here, self._there = _Interpolation(kernels, own, both), None
         if there is not None:
-            self._there = _Blocks(*code, both, there, self._ghosts.getLocalSize())
+            others = BlockRows(*of, there, self._ghosts.getLocalSize())
+            self._there = _Interpolation(kernels, others, both)
         called = _Called(self.interpolate, self.restrict)
         self.matrix = PETSc.Mat().createPython(P.getSizes(), called, comm=P.comm)
         self.matrix.setUp()
@@ -98,34 +98,16 @@ class _Called:
         self.restrict(x, y)
 
 
-class _Blocks:
-    """Blocks of compressed rows, and room for what they are multiplied with."""
+class _Interpolation:
+    """Products with blocks of rows, and with their transposes."""
 
-    def __init__(
-        self, kernels: Any, ffi: Any, sizes: tuple[int, int], rows: Rows, columns: int
-    ) -> None:
-        self._kernels, self._ffi, self._sizes = kernels, ffi, sizes
-        fine, coarse = sizes
-        self._rows, self._columns = (len(rows.pointer) - 1) // fine, -(-columns // coarse)
-        places: Longs = np.zeros(self._columns, dtype=np.int64)
-        first: Longs = np.zeros(self._rows + 1, dtype=np.int64)
-        self._places, self._first = self._of("int64_t[]", places), self._of("int64_t[]", first)
-        none = self._of("int32_t[]", np.zeros(0, dtype=np.int32))
-        kernels.pattern(*self._told(rows), self._places, self._first, 0, none)
-        places[:] = 0
-        blocks: Ints = np.zeros(int(first[-1]), dtype=np.int32)
-        self._blocks = self._of("int32_t[]", blocks)
-        kernels.pattern(*self._told(rows), self._places, self._first, 1, self._blocks)
-        width = 4 if coarse <= 4 else 8
-        reals = (len(blocks) * fine * coarse + width, width * self._columns)
-        arrays = (np.zeros(count, dtype=np.float32) for count in reals)
-        self._kept, self._x = (self._of("float[]", array) for array in arrays)
+    def __init__(self, kernels: Any, of: BlockRows, both: tuple[int, int]) -> None:
+        self._kernels, self._of, self._both = kernels, of, both
+        self._room = of.reals(room_of(both[1]) * of.columns)
 
     def fill(self, rows: Rows) -> None:
         """Take entries."""
-        values = self._of("double[]", rows.values)
-        room = self._first, self._blocks, self._kept
-        self._kernels.fill(*self._told(rows), values, self._places, *room)
+        self._of.fill(rows)
 
     def interpolate(self, x: Floats, y: Floats) -> None:
         """Add P x to y."""
@@ -136,16 +118,6 @@ class _Blocks:
         self._call("restrict_", x, y)
 
     def _call(self, name: str, x: Floats, y: Floats) -> None:
-        sizes = *self._sizes, self._rows, self._columns
-        matrix = self._first, self._blocks, self._kept
-        vectors = (self._of("double[]", array) for array in (x, y))
-        getattr(self._kernels, name)(*sizes, *matrix, self._x, *vectors)
-
-    def _told(self, rows: Rows) -> tuple[Any, ...]:
-        """What kernels are told of rows."""
-        of = f"int{8 * rows.pointer.itemsize}_t[]"
-        return *self._sizes, self._rows, self._of(of, rows.pointer), self._of(of, rows.columns)
-
-    def _of(self, kind: str, array: np.ndarray) -> Any:
-        """An array as kernels take it, which keeps it alive."""
-        return self._ffi.from_buffer(kind, array)
+        of = self._of
+        sizes, vectors = (*self._both, of.rows, of.columns), (of.vector(x), of.vector(y))
+        getattr(self._kernels, name)(*sizes, *of.matrix, self._room, *vectors)

@@ -14,11 +14,11 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
-from cffi import FFI
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compiled_kernels import compiled
-from perfplast_fenicsx.solvers.linear.blocked_source import sizes, source
+from perfplast_fenicsx.solvers.linear.block_rows import BlockRows, room_of, whole
+from perfplast_fenicsx.solvers.linear.blocked_source import source
 from perfplast_fenicsx.solvers.linear.csr_arrays import Rows, own_rows
 
 
@@ -37,15 +37,15 @@ class BlockedProducts:
             precision: Of what is kept and multiplied, float32 or float64.
         """
         size = A.getBlockSize()
-        assert size in sizes(), f"no kernel for blocks of {size}"
         comm = A.comm.tompi4py()
         here, there, columns = own_rows(A)
-        code = compiled(comm, source(precision))
-        self._here = _Blocks(code, precision, size, here, upper=True)
-        self._there = None
-        if there is not None:
-            self._there = _Blocks(code, precision, size, there, upper=False)
         self._ghosts, self._scatter = ghosts_of(A, columns)
+        kernels, of = compiled(comm, source(precision))[0], (comm, precision, (size, size))
+        own = BlockRows(*of, here, A.getLocalSize()[1], upper=True)
+        self._here, self._there = _Products(kernels, own, size), None
+        if there is not None:
+            others = BlockRows(*of, there, self._ghosts.getLocalSize())
+            self._there = _Products(kernels, others, size)
         self.matrix = PETSc.Mat().createPython(A.getSizes(), _Called(self.product), comm=A.comm)
         self.matrix.setBlockSize(size)
         self.matrix.setUp()
@@ -87,73 +87,33 @@ class _Called:
         self.product(x, y)
 
 
-class _Blocks:
-    """Blocks of compressed rows, and room for the vectors of their products."""
+class _Products:
+    """Products with blocks of rows, and room for their vectors."""
 
-    def __init__(
-        self,
-        code: tuple[Any, FFI],
-        precision: type[np.floating],
-        size: int,
-        rows: Rows,
-        *,
-        upper: bool,
-    ) -> None:
-        (self._kernels, self._ffi), self._precision = code, precision
-        self._size, self._rows, self._upper = size, (len(rows.pointer) - 1) // size, upper
-        self._columns = self._rows if upper else _whole(int(rows.columns.max(initial=-1)) + 1, size)
-        places: Longs = np.zeros(max(self._rows, self._columns), dtype=np.int64)
-        first: Longs = np.zeros(self._rows + 1, dtype=np.int64)
-        self._places, self._first = self._of("int64_t[]", places), self._of("int64_t[]", first)
-        self._kernels.count(*self._told(rows), self._places, self._first)
-        places[:] = 0
-        blocks: Ints = np.zeros(int(first[-1]), dtype=np.int32)
-        self._blocks = self._of("int32_t[]", blocks)
-        self._kernels.pattern(*self._told(rows), self._places, self._first, self._blocks)
-        width = 4 if size <= 4 else 8
-        self._kept = self._reals(len(blocks) * size**2 + width)  # as loads reach beyond the last
-        self._x, self._y = self._reals(width * self._columns), self._reals(width * self._rows)
+    def __init__(self, kernels: Any, of: BlockRows, size: int) -> None:
+        self._kernels, self._of, self._size = kernels, of, size
+        width = room_of(size)
+        self._x, self._y = of.reals(width * of.columns), of.reals(width * of.rows)
 
     def fill(self, rows: Rows) -> None:
         """Take entries."""
-        values = self._of("double[]", rows.values)
-        self._kernels.fill(
-            *self._told(rows), values, self._places, self._first, self._blocks, self._kept
-        )
+        self._of.fill(rows)
 
     def take(self, x: Floats) -> None:
         """Take what is multiplied."""
-        self._kernels.take(self._size, self._columns, self._of("double[]", x), self._x)
+        self._kernels.take(self._size, self._of.columns, self._of.vector(x), self._x)
 
     def product(self) -> None:
         """Multiply, with the blocks' transposes too."""
-        self._kernels.product(*self._matrix, self._x, self._y)
+        self._kernels.product(self._size, self._of.rows, *self._of.matrix, self._x, self._y)
 
-    def add_to(self, other: "_Blocks") -> None:
+    def add_to(self, other: "_Products") -> None:
         """Add a product to another one."""
-        self._kernels.add(*self._matrix, self._x, other._y)
+        self._kernels.add(self._size, self._of.rows, *self._of.matrix, self._x, other._y)
 
     def give(self, y: Floats) -> None:
         """Give the product."""
-        self._kernels.give(self._size, self._rows, self._y, self._of("double[]", y))
-
-    @property
-    def _matrix(self) -> tuple[Any, ...]:
-        return self._size, self._rows, self._first, self._blocks, self._kept
-
-    def _told(self, rows: Rows) -> tuple[Any, ...]:
-        """What kernels are told of rows."""
-        of = f"int{8 * rows.pointer.itemsize}_t[]"
-        arrays = (self._of(of, array) for array in (rows.pointer, rows.columns))
-        return self._size, self._rows, int(self._upper), *arrays
-
-    def _reals(self, count: int) -> Any:
-        kind = "float[]" if self._precision is np.float32 else "double[]"
-        return self._of(kind, np.zeros(count, dtype=self._precision))
-
-    def _of(self, kind: str, array: npt.NDArray) -> Any:
-        """An array as kernels take it, which keeps it alive."""
-        return self._ffi.from_buffer(kind, array)
+        self._kernels.give(self._size, self._of.rows, self._y, self._of.vector(y))
 
 
 def ghosts_of(A: PETSc.Mat, columns: npt.NDArray[np.integer]) -> tuple[PETSc.Vec, PETSc.Scatter]:
@@ -167,7 +127,7 @@ def ghosts_of(A: PETSc.Mat, columns: npt.NDArray[np.integer]) -> tuple[PETSc.Vec
         Room for whole blocks of columns; what brings them there.
     """
     size = A.getBlockSizes()[1]
-    ghosts = PETSc.Vec().createSeq(size * _whole(len(columns), size), comm=PETSc.COMM_SELF)
+    ghosts = PETSc.Vec().createSeq(size * whole(len(columns), size), comm=PETSc.COMM_SELF)
     if A.comm.getSize() == 1:
         return ghosts, PETSc.Scatter()
     x = A.createVecRight()
@@ -177,8 +137,3 @@ def ghosts_of(A: PETSc.Mat, columns: npt.NDArray[np.integer]) -> tuple[PETSc.Vec
     for thing in (x, chosen, places):
         thing.destroy()
     return ghosts, scatter
-
-
-def _whole(entries: int, size: int) -> int:
-    """How many blocks it takes for so many entries."""
-    return -(-entries // size)

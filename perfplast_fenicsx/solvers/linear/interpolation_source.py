@@ -1,61 +1,20 @@
 """C source of interpolations in single precision (:mod:`blocked_interpolation`).
 
-Blocks are kept row by row; coarse vectors have room for as many entries of a block as are worked on
-at once: what is loaded beyond a row is multiplied with zeros or put where nobody looks.
+Coarse vectors have room for as many entries of a block as are worked on at once: what is loaded
+beyond a row is multiplied with zeros or put where nobody looks.
 """
-
-from petsc4py import PETSc
 
 import numpy as np
 
+from perfplast_fenicsx.solvers.linear.block_rows_source import for_size, own_types
+
 
 def source() -> str:
-    """Functions ``pattern``, ``fill``, ``interpolate`` and ``restrict_``."""
+    """Functions ``interpolate`` and ``restrict_``."""
     products = "".join(
         _products().replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)
     )
-    whole = f"int{8 * np.dtype(PETSc.IntType).itemsize}_t"
-    return (_entries() + products + _calls()).replace("INDEX", whole)
-
-
-def _entries() -> str:
-    return r"""
-#include <stdint.h>
-#include <string.h>
-
-#define OWN static inline __attribute__((always_inline))
-
-/* where blocks of each row of blocks begin or, the second time, their columns of blocks */
-void pattern(int fine, int coarse, int64_t rows, const INDEX *start, const INDEX *column,
-             int64_t *mark, int64_t *first, int known, int32_t *block) {
-  int64_t count = 0;
-  for (int64_t r = 0; r < rows; ++r) {
-    first[r] = count;
-    for (int64_t e = start[fine * r]; e < start[fine * r + fine]; ++e) {
-      int64_t c = column[e] / coarse;
-      if (mark[c] == r + 1) continue;
-      mark[c] = r + 1;
-      if (known) block[count] = (int32_t)c;
-      ++count;
-    }
-  }
-  first[rows] = count;
-}
-
-void fill(int fine, int coarse, int64_t rows, const INDEX *start, const INDEX *column,
-          const double *value, int64_t *place, const int64_t *first, const int32_t *block,
-          float *kept) {
-  memset(kept, 0, sizeof(float) * fine * coarse * (size_t)first[rows]);
-  for (int64_t r = 0; r < rows; ++r) {
-    for (int64_t b = first[r]; b < first[r + 1]; ++b) place[block[b]] = b;
-    for (int i = 0; i < fine; ++i)
-      for (int64_t e = start[fine * r + i]; e < start[fine * r + i + 1]; ++e) {
-        int64_t c = column[e] / coarse;
-        kept[coarse * (fine * place[c] + i) + column[e] - coarse * c] = (float)value[e];
-      }
-  }
-}
-"""
+    return own_types(products + for_size("fine") + _calls(), np.float32)
 
 
 def _products() -> str:
@@ -104,15 +63,6 @@ OWN void restrict_WIDTH(const int fine, int coarse, int64_t rows, const int64_t 
 
 def _calls() -> str:
     return r"""
-#define FOR_SIZE(function, ...)                   \
-  switch (fine) {                                 \
-    case 2: function(2, __VA_ARGS__); break;      \
-    case 3: function(3, __VA_ARGS__); break;      \
-    case 4: function(4, __VA_ARGS__); break;      \
-    case 6: function(6, __VA_ARGS__); break;      \
-    case 7: function(7, __VA_ARGS__); break;      \
-  }
-
 void interpolate(int fine, int coarse, int64_t rows, int64_t columns, const int64_t *first,
                  const int32_t *block, const float *kept, float *room, const double *x,
                  double *y) {

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from perfplast_fenicsx.solvers.linear.block_rows import BlockRows
+from perfplast_fenicsx.solvers.linear.block_rows_source import sizes as known_sizes
 from perfplast_fenicsx.solvers.linear.blocked_interpolation import BlockedInterpolation
 from perfplast_fenicsx.solvers.linear.blocked_products import BlockedProducts
-from perfplast_fenicsx.solvers.linear.blocked_source import sizes as known_sizes
+from perfplast_fenicsx.solvers.linear.csr_arrays import Rows
 
 ROUNDING = {np.float32: 1e-6, np.float64: 1e-14}
 
@@ -128,3 +130,22 @@ def test_who_solves_is_told_of_other_entries() -> None:
     before = products.matrix.stateGet()
     products.fill(A)
     assert products.matrix.stateGet() > before
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("upper", [False, True])
+@pytest.mark.parametrize("both", [(3, 3), (3, 6)])
+def test_entries_where_there_were_none_are_seen(both: tuple[int, int], upper: bool) -> None:
+    """They would else be put into another block."""
+    upper &= both[0] == both[1]
+
+    def rows(column: int) -> Rows:
+        """One entry in each of the first two rows of blocks, the second one in a column."""
+        starts = np.repeat([0, 1, 2], [1, both[0], 2 * both[0]])
+        columns = np.array([0, both[1] * column], dtype=PETSc.IntType)
+        return Rows(starts.astype(PETSc.IntType), columns, np.ones(2))
+
+    blocks = BlockRows(MPI.COMM_WORLD, np.float64, both, rows(1), 3 * both[1], upper=upper)
+    blocks.fill(rows(1))
+    with pytest.raises(AssertionError, match="1 entries are where the matrix had none"):
+        blocks.fill(rows(2))

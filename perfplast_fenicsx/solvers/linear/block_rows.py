@@ -1,0 +1,96 @@
+"""Blocks of the compressed rows of a matrix, for kernels in C that multiply with them."""
+
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.compiled_kernels import compiled
+from perfplast_fenicsx.solvers.linear.block_rows_source import sizes, source
+from perfplast_fenicsx.solvers.linear.csr_arrays import Rows
+
+
+class BlockRows:
+    """Blocks row by row, their entries in an order and a precision of their own.
+
+    Attributes:
+        rows: Of blocks; ``columns``: the same.
+        matrix: What kernels take of it: where the blocks of each row begin, which columns they
+            have, and their entries, row by row.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        precision: type[np.floating],
+        both: tuple[int, int],
+        rows: Rows,
+        columns: int,
+        *,
+        upper: bool = False,
+    ) -> None:
+        """Find the blocks. Collective.
+
+        Args:
+            comm: Of the matrix.
+            precision: Of what is kept, float32 or float64.
+            both: Rows and columns of a block, each of a size that kernels have.
+            rows: This rank's.
+            columns: How many there are at least.
+            upper: Whether the matrix is symmetric, and blocks of its upper triangle are kept, the
+                one on the diagonal first in each row.
+        """
+        assert set(both) <= set(sizes()), f"no kernel for blocks of {both}"
+        self._kernels, self._ffi = compiled(comm, source(precision))
+        self._both, self._upper, self._precision = both, upper, precision
+        self.rows, self.columns = whole((len(rows.pointer) - 1), both[0]), whole(columns, both[1])
+        places: Longs = np.zeros(self.columns, dtype=np.int64)
+        first: Longs = np.zeros(self.rows + 1, dtype=np.int64)
+        self._places, begin = self.of("int64_t[]", places), self.of("int64_t[]", first)
+        none = self.of("int32_t[]", np.zeros(0, dtype=np.int32))
+        self._kernels.pattern(*self._told(rows), self._places, begin, 0, none)
+        places[:] = 0
+        blocks: Ints = np.zeros(int(first[-1]), dtype=np.int32)
+        found = self.of("int32_t[]", blocks)
+        self._kernels.pattern(*self._told(rows), self._places, begin, 1, found)
+        kept = self.reals(len(blocks) * both[0] * both[1] + room_of(both[1]))  # for the last load
+        self.matrix = begin, found, kept
+
+    def fill(self, rows: Rows) -> None:
+        """Take entries, where the first rows had some."""
+        values = self.of("double[]", rows.values)
+        astray = self._kernels.fill(*self._told(rows), values, self._places, *self.matrix)
+        assert astray == 0, f"{astray} entries are where the matrix had none at first"
+
+    def of(self, kind: str, array: npt.NDArray) -> Any:
+        """An array as kernels take it, which keeps it alive."""
+        return self._ffi.from_buffer(kind, array)
+
+    def reals(self, count: int) -> Any:
+        """Room for so many numbers of the precision."""
+        kind = "float[]" if self._precision is np.float32 else "double[]"
+        return self.of(kind, np.zeros(count, dtype=self._precision))
+
+    def vector(self, array: Floats) -> Any:
+        """Numbers of double precision as kernels take them."""
+        return self.of("double[]", array)
+
+    def _told(self, rows: Rows) -> tuple[Any, ...]:
+        """What kernels are told of rows."""
+        of = f"int{8 * rows.pointer.itemsize}_t[]"
+        arrays = (self.of(of, array) for array in (rows.pointer, rows.columns))
+        return *self._both, self.rows, int(self._upper), *arrays
+
+
+def whole(entries: int, size: int) -> int:
+    """How many blocks it takes for so many entries."""
+    return -(-entries // size)
+
+
+def room_of(size: int) -> int:
+    """Places of a vector for a block of so many entries, as many as are worked on at once."""
+    few, many = 4, 8
+    return few if size <= few else many
