@@ -149,23 +149,24 @@ class Enough(StopSearch):
 
 
 @pytest.mark.usefixtures("at_once")
-def test_a_search_that_is_stopped() -> None:
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_a_search_that_is_stopped(share: float) -> None:
     """Both halves end, and what is known of the limit load is on both ranks."""
-    told = list[InteriorStep]()
+    problem, every, told = touching_blocks(degree=2), list[InteriorStep](), list[InteriorStep]()
+    limit_bounds(problem, 1e-6, every.append)
 
     def stop(step: InteriorStep) -> None:
         told.append(step)
-        if step.number == 9:
+        if len(told) == round(share * len(every)):
             raise Enough
 
-    problem = touching_blocks(degree=2)
     with pytest.raises(Enough) as caught:
-        limit_bounds(problem, 1e-9, stop)
+        limit_bounds(problem, 1e-6, stop)
     found = caught.value.found
     assert isinstance(found, LimitLoad)
     assert found.mechanism.function_space.mesh.comm.size == COMM.size
     assert COMM.allgather(found.lower)[0] == pytest.approx(found.lower, rel=1e-14)
-    assert COMM.allgather(numbers(told))[0] == numbers(told)
+    assert COMM.allgather(numbers(told))[0] == numbers(told) == numbers(every)[: len(told)]
 
 
 @pytest.mark.usefixtures("at_once")

@@ -82,8 +82,7 @@ def halves_at_once(below: Problem, above: Problem, rtol: float, monitor: Steps) 
 
     Raises:
         InputError: As :func:`limit_bounds.limit_bounds`, on both ranks.
-        StopSearch: Of the monitor, with the limit load as far as it is known where the mechanism
-            was still sought.
+        StopSearch: Of the monitor, with the limit load as far as it is known.
     """
     comm, shared = below.comm, below.tagged_mesh
     copy, meeting = whole_mesh(shared), Meeting(below.comm, monitor)
@@ -99,7 +98,7 @@ def halves_at_once(below: Problem, above: Problem, rtol: float, monitor: Steps) 
         try:
             fits = meeting.after(partial(mine.find, rtol, meeting.monitor))
         except StopSearch as stop:
-            known = stop.found if isinstance(stop.found, LimitLoad) else None
+            known = stop.found if isinstance(stop.found, LimitLoad) else mechanism.found
             stop.found = copied.limit(upper, flow, mechanism.flow, known)
             raise
     if not fits:
