@@ -23,8 +23,8 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_po
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
 from perfplast_fenicsx.limit_analysis.statements.question import Question
-from perfplast_fenicsx.limit_analysis.stress.standing_stress import with_standing_stress
-from perfplast_fenicsx.limit_analysis.stress.static_bound import form_that_fits, strict_lower_bound
+from perfplast_fenicsx.limit_analysis.stress.standing_stress import bound_by_stress
+from perfplast_fenicsx.limit_analysis.stress.static_bound import form_that_fits
 from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound
 from perfplast_fenicsx.machine_memory import spare_memory
 from perfplast_fenicsx.mesh.whole_mesh import WholeMesh, whole_mesh
@@ -144,6 +144,4 @@ class _Stress:
 
     def find(self, rtol: float, steps: Steps) -> None:
         """Find the stress."""
-        told = (self._question, self._form)
-        found = strict_lower_bound(self._on, rtol, steps, *told)
-        self.found = with_standing_stress(self._on, found, rtol, steps, *told)
+        self.found = bound_by_stress(self._on, rtol, steps, self._question, self._form)

@@ -42,13 +42,11 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_tolerance,
 )
 from perfplast_fenicsx.limit_analysis.statements.question import Question
-from perfplast_fenicsx.limit_analysis.stress.standing_stress import with_standing_stress
+from perfplast_fenicsx.limit_analysis.stress.standing_stress import bound_by_stress
 from perfplast_fenicsx.limit_analysis.stress.static_bound import (
     form_that_fits,
-    strict_lower_bound,
 )
 from perfplast_fenicsx.limit_analysis.stress.static_certificate import beside_mechanism
-from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm
 from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound
 from perfplast_fenicsx.limit_analysis.velocity.gap_shares import gap_shares
 from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
@@ -129,12 +127,13 @@ def _bounds(
             if form is not None:
                 made.callback(form.destroy)
             bounds, rates, split = mechanism_bound(above, rtol, monitor)
-            static = _stress(below, rtol, monitor, bounds.question, form)
+            log.info("lower bound: a stress on the same cells")
+            static = bound_by_stress(below, rtol, monitor, bounds.question, form)
     else:
         bounds, rates, split = _of_flow(at_once.flow, at_once.limit)
         static = at_once.static
         if bounds.question is not at_once.question:
-            static = _stress(below, rtol, monitor, bounds.question, None)
+            static = bound_by_stress(below, rtol, monitor, bounds.question, None)
     lower, certificates = judged(static, bounds)
     problem, stress, shares = bounds.problem, None, None
     # parts of a tetrahedron that is not split for the mechanism are no cells of any mesh
@@ -182,19 +181,6 @@ def _of_flow(
     """The upper bound by a mechanism that was looked for; as of :func:`mechanism_bound`."""
     limit = _with_forces_of_pairs(flow.problem, resisted(limit))
     return *_of_mesh(flow.problem, limit), flow.split
-
-
-def _stress(
-    problem: Problem,
-    rtol: float,
-    monitor: Callable[[InteriorStep], None] | None,
-    question: Question,
-    form: StaticForm | None,
-) -> StaticBound:
-    """The lower bound with its stress, or what is known without one. Collective."""
-    log.info("lower bound: a stress on the same cells")
-    static = strict_lower_bound(problem, rtol, monitor, question, form)
-    return with_standing_stress(problem, static, rtol, monitor, question, form)
 
 
 def with_displacements(given: Problem, bounds: BodyBounds) -> BodyBounds:

@@ -11,19 +11,26 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down
 
 
-def with_standing_stress(
+def bound_by_stress(
     problem: Problem,
-    static: StaticBound,
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
     question: Question,
     form: StaticForm | None,
 ) -> StaticBound:
-    """A search without a bound, with what it says of where stresses are too few. Collective.
+    """A lower bound, or what a search without one says of where stresses are too few. Collective.
 
     Beside constant loads a mesh may have none in equilibrium within yield at any load factor,
     though the body has. How many times it carries them tells where cells are to be smaller.
+
+    Args:
+        problem: As of :func:`static_bound.strict_lower_bound`, and so are the others.
+        rtol: What is left between the bound and the best one on this mesh, relative.
+        monitor: Called on every rank after each step.
+        question: Of which loads the factor is sought.
+        form: Of the problem, if it has been made.
     """
+    static = strict_lower_bound(problem, rtol, monitor, question, form)
     if static.bound.value is not None or question is Question.STANDS:
         return static
     if not problem.loads.has_dead() or static.verdict is not Verdict.STALLED:
