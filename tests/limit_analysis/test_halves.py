@@ -38,7 +38,10 @@ from tests.models import touching_blocks, write_case
 COMM = MPI.COMM_WORLD
 RTOL = 1e-6
 
-pytestmark = pytest.mark.skipif(COMM.size != 2, reason="two ranks share the bounds")
+pytestmark = [  # all of them on two ranks, and on no other number
+    pytest.mark.mpi3,
+    pytest.mark.skipif(COMM.size != 2, reason="two ranks share the bounds"),
+]
 
 CASES: dict[str, Callable[[], Problem]] = {
     "blocks": lambda: touching_blocks(degree=2),
@@ -73,7 +76,7 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_they_are_those_of_both_ranks(
     case: str, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """So is each cell's share of the gap, and the checker proves what the file has of them."""
+    """The checker proves what the file has of them."""
     problem = CASES[case]()
     together = limit_bounds(problem, RTOL)
     seek_at_once(monkeypatch)
