@@ -12,7 +12,7 @@ import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import la
-from dolfinx.mesh import create_mesh, meshtags
+from dolfinx.mesh import create_mesh
 
 from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.compat import sent_to
@@ -20,6 +20,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, distributed_tags
+from perfplast_fenicsx.mesh.tags_of_cells import cell_meshtags
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,7 +82,7 @@ def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
     facets = numbers.array[to_vertices[tagged_mesh.facet_tags.indices[mine]]]
     return AlfeldSplit(
         mesh=split,
-        cell_tags=meshtags(split, tdim, np.arange(len(parents), dtype=np.int32), tags[parents]),
+        cell_tags=cell_meshtags(split, tags[parents]),
         facet_tags=distributed_tags(
             split, tdim - 1, facets, tagged_mesh.facet_tags.values[mine].astype(np.int32)
         ),

@@ -8,7 +8,7 @@ import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import la
-from dolfinx.mesh import create_mesh, meshtags
+from dolfinx.mesh import create_mesh
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import sent_to
@@ -16,6 +16,7 @@ from perfplast_fenicsx.errors import raise_together
 from perfplast_fenicsx.mesh.chord_points import bulges, chord_points
 from perfplast_fenicsx.mesh.straight_geometry import OuterFacets, corners, outer_facets
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, distributed_tags
+from perfplast_fenicsx.mesh.tags_of_cells import cell_meshtags
 
 
 def surface_ends(tagged_mesh: TaggedMesh, surface: str) -> Floats:
@@ -103,7 +104,7 @@ def divided(
     of_gone[:] = tagged_mesh.surfaces[surface]
     return TaggedMesh(
         finer,
-        meshtags(finer, 2, np.arange(len(of_part), dtype=np.int32), of_part),
+        cell_meshtags(finer, of_part),
         distributed_tags(
             finer,
             1,

@@ -13,6 +13,7 @@ from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.compat import sent_to
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, distributed_tags
+from perfplast_fenicsx.mesh.tags_of_cells import cell_meshtags
 
 
 def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> TaggedMesh | None:
@@ -64,7 +65,7 @@ def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> Ta
         return None
     return TaggedMesh(
         glued,
-        meshtags(glued, tdim, np.arange(len(parents), dtype=np.int32), tags[parents]),
+        cell_meshtags(glued, tags[parents]),
         meshtags(glued, tdim - 1, every.indices[~left], every.values[~left]),
         tagged_mesh.volumes,
         tagged_mesh.surfaces,

@@ -1,4 +1,4 @@
-"""What a mesh without a stress that carries the constant loads tells of where it is too coarse."""
+"""A lower bound, or where a mesh is too coarse to have a stress that carries the constant loads."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -46,43 +46,43 @@ class BlockRows:
         assert set(both) <= set(sizes()), f"no kernel for blocks of {both}"
         self._kernels, self._ffi = compiled(comm, source(precision))
         self._both, self._upper, self._precision = both, upper, precision
-        self.rows, self.columns = whole((len(rows.pointer) - 1), both[0]), whole(columns, both[1])
+        self.rows, self.columns = whole(len(rows.pointer) - 1, both[0]), whole(columns, both[1])
         places: Longs = np.zeros(self.columns, dtype=np.int64)
         first: Longs = np.zeros(self.rows + 1, dtype=np.int64)
-        self._places, begin = self.of("int64_t[]", places), self.of("int64_t[]", first)
-        none = self.of("int32_t[]", np.zeros(0, dtype=np.int32))
+        self._places, begin = self._of("int64_t[]", places), self._of("int64_t[]", first)
+        none = self._of("int32_t[]", np.zeros(0, dtype=np.int32))
         self._kernels.pattern(*self._told(rows), self._places, begin, 0, none)
         places[:] = 0
         blocks: Ints = np.zeros(int(first[-1]), dtype=np.int32)
-        found = self.of("int32_t[]", blocks)
+        found = self._of("int32_t[]", blocks)
         self._kernels.pattern(*self._told(rows), self._places, begin, 1, found)
         kept = self.reals(len(blocks) * both[0] * both[1] + room_of(both[1]))  # for the last load
         self.matrix = begin, found, kept
 
     def fill(self, rows: Rows) -> None:
         """Take entries, where the first rows had some."""
-        values = self.of("double[]", rows.values)
+        values = self._of("double[]", rows.values)
         astray = self._kernels.fill(*self._told(rows), values, self._places, *self.matrix)
         assert astray == 0, f"{astray} entries are where the matrix had none at first"
 
-    def of(self, kind: str, array: npt.NDArray) -> Any:
+    def _of(self, kind: str, array: npt.NDArray) -> Any:
         """An array as kernels take it, which keeps it alive."""
         return self._ffi.from_buffer(kind, array)
 
     def reals(self, count: int) -> Any:
         """Room for so many numbers of the precision."""
         kind = "float[]" if self._precision is np.float32 else "double[]"
-        return self.of(kind, np.zeros(count, dtype=self._precision))
+        return self._of(kind, np.zeros(count, dtype=self._precision))
 
     def vector(self, array: Floats) -> Any:
         """Numbers of double precision as kernels take them."""
-        return self.of("double[]", array)
+        return self._of("double[]", array)
 
     def _told(self, rows: Rows) -> tuple[Any, ...]:
         """What kernels are told of rows."""
         of = f"int{8 * rows.pointer.itemsize}_t[]"
-        arrays = (self.of(of, array) for array in (rows.pointer, rows.columns))
-        return *self._both, self.rows, int(self._upper), *arrays
+        arrays = (self._of(of, array) for array in (rows.pointer, rows.columns))
+        return *self._both, self.rows, self.columns, int(self._upper), *arrays
 
 
 def whole(entries: int, size: int) -> int:

@@ -68,17 +68,18 @@ OWN void pattern_(const int n, const int m, int64_t rows, int upper, const INDEX
 }
 
 /* returns how many entries have no block */
-OWN int64_t fill_(const int n, const int m, int64_t rows, int upper, const INDEX *start,
-                  const INDEX *column, const double *value, int64_t *place, const int64_t *first,
-                  const int32_t *block, REAL *kept) {
+OWN int64_t fill_(const int n, const int m, int64_t rows, int64_t columns, int upper,
+                  const INDEX *start, const INDEX *column, const double *value, int64_t *place,
+                  const int64_t *first, const int32_t *block, REAL *kept) {
   int64_t astray = 0;
   memset(kept, 0, sizeof(REAL) * n * m * (size_t)first[rows]);
   for (int64_t r = 0; r < rows; ++r) {
     for (int64_t b = first[r]; b < first[r + 1]; ++b) place[block[b]] = b;
     for (int i = 0; i < n; ++i)
       for (int64_t e = start[n * r + i]; e < start[n * r + i + 1]; ++e) {
-        int64_t c = column[e] / m, b = place[c];
+        int64_t c = column[e] / m;
         if (upper && c < r) continue;
+        int64_t b = c < columns ? place[c] : -1;
         if (b < first[r] || b >= first[r + 1] || block[b] != c) ++astray;
         else kept[n * m * b + m * i + column[e] - m * c] = (REAL)value[e];
       }
@@ -92,19 +93,19 @@ OWN int64_t fill_(const int n, const int m, int64_t rows, int upper, const INDEX
 
 def _calls() -> str:
     return r"""
-void pattern(int n, int m, int64_t rows, int upper, const INDEX *start, const INDEX *column,
-             int64_t *mark, int64_t *first, int known, int32_t *block) {
+void pattern(int n, int m, int64_t rows, int64_t columns, int upper, const INDEX *start,
+             const INDEX *column, int64_t *mark, int64_t *first, int known, int32_t *block) {
   pattern_(n, m, rows, upper, start, column, mark, first, known, block);
 }
 
-int64_t fill(int n, int m, int64_t rows, int upper, const INDEX *start, const INDEX *column,
-             const double *value, int64_t *place, const int64_t *first, const int32_t *block,
-             REAL *kept) {
+int64_t fill(int n, int m, int64_t rows, int64_t columns, int upper, const INDEX *start,
+             const INDEX *column, const double *value, int64_t *place, const int64_t *first,
+             const int32_t *block, REAL *kept) {
   int64_t found = -1;
   if (n == m) {
-    FOR_SIZE(SQUARE, rows, upper, start, column, value, place, first, block, kept)
+    FOR_SIZE(SQUARE, rows, columns, upper, start, column, value, place, first, block, kept)
   } else {
-    found = fill_(n, m, rows, upper, start, column, value, place, first, block, kept);
+    found = fill_(n, m, rows, columns, upper, start, column, value, place, first, block, kept);
   }
   return found;
 }
