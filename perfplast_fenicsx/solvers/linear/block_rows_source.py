@@ -73,6 +73,7 @@ OWN int64_t fill_(const int n, const int m, int64_t rows, int64_t columns, int u
                   const int64_t *first, const int32_t *block, REAL *kept) {
   int64_t astray = 0;
   memset(kept, 0, sizeof(REAL) * n * m * (size_t)first[rows]);
+  for (int64_t c = 0; c < columns; ++c) place[c] = -1;
   for (int64_t r = 0; r < rows; ++r) {
     for (int64_t b = first[r]; b < first[r + 1]; ++b) place[block[b]] = b;
     for (int i = 0; i < n; ++i)
@@ -80,7 +81,7 @@ OWN int64_t fill_(const int n, const int m, int64_t rows, int64_t columns, int u
         int64_t c = column[e] / m;
         if (upper && c < r) continue;
         int64_t b = c < columns ? place[c] : -1;
-        if (b < first[r] || b >= first[r + 1] || block[b] != c) ++astray;
+        if (b < first[r]) ++astray;  /* a row before had the column, or none */
         else kept[n * m * b + m * i + column[e] - m * c] = (REAL)value[e];
       }
   }
