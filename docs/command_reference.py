@@ -7,8 +7,6 @@ import argparse
 from functools import partial
 from typing import Any
 
-from mpi4py import MPI
-
 from docs.marks import replace_mark
 from perfplast_fenicsx.cli.parser import make_parser
 
@@ -20,7 +18,7 @@ WIDTH = 96
 
 def reference() -> str:
     """The whole reference as MyST."""
-    parser = make_parser(MPI.COMM_SELF)
+    parser = make_parser()
     text = _help(parser)
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):

@@ -6,15 +6,13 @@
 import argparse
 import re
 
-from mpi4py import MPI
-
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.cli.parser import make_parser
 
 
 def man_page() -> str:
     """The whole page as troff."""
-    parser = make_parser(MPI.COMM_SELF)
+    parser = make_parser()
     (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
     short = {action.dest: action.help or "" for action in commands._choices_actions}
     lines = [

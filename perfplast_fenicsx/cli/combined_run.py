@@ -7,7 +7,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.cli.run import NO_SOLUTION, SOLVED, run, run_command
+from perfplast_fenicsx.cli.parser import NO_SOLUTION, SOLVED
+from perfplast_fenicsx.cli.run import run, run_command
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0

@@ -1,29 +1,43 @@
-"""The arguments of the command line, and the PETSc options behind them."""
+"""The arguments of the command line, and the PETSc options after them.
+
+Exit status: 0 all load levels solved, 1 a fault of the program, 2 bad input, 3 a load level without
+a solution (a result like any other: the levels before it are valid).
+
+This module imports MPI, PETSc and DOLFINx only where they are needed. Importing them takes a
+second, and help, the version and the completion by the shell must be quick.
+"""
 
 import argparse
+import os
 from collections.abc import Mapping, Sequence
 from typing import NoReturn
 
-from mpi4py import MPI
-from petsc4py import PETSc
-
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.cli.mesh_arguments import add_mesh
-from perfplast_fenicsx.cli.run_log import LEVELS
 from perfplast_fenicsx.cli.shell_completion import complete
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.io.case.code_templates import TEMPLATES
 from perfplast_fenicsx.materials.common import TABLE
-from perfplast_fenicsx.solvers.linear.option_trial import check_options
 from perfplast_fenicsx.units import SYSTEMS
 
+SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
+"""Exit statuses of the command line; an interrupted run has 128 and the signal's number."""
 
-def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Namespace:
-    """What the arguments say; PETSc's own go to its database. Not collective.
+LOG_LEVELS = ("debug", "info", "warning", "error")
+
+RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID")
+"""Environment variables in which launchers give a process its rank."""
+
+
+def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
+    """Return the command and its arguments. Not collective.
 
     Args:
-        comm: Help and version are shown on its rank 0 alone.
         arguments: Without the name of the program.
+
+    Returns:
+        The values by name; ``petsc`` are the arguments after two dashes, for
+        :func:`set_petsc_options`.
 
     Raises:
         InputError: If they say nothing that can be done.
@@ -36,7 +50,7 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
     if "--" in ours:
         split = ours.index("--")
         ours, petsc = ours[:split], ours[split + 1 :]
-    parser = make_parser(comm)
+    parser = make_parser()
     complete(parser)
     chosen, unknown = parser.parse_known_args(ours)
     if unknown:
@@ -52,7 +66,7 @@ def read_arguments(comm: MPI.Intracomm, arguments: Sequence[str]) -> argparse.Na
         raise InputError("--restart goes on with one run and --refine begins two; give one.")
     if chosen.command == "plot" and not chosen.wait >= 0:  # nor is NaN a time
         raise InputError(f"--wait must be a time of 0 s or more, not {chosen.wait:g}.")
-    set_petsc_options(petsc)
+    chosen.petsc = petsc
     return chosen
 
 
@@ -63,6 +77,10 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
         InputError: If an argument is neither an option nor the value of one, or an option is
             unknown or has a wrong value.
     """
+    from petsc4py import PETSc
+
+    from perfplast_fenicsx.solvers.linear.option_trial import check_options
+
     options = PETSc.Options()
     name = None
     given: dict[str, str | None] = {}
@@ -90,7 +108,6 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
 class _Parser(argparse.ArgumentParser):
     """Speaks on rank 0 only, and raises InputError instead of printing its usage."""
 
-    comm: MPI.Intracomm = MPI.COMM_WORLD
     commands: Mapping[str, argparse.ArgumentParser]
 
     def options(self, command: str) -> list[str]:
@@ -101,7 +118,8 @@ class _Parser(argparse.ArgumentParser):
         raise InputError(f"{message}; see {self.prog} --help.")
 
     def _print_message(self, message: str, file: object = None) -> None:
-        if self.comm.rank == 0:
+        rank = next((os.environ[name] for name in RANKS if name in os.environ), "0")
+        if rank == "0":
             super()._print_message(message, file)  # type: ignore[arg-type]
 
 
@@ -117,7 +135,7 @@ def _add_results(command: argparse.ArgumentParser) -> None:
     command.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
     command.add_argument(
         "--log-level",
-        choices=LEVELS,
+        choices=LOG_LEVELS,
         default="warning",
         help="show what is at least as serious on standard error; info shows every Newton step"
         " (DIR/run.log always has them; default: warning)",
@@ -127,7 +145,7 @@ def _add_results(command: argparse.ArgumentParser) -> None:
     )
 
 
-def make_parser(comm: MPI.Intracomm) -> _Parser:
+def make_parser() -> _Parser:
     """The parser of all commands."""
     parser = _Parser(
         prog="perfplast",
@@ -136,7 +154,6 @@ def make_parser(comm: MPI.Intracomm) -> _Parser:
         " 3 a load level without a solution (the levels before it are valid), 130 or 143"
         " interrupted (--restart goes on).",
     )
-    parser.comm = comm
     parser.add_argument("--version", action="version", version=f"perfplast {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     scripts = _Parser(add_help=False)

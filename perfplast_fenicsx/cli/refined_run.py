@@ -7,7 +7,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.cli.run import NO_SOLUTION, SOLVED, run
+from perfplast_fenicsx.cli.parser import NO_SOLUTION, SOLVED
+from perfplast_fenicsx.cli.run import run
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.limit_analysis.body.next_step import clock

@@ -6,7 +6,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from perfplast_fenicsx.cli.follow import Follower
-from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.export.exported_files import export

@@ -12,6 +12,7 @@ import numpy as np
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.cli.force_table import bolt_lines
+from perfplast_fenicsx.cli.parser import NO_SOLUTION, SOLVED
 from perfplast_fenicsx.cli.recorder import Recorder, RunContext
 from perfplast_fenicsx.cli.run_log import RunLog, kept_warnings
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
@@ -41,9 +42,6 @@ from perfplast_fenicsx.problem.left_out import left_out
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.report.report_file import report_on
-
-SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
-"""Exit statuses of the command line; an interrupted run has that of :class:`Interrupted`."""
 
 log = logging.getLogger(__name__)
 

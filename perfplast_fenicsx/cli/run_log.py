@@ -14,6 +14,7 @@ from types import TracebackType
 
 from mpi4py import MPI
 
+from perfplast_fenicsx.cli.parser import LOG_LEVELS
 from perfplast_fenicsx.cli.system_info import petsc_options, surroundings, versions
 from perfplast_fenicsx.errors import InputError, raise_together, visible
 from perfplast_fenicsx.io.case.case import Case
@@ -24,10 +25,6 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
-
-LEVELS = ("debug", "info", "warning", "error")
-"""Choices of ``--log-level``."""
-
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +37,7 @@ def logged_to_console(
 
     Args:
         comm: The ranks.
-        level: The least serious that is shown, one of :data:`LEVELS`.
+        level: The least serious that is shown, one of :data:`~.parser.LOG_LEVELS`.
         before: Called before a record is written, to clear the live line.
     """
 
@@ -88,7 +85,7 @@ class RunLog:
                 fault = f"'{path}' cannot be written ({error.strerror}); give another folder."
         raise_together(self._comm, fault)
         handler.setFormatter(_Visible("%(asctime)s %(levelname)-7s %(message)s"))
-        least = min(level, "info", key=LEVELS.index)
+        least = min(level, "info", key=LOG_LEVELS.index)
         self._handled = _handled(self._comm, handler, least)
 
     def __enter__(self) -> "RunLog":

@@ -12,7 +12,8 @@ from typing import Any
 from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.cli.run import NO_SOLUTION, SOLVED, run
+from perfplast_fenicsx.cli.parser import NO_SOLUTION, SOLVED
+from perfplast_fenicsx.cli.run import run
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.csv_table import csv_table
 from perfplast_fenicsx.errors import InputError, on_rank0, raise_together

@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.io.results.checkpoint_header import NEWEST
 from tests.cli.paused_run import LEVEL
 from tests.functional.test_restart import fields_of, path_of, same_path, solved_by
@@ -278,7 +278,8 @@ def test_nobody_reads_to_the_end(
 ENDED = """
 import signal, sys
 from mpi4py import MPI
-import perfplast_fenicsx.__main__ as program
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli import commands
 from perfplast_fenicsx.cli.signals import Interrupts
 
 def command(*_):
@@ -287,8 +288,8 @@ def command(*_):
         {then}
     return 0
 
-program._command = command
-sys.exit(program.main(["info"]))
+commands.execute = command
+sys.exit(main(["info"]))
 """
 
 

@@ -15,7 +15,7 @@ from meshes.naming import interface, name, name_planes
 from meshes.shapes import add_box, add_polygon
 from meshes.sizes import generate
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, NO_SOLUTION, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, NO_SOLUTION, SOLVED
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 from tests.combinations.questions import asked
 from tests.combinations.statements import CONTACT, HELD, PRESSURE, VON_MISES, Statement

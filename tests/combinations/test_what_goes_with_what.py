@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 import pytest
 
-from perfplast_fenicsx.cli.run import BAD_INPUT
+from perfplast_fenicsx.cli.parser import BAD_INPUT
 from tests.combinations.answers import answer
 from tests.combinations.page import PAGE, shown
 from tests.combinations.questions import QUESTIONS

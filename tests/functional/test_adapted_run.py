@@ -12,7 +12,7 @@ from meshes.strip_footing import write_strip_footing
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Support
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.report.verdict import verdict_on

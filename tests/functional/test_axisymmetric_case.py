@@ -10,7 +10,7 @@ import pytest
 
 from meshes.ring import write_ring
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.proof import check
 from tests.functional.test_command_line import one_line, write
 

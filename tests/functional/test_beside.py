@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.beside import apart
 from tests.functional.test_bolted_run import CASE, PRELOAD

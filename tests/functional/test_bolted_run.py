@@ -9,7 +9,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, NO_SOLUTION, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, NO_SOLUTION, SOLVED
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from tests.functional.test_restart import path_of
 from tests.functional.test_restart import run_until as run_until  # a fixture

@@ -20,7 +20,7 @@ from perfplast_fenicsx import (
     stacked_blocks,
 )
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.proof import check
 from tests.case_runs import assert_case_refused

@@ -18,9 +18,9 @@ import pytest
 
 import perfplast_fenicsx
 from perfplast_fenicsx import Elastic, VonMises
-from perfplast_fenicsx import __main__ as command_line
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED
+from perfplast_fenicsx.cli import commands
+from perfplast_fenicsx.cli.parser import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED
 from perfplast_fenicsx.cli.run_log import RunLog
 from perfplast_fenicsx.cli.terminal import Terminal, shows
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
@@ -415,7 +415,7 @@ def test_a_fault_of_the_program(
     def fail(*_: object) -> None:
         raise ZeroDivisionError("a fault")
 
-    monkeypatch.setattr(command_line, "read_case", fail)
+    monkeypatch.setattr(commands, "read_case", fail)
     assert main(["check", str(case)]) == FAULT
     assert "ZeroDivisionError: a fault" in capsys.readouterr().err
 
@@ -431,12 +431,27 @@ def test_as_a_program(case: Path, comm: MPI.Intracomm) -> None:
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.parametrize("option", ["--version", "--help"])
+def test_help_is_there_at_once(option: str, comm: MPI.Intracomm) -> None:
+    """It imports nothing that takes long; the time itself would be that of the machine."""
+    if comm.size > 1:
+        pytest.skip("a program that uses MPI cannot start another")
+    program = (
+        "import sys; from perfplast_fenicsx.__main__ import main; main(sys.argv[1:]);"
+        "print({'mpi4py.MPI', 'petsc4py.PETSc', 'dolfinx', 'numpy', 'scipy'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", program, option], capture_output=True, text=True)
+    assert done.returncode == 0
+    assert done.stdout.startswith(("perfplast ", "usage: perfplast "))
+    assert done.stdout.endswith("set()\n")
+
+
 def test_it_starts_without_what_few_commands_need(comm: MPI.Intracomm) -> None:
     """Libraries of meshers and pictures, which have processes of their own."""
     if comm.size > 1:
         pytest.skip("a program that uses MPI cannot start another")
     program = (
-        "import sys, perfplast_fenicsx.__main__;"
+        "import sys, perfplast_fenicsx.cli.commands;"
         "print({'gmsh', 'matplotlib', 'pyvista'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
@@ -448,7 +463,7 @@ def test_live_line(
 ) -> None:
     stream = io.StringIO()
     live = lambda comm, **_: Terminal(comm, stream, live=True)  # noqa: E731
-    monkeypatch.setattr(command_line, "Terminal", live)
+    monkeypatch.setattr(commands, "Terminal", live)
     monkeypatch.setattr("perfplast_fenicsx.cli.terminal.LIVE_PERIOD", 0.0)
     assert main(["run", str(case), "-o", str(shared_tmp_path / "results")]) == SOLVED
     text = stream.getvalue()

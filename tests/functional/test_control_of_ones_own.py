@@ -13,7 +13,7 @@ import pytest
 
 from perfplast_fenicsx import InputError, Support, VonMises
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.controls.control import Moved, OfLevels, Run, none_moved
 from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.controls.given import Given

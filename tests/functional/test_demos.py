@@ -15,7 +15,7 @@ import pytest
 
 from demos.verification.verify import CASES as VERIFIED
 from perfplast_fenicsx.__main__ import main as command_line
-from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.pictures import drawing_process
 from tests.parallel_plugin import EVERY_CASE
 

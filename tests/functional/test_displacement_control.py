@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.solvers.newton import Newton
 from perfplast_fenicsx.solvers.stroke import GROWTH, stroke

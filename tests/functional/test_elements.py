@@ -29,7 +29,7 @@ from perfplast_fenicsx import (
     stacked_blocks,
 )
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.io.results.output_fields import OutputFields
 from perfplast_fenicsx.problem.assembled.spaces import by_cell
 from perfplast_fenicsx.problem.fields.stiffness import Stiffness

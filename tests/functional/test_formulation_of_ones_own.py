@@ -12,7 +12,7 @@ import pytest
 
 from perfplast_fenicsx import Support, VonMises
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.contact import Constraints, Source, make_constraints
 from perfplast_fenicsx.contact.rows.constraints import stacked
 from perfplast_fenicsx.contact.surfaces.surface_nodes import can_host, surface_nodes

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from meshes.wedge import write_wedge
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.errors import LONGEST_MESSAGE, InputError
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.toml_reader import LARGEST_FILE, parse

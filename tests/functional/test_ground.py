@@ -31,7 +31,7 @@ from perfplast_fenicsx import (
     stacked_blocks,
 )
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.materials.drucker_prager import Match

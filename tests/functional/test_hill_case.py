@@ -10,7 +10,7 @@ import pytest
 
 from perfplast_fenicsx import Elastic, Hill, Support
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.proof import check
 from tests.models import case_text, write_case
 

@@ -8,7 +8,7 @@ from mpi4py import MPI
 import pytest
 
 from meshes.platens import write_platens
-from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.report.verdict import verdict_on

@@ -15,7 +15,7 @@ import ufl
 
 from perfplast_fenicsx import Support, VonMises
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.problem.declared.loads import LOADS, Formula, SpreadLoad
 from tests.models import case_text, write_case
 

@@ -7,7 +7,7 @@ import gmsh
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.mesh import gmsh_session
 from tests.functional.browser_page import Page, alone
 

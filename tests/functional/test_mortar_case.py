@@ -9,7 +9,7 @@ import pytest
 
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.parser import SOLVED
 
 REFUSED = [
     ('[[contact]]\nprimary = "x0"\nsecondary = "y0"', "nowhere opposite each other"),

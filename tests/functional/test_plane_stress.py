@@ -29,7 +29,7 @@ from perfplast_fenicsx import (
     limit_load,
 )
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.proof import check
 from tests.functional.test_command_line import one_line, write
 from tests.functional.test_ground import solved

@@ -9,7 +9,7 @@ import pytest
 
 from meshes.ring import write_ring
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, NO_SOLUTION, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, NO_SOLUTION, SOLVED
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.verdict import verdict_on
 from tests.functional.test_command_line import one_line, write

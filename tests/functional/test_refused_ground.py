@@ -8,7 +8,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.materials import MohrCoulomb
 from tests.functional.test_command_line import one_line
 from tests.models import write_case

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, FAULT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, FAULT, SOLVED
 from tests.functional.browser_page import Page, alone
 from tests.functional.test_command_line import CASE, one_line, write
 

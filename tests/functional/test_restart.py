@@ -18,7 +18,7 @@ from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Support, VonMises
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli import recorder
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.io.results import checkpoints
 from perfplast_fenicsx.io.results.checkpoint_header import BEFORE, NEWEST, SCHEMA
 from perfplast_fenicsx.limit_analysis import InteriorStep

@@ -9,7 +9,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import NO_SOLUTION, SOLVED
+from perfplast_fenicsx.cli.parser import NO_SOLUTION, SOLVED
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.verdict import verdict_on
 from tests.case_runs import assert_case_refused, run_case

@@ -9,7 +9,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.parser import SOLVED
 from tests.functional.test_displacement_control import CASE, HEIGHT, YIELD, YOUNG
 from tests.functional.test_restart import path_of, same_path
 from tests.functional.test_restart import run_until as run_until  # a fixture

@@ -12,8 +12,8 @@ import pytest
 
 from perfplast_fenicsx import Contact, InputError, Support, VonMises
 from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.cli.recorder import Recorder
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
 from perfplast_fenicsx.cli.signals import Interrupted
 from perfplast_fenicsx.io.case.variations import Variation, grid, read_variation, varied
 from tests.models import case_text, write_case

@@ -9,7 +9,7 @@ import pytest
 
 from perfplast_fenicsx import Support, VonMises
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from tests.models import case_text, write_case
 
 STEEL = VonMises(2e5, 0.3, 300.0, expansion=1e-5)

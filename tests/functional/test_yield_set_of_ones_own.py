@@ -12,7 +12,7 @@ import pytest
 
 from perfplast_fenicsx import Contact, Support, VonMises
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import SOLVED
+from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.proof import check
 from tests.materials.energy_cap import Foam

@@ -11,7 +11,7 @@ import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.child_process import environment_apart
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Sphere
 from perfplast_fenicsx.io.case.scene import Scene, write_scene

@@ -14,7 +14,7 @@ import pytest
 from dolfinx import fem
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.compat import entity_nodes, geometry_dofmap
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.io.case.scene import Scene

@@ -10,7 +10,7 @@ import pytest
 
 from perfplast_fenicsx import InputError, Support, VonMises
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.io.case.case_reader import case_of
 from perfplast_fenicsx.io.case.code_templates import OPEN, TEMPLATES
 from tests.models import case_text

@@ -7,7 +7,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.run import BAD_INPUT
+from perfplast_fenicsx.cli.parser import BAD_INPUT
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.load_words import load_in_words, meaning

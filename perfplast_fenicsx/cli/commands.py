@@ -1,0 +1,169 @@
+"""The commands: each function does one and returns the exit status."""
+
+import argparse
+import json
+from pathlib import Path
+
+from mpi4py import MPI
+
+from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.cli.combined_run import run_combined
+from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
+from perfplast_fenicsx.cli.model_command import is_model, mesh_model
+from perfplast_fenicsx.cli.parser import SOLVED, set_petsc_options
+from perfplast_fenicsx.cli.refined_run import run_refined
+from perfplast_fenicsx.cli.result_commands import draw, export_results, follow, report
+from perfplast_fenicsx.cli.run import run, warn_of
+from perfplast_fenicsx.cli.run_log import logged_to_console
+from perfplast_fenicsx.cli.signals import leave_pipes_to_python
+from perfplast_fenicsx.cli.sweep_command import sweep
+from perfplast_fenicsx.cli.system_info import surroundings, versions
+from perfplast_fenicsx.cli.terminal import Terminal, describe
+from perfplast_fenicsx.errors import InputError, on_rank0, visible
+from perfplast_fenicsx.geometry.glued import Glued
+from perfplast_fenicsx.io.case.case_reader import read_case
+from perfplast_fenicsx.io.case.case_schema import case_schema
+from perfplast_fenicsx.io.case.code_templates import TEMPLATES, templates_in_words
+from perfplast_fenicsx.io.case.load_words import meaning
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
+from perfplast_fenicsx.problem.judged.slip import check_slip_is_true
+
+
+def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
+    """Execute a command, and return its exit status, the same on every rank. Collective.
+
+    Args:
+        comm: The ranks.
+        chosen: The command and its arguments, of :func:`~.parser.read_arguments`.
+
+    Raises:
+        InputError: If the input cannot be used.
+    """
+    leave_pipes_to_python()  # PETSc has been started by the imports above
+    set_petsc_options(chosen.petsc)
+    if chosen.command in ("run", "sweep"):
+        steps_shown = chosen.log_level in ("debug", "info")  # and no live line between them
+        live = False if steps_shown else None
+        terminal = Terminal(comm, live=live, quiet=chosen.quiet)
+        with logged_to_console(comm, chosen.log_level, terminal.clear):
+            where = (chosen.case, chosen.restart or chosen.output, chosen.force)
+            restart = chosen.restart is not None
+            how = (chosen.log_level, restart, chosen.report, chosen.trust)
+            try:
+                if chosen.command == "sweep":
+                    return sweep(comm, *where, terminal, chosen.vary, *how)
+                if chosen.refine:
+                    flags = (chosen.log_level, chosen.report, chosen.trust)
+                    return run_refined(comm, *where, terminal, *flags)
+                case = read_case(chosen.case, comm, chosen.trust)
+                if case.combinations:
+                    return run_combined(comm, case, *where[1:], terminal, *how)
+                return run(comm, *where, terminal, *how)
+            finally:
+                terminal.clear()
+    with logged_to_console(comm):
+        if chosen.command == "check":
+            return check(comm, chosen.case, chosen.trust)
+        if chosen.command == "info":
+            return about(comm, chosen.case, chosen.trust) if chosen.case else info(comm)
+        if chosen.command == "materials":
+            Terminal(comm).say(common_materials(chosen.units))
+            return SOLVED
+        if chosen.command == "template":
+            Terminal(comm).say(TEMPLATES[chosen.name] if chosen.name else templates_in_words())
+            return SOLVED
+        if chosen.command == "schema":
+            return schema(comm, chosen.output)
+        if chosen.command == "mesh" and is_model(chosen.geometry):
+            mesh_model(comm, chosen)
+            return SOLVED
+        if chosen.command == "mesh":
+            glued = Glued.ALL if chosen.tied else Glued.BOLTS if chosen.bolted else Glued.NOTHING
+            where = (chosen.geometry, chosen.output, meshing_options(chosen))
+            mesh(comm, *where, chosen.material, glued, chosen.force, chosen.trust)
+            return SOLVED
+        if chosen.command == "export":
+            kinds = {kind for kind in ("vtu", "csv") if getattr(chosen, kind)}
+            return export_results(comm, chosen.results, chosen.output, kinds)
+        if chosen.command == "report":
+            return report(comm, chosen.results, chosen.output)
+        if chosen.command == "plot" and chosen.follow:
+            return follow(comm, chosen.results, chosen.output, chosen.wait)
+        return draw(comm, chosen.command, chosen.results, chosen.output)
+
+
+def check(comm: MPI.Intracomm, path: str, trust: bool = False) -> int:
+    """Check a case, its mesh, names and contact included, without solving it. Collective.
+
+    Args:
+        comm: The ranks.
+        path: Case file.
+        trust: Run a script that the mesh is made of.
+
+    Raises:
+        InputError: If the case cannot be used.
+    """
+    case = read_case(path, comm, trust)
+    problem = case.problem(comm)
+    case.history(problem)
+    warn_of(comm, case, problem)
+    method = case.method_on(problem)
+    if method != LimitMethod.INTERIOR_POINT:
+        check_slip_is_true(problem)
+    text = describe(case.title, method, problem, case.options)
+    Terminal(comm).say(f"{text}\n{case.path} can be run.")
+    return SOLVED
+
+
+def info(comm: MPI.Intracomm) -> int:
+    """Show what the program runs on. Collective."""
+    found = versions() | surroundings(comm)
+    width = max(map(len, found))
+    Terminal(comm).say("\n".join(f"{name:{width}}  {text}" for name, text in found.items()))
+    return SOLVED
+
+
+def about(comm: MPI.Intracomm, path: str, trust: bool = False) -> int:
+    """Say what the numbers of a case mean. Collective.
+
+    Args:
+        comm: The ranks.
+        path: Case file.
+        trust: Run a script that the mesh is made of.
+
+    Raises:
+        InputError: If the case cannot be used.
+    """
+    case = read_case(path, comm, trust)
+    tagged_mesh = case.tagged_mesh(comm)
+    terminal = Terminal(comm)
+    terminal.say(f"{visible(case.title)}: {', '.join(case.materials)}")
+    for text in meaning(case, tagged_mesh.kinematics.whole):
+        terminal.say(text)
+    return SOLVED
+
+
+def schema(comm: MPI.Intracomm, output: str | None) -> int:
+    """Show the JSON Schema of case files, or write it by rank 0. Collective.
+
+    Args:
+        comm: The ranks.
+        output: The file; None for standard output.
+
+    Raises:
+        InputError: If the system refuses to write it.
+    """
+    text = json.dumps(case_schema(), indent=2, ensure_ascii=False)
+
+    def write() -> None:
+        try:
+            replace(Path(str(output)), f"{text}\n".encode())
+        except OSError as error:
+            raise InputError(f"'{output}' cannot be written: {error.strerror}.") from error
+
+    if output is None:
+        Terminal(comm).say(text)
+    else:
+        on_rank0(comm, write)
+        Terminal(comm).say(output)
+    return SOLVED
