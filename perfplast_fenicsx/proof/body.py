@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.proof.cell_shapes import check_cells, check_sections, in_order_of, with_kind
 from perfplast_fenicsx.proof.cones import Cones
-from perfplast_fenicsx.proof.guided import left_free, with_guided
+from perfplast_fenicsx.proof.guided import with_guided
 from perfplast_fenicsx.proof.load_kinds import EVERY, KINDS, NAMES, Loads, with_all
 from perfplast_fenicsx.proof.plain_arrays import ProofError, checked, equal
 from perfplast_fenicsx.proof.rigid_arrays import with_rigid
@@ -129,13 +129,11 @@ class Body:
         for name in RUBBING:
             if (fault := fault_of(getattr(self, name))) is not None:
                 raise ProofError(f"{name} {fault}.")
+        self._check_tags()
         if len(np.unique(self.rigid)) < rigid or not np.isin(self.rigid, self.surface).all():
             raise ProofError("rigid names a surface twice, or one that there is not.")
         if not self.plastic.any():
             raise ProofError("no cell can yield, so that nothing limits the load.")
-        told = left_free(self.sought.traction, self.held, self.guided)
-        if not self.sought.pushes(told[~self.on_axis], ~self.rigid_held):
-            raise ProofError("nothing is loaded but supports: every load factor would be a bound.")
         places = self.vertices[self.cells]
         check_cells(places, self.volumes, lambda: self.gradients)
         if self.is_revolved:
@@ -289,6 +287,20 @@ class Body:
         outer = self.sides[1]
         mine = self.cells[:, self.corners].reshape(-1, self.dim)[outer]
         return in_order_of(outer, mine, self.facets)
+
+    def _check_tags(self) -> None:
+        """Make sure that contacts and obstacles are of surfaces that there are, each named once."""
+        named = {"contacts": self.contacts, "obstacles": self.obstacles, "rigid": self.rigid}
+        if self.surface.size and self.surface.min() < 0:
+            raise ProofError("surface has negative tags.")
+        for name, tags in named.items():
+            if tags.size and tags.min() < 1:
+                raise ProofError(f"{name} names no surface: tags of surfaces are positive.")
+        for name in ("contacts", "obstacles"):
+            if not np.isin(named[name], self.surface).all():
+                raise ProofError(f"{name} names a surface that there is not.")
+        if len(np.unique(np.sort(self.contacts, axis=1), axis=0)) < len(self.contacts):
+            raise ProofError("contacts names two surfaces twice.")
 
     def _check_facets(self) -> None:
         if not self._found[1]:

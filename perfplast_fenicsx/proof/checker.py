@@ -23,6 +23,7 @@ from perfplast_fenicsx.proof.plain_arrays import (
     number_of,
     stored_arrays,
 )
+from perfplast_fenicsx.proof.rigid import check_loaded
 from perfplast_fenicsx.proof.taken_as_written import taken_as_written
 from perfplast_fenicsx.proof.upper import check_nodes, measure_velocity
 from perfplast_fenicsx.proof.verdict import RATIOS, Checked, faults_of, rounding_of
@@ -185,10 +186,15 @@ def _up_to(proven: float, factor: float) -> str:
 
 
 def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
-    """What forbids that both halves stand in one file, and what one says of the other."""
+    """Return what forbids that both halves stand in one file, and what one says of the other.
+
+    Bounds are compared by what was proven, whatever the file claims.
+    """
     same = upper.body is lower.body
     faults = [] if same else differences(lower.body, upper.body)
-    low, high = lower.checked.claimed, upper.checked.claimed
+    low, high = lower.checked.proven, upper.checked.proven
+    if low is None or high is None:
+        return faults, "Nothing is said of the distance of the bounds: one of them is not proven."
     if not low <= high + rounding_of(high, upper.power):
         faults.append(f"the lower bound {low:.9g} is above the upper one {high:.9g}")
     change = lower.forces * upper.speed if lower.forces else 0.0
@@ -220,6 +226,7 @@ def _body(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> tuple[Body
     body = Body.of(arrays, None if before is None else before.body)
     if before is not None and body is before.body:
         return body, before.overlaps
+    check_loaded(body)
     return body, overlapping(body)
 
 

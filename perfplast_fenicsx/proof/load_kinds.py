@@ -74,18 +74,6 @@ class Loads:
         """Whether others are the same to the last digit."""
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in NAMES)
 
-    def pushes(self, free: Floats, rigid_free: npt.NDArray[np.bool_]) -> bool:
-        """Whether they push or pull anything but supports.
-
-        Args:
-            free: What tractions are where facets can move, shape (num_facets, d, d).
-            rigid_free: The same of rigid surfaces; where any is held these do not turn.
-        """
-        turns = rigid_free.all(axis=1, keepdims=True)
-        on_plates = (self.rigid_force * rigid_free, self.rigid_moment * turns)
-        every = (free, self.body_force, self.pore_pressure, *on_plates)
-        return any(bool(values.any()) for values in every)
-
     def pore_work(self, volumes: Floats, growth: Floats) -> float:
         """∫u div v, exact.
 

@@ -20,10 +20,11 @@ from perfplast_fenicsx.proof.body import Body, Floats, Longs
 from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.least_radii import BARE, finite, least_of, least_radii
 from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.outer_tractions import applied, outer_tractions, tractions_on
+from perfplast_fenicsx.proof.outer_tractions import outer_tractions, tractions_on
 from perfplast_fenicsx.proof.pieces import largest_share
 from perfplast_fenicsx.proof.rigid import rigid_of, sums_of
 from perfplast_fenicsx.proof.rings import (
+    applied,
     coefficients_of_radius,
     facet_coefficients,
     on_axis,

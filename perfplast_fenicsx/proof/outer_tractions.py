@@ -9,7 +9,7 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.least_radii import finite, least_of
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.rigid import Rigid
-from perfplast_fenicsx.proof.rings import PAIRS, coefficients_of_radius, times_radius
+from perfplast_fenicsx.proof.rings import PAIRS, applied, coefficients_of_radius
 from perfplast_fenicsx.proof.rubbing import excess, unheld
 from perfplast_fenicsx.proof.touching import Touching, obstacles_of, touching
 
@@ -31,13 +31,6 @@ class Outer:
     of_plates: Floats
     reacts: Floats
     reason: str | None
-
-
-def applied(body: Body, loads: Loads) -> Floats:
-    """Tractions of loads at the vertices of facets, or coefficients of r times these."""
-    if not body.is_revolved:
-        return loads.traction
-    return times_radius(body.vertices[body.facets][..., 0], loads.traction)
 
 
 def tractions_on(
@@ -81,7 +74,7 @@ def outer_tractions(
         for facets in (pair.first, pair.second):
             into[facets] = body.normals[facets]
             radii[facets] = weaker
-            times[facets] += 1
+            np.add.at(times, facets, 1)
             adhesion[facets], friction[facets] = c, mu
         held_at_first, at_second = body.held[pair.first], body.held[pair.second]
         if (c or mu) and (held_at_first.any(axis=1) & at_second.any(axis=1)).any():

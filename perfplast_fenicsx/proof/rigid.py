@@ -11,7 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.guided import left_free
 from perfplast_fenicsx.proof.load_kinds import Loads
+from perfplast_fenicsx.proof.plain_arrays import ProofError
+from perfplast_fenicsx.proof.rings import applied
 
 
 @dataclass(frozen=True)
@@ -99,6 +102,31 @@ def rigid_of(body: Body) -> list[Rigid]:
         area = float(areas @ x[..., 0].mean(axis=1) if body.is_revolved else areas.sum())
         found.append(Rigid(number, facets, free, middle, extent, area, turn))
     return found
+
+
+def check_loaded(body: Body) -> None:
+    """Make sure that the loads whose factor is bounded push something that can move.
+
+    Tractions on a rigid surface push it by their resultant alone, along what is free.
+
+    Args:
+        body: The bodies.
+
+    Raises:
+        ProofError: If they push nothing but supports.
+    """
+    loads, glued = body.sought, np.isin(body.surface, body.rigid)
+    free = left_free(loads.traction, body.held, body.guided)[~body.on_axis & ~glued]
+    if free.any() or loads.body_force.any() or loads.pore_pressure.any():
+        return
+    rounding = 1e-12  # of a sum of tractions, relative to that of their sizes
+    for surface in rigid_of(body):
+        pushes = surface.resultant(body, applied(body, loads))
+        here = applied(body, loads)[surface.facets]
+        size = float(body.areas[surface.facets] @ np.linalg.norm(here, axis=2).mean(axis=1))
+        if surface.wanted(loads).any() or np.abs(pushes).max() > rounding * size:
+            return
+    raise ProofError("nothing is loaded but supports: every load factor would be a bound.")
 
 
 def sums_of(rigid: list[Rigid], loads: Loads) -> tuple[float, float]:

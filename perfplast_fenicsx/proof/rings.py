@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
+from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.parts import parts_of
 
 PAIRS = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
@@ -59,6 +60,13 @@ def times_radius(radii: Floats, values: Floats) -> Floats:
 def coefficients_of_radius(radii: Floats) -> Floats:
     """Those of r, shape (n, 6) of (n, 3), or (n, 3) of (n, 2)."""
     return times_radius(radii, np.ones((*radii.shape, 1)))[..., 0]
+
+
+def applied(body: Body, loads: Loads) -> Floats:
+    """Tractions of loads at the vertices of facets, or coefficients of r times these."""
+    if not body.is_revolved:
+        return loads.traction
+    return times_radius(body.vertices[body.facets][..., 0], loads.traction)
 
 
 def derivatives(body: Body, coefficients: Floats) -> Floats:

@@ -40,7 +40,7 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
         other: Tag of the other.
     """
     firsts, seconds = body.on(one), body.on(other)
-    a, b = _nearest(body, *_candidates(body, firsts, seconds))
+    a, b = _each_other(body, *_candidates(body, firsts, seconds))
     normal = body.normals[a][:, None, None]
     x = body.vertices[body.facets]
     away = x[b][:, None] - x[a][:, :, None]
@@ -50,11 +50,15 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
     whole = (gaps.min(axis=2) <= _close(body, a)[:, None]).all(axis=1)
     whole &= (np.sort(order, axis=1) == np.arange(body.dim)).all(axis=1)
     if body.is_revolved:  # rings of one size
-        apart = np.take_along_axis(x[b][..., 0], order, axis=1) - x[a][..., 0]
-        whole &= (np.abs(apart) <= _close(body, a)[:, None]).all(axis=1)
+        off = np.take_along_axis(x[b][..., 0], order, axis=1) - x[a][..., 0]
+        whole &= (np.abs(off) <= _close(body, a)[:, None]).all(axis=1)
     first, second = a[whole], b[whole]
     left = np.setdiff1d(firsts, first), np.setdiff1d(seconds, second)
-    return Touching(first, second, order[whole], _overlapping(body, *left))
+    apart = _overlapping(body, *left)
+    # A facet that another one of its surface hides faces the partner of that one.
+    apart = apart or _overlapping(body, left[0], second, in_front=True)
+    apart = apart or _overlapping(body, left[1], first, in_front=True)
+    return Touching(first, second, order[whole], apart)
 
 
 def _close(body: Body, facets: Longs) -> Floats:
@@ -113,21 +117,28 @@ def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs
     return np.concatenate(found_a), np.concatenate(found_b)
 
 
-def _nearest(body: Body, a: Longs, b: Longs) -> tuple[Longs, Longs]:
-    """Of pairs that lie on one line, for each first the nearest second."""
+def _each_other(body: Body, a: Longs, b: Longs) -> tuple[Longs, Longs]:
+    """Return the pairs, of those on one line, in which each is the nearest to the other."""
     centres = body.vertices[body.facets].mean(axis=1)
     height = np.sum((centres[b] - centres[a]) * body.normals[a], axis=1)
-    order = np.lexsort([height, a])
-    a, b = a[order], b[order]
-    is_first = np.diff(a, prepend=-1) != 0
-    return a[is_first], b[is_first]
+    nearest = np.ones(len(a), dtype=bool)
+    for facets in (a, b):
+        order = np.lexsort([height, facets])
+        nearest[order[np.diff(facets[order], prepend=-1) == 0]] = False
+    return a[nearest], b[nearest]
 
 
-def _overlapping(body: Body, a: Longs, b: Longs) -> int:
+def _overlapping(body: Body, a: Longs, b: Longs, in_front: bool = False) -> int:
     """How many of a have boxes, seen along their normals, that overlap one of b's facing them.
 
     Those of the first part of a that has any are enough to refuse, and all pairs of many thousand
     facets would take long.
+
+    Args:
+        body: The bodies.
+        a: Numbers of facets.
+        b: Those of others.
+        in_front: Whether only facets count that lie in front of each other.
     """
     if not (len(a) and len(b)):
         return 0
@@ -143,6 +154,8 @@ def _overlapping(body: Body, a: Longs, b: Longs) -> int:
         across = np.maximum(np.einsum("abi,abi->ab", between, between) - height**2, 0)
         near = across < (radii[some][:, None] + radii[b]) ** 2
         near &= n @ body.normals[b].T < -facing
+        if in_front:
+            near &= height >= -_close(body, some)[:, None]
         i, j = np.nonzero(near)
         frames = np.linalg.qr(
             np.concatenate([n[:, :, None], np.tile(np.eye(body.dim), (len(n), 1, 1))], axis=2)

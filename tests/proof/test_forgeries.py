@@ -402,9 +402,29 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "no contact above": (high(without("contacts")), "different contacts"),
     "no contact below": (low(without("contacts")), "different contacts"),
     "no obstacle above": (high(without("obstacles")), "different contacts"),
-    "lower above upper": (
+    "upper claimed below lower": (
         lambda halves: halves["upper"]["bound"].__setitem__((), 0.5 * halves["lower"]["bound"]),
-        "above the upper one",
+        "only",
+    ),
+    # tags that are none
+    "a contact of no surface": (both(put("contacts", (0, 0), 0)), "names no surface"),
+    "an obstacle of no surface": (both(put("obstacles", 0, 0)), "names no surface"),
+    "a contact of a surface that there is not": (
+        both(put("contacts", (0, 0), 4711)),
+        "that there is not",
+    ),
+    "a surface below zero": (both(put("surface", 0, -1)), "negative tags"),
+    "a contact twice": (
+        both(
+            lambda them: [
+                them.update({name: np.concatenate([them[name], them[name][:, ::-1]])})
+                if name == "contacts"
+                else them.update({name: np.concatenate([them[name]] * 2)})
+                for name in them
+                if name.startswith("contact")
+            ]
+        ),
+        "twice",
     ),
     # the stress
     "asymmetric by the last bit": (

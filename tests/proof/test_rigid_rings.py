@@ -50,7 +50,7 @@ RIGID: dict[str, tuple[Forgery, str]] = {
     "more force than it has": (low(times("rigid_force", 1.1)), "rigid forces"),
     "half the force above": (high(in_turn(times("rigid_force", 0.5), times("bound", 2))), "loads"),
     "free to turn": (both(put("rigid_held", (0, 0), 0)), "otherwise than along it"),
-    "held along the axis": (both(put("rigid_held", (0, 1), 1)), "nothing is loaded"),
+    "held along the axis": (both(put("rigid_held", (0, 1), 1)), "otherwise than along it"),
     "a plate that bends": (high(bent), "bent|volume"),
     "half the bound": (high(times("bound", 0.5)), "only|above"),
     "twice the bound": (low(times("bound", 2.0)), "rigid forces"),
