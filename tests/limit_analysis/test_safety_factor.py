@@ -1,11 +1,13 @@
 """Factors of safety of slopes, proven from both sides."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from meshes.retaining_wall import write_retaining_wall
 from meshes.slope import write_slope
 from perfplast_fenicsx import (
     Adaptation,
@@ -17,11 +19,17 @@ from perfplast_fenicsx import (
     Pressure,
     Problem,
     Support,
+    Tie,
     VonMises,
     factor_of_safety,
     limit_bounds,
 )
+from perfplast_fenicsx.limit_analysis.body import factor_roots
+from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
+from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED, upper_bound
+from perfplast_fenicsx.limit_analysis.body.safety_factor import times_in_words
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import weakened
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.problem.variant import variant
@@ -83,6 +91,62 @@ def test_strengths_that_are_reduced() -> None:
     assert VonMises(1e3, 0.3, 0.3).reduced(2.0).yield_stress == pytest.approx(0.15)
     elastic = Elastic(1e3, 0.3)
     assert elastic.reduced(3.0) is elastic
+
+
+@pytest.fixture
+def glued_wall(read: Read) -> Problem:
+    """A wall that keeps its volume, glued to ground that dilates; both have weight."""
+    bodies = {
+        "ground": DruckerPrager(1e4, 0.3, 0.05, 25.0, "plane-strain"),
+        "wall": VonMises(1e6, 0.2, 20.0),
+    }
+    supports = [Support("bottom"), Support("side", "x"), Support("below", "x")]
+    loads = [BodyForce(name, (0.0, -1.2), constant=True) for name in bodies]
+    ties = [Tie("ground_face", "wall_face")]
+    mesh = read(write_retaining_wall, width=3.0)
+    return Problem(mesh, bodies, supports, loads, ties=ties, degree=2)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.3, 1.6])
+def test_upper_bounds_of_ground_glued_to_what_keeps_its_volume(
+    glued_wall: Problem, factor: float
+) -> None:
+    """4e-11 of the strain rates was left of volume changes, which is more than rounding."""
+    bounds = upper_bound(weakened(glued_wall, factor), 1e-3)
+    assert bounds.upper.strict, bounds.upper
+    assert bounds.certificates["inadmissible"] < 1e-11
+
+
+def test_values_that_are_not_strict_steer_the_search(
+    glued_wall: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are never what is told, and bring the search to a factor where a bound is strict."""
+    asked = []
+
+    def sometimes(problem: Problem, rtol: float, steps: object) -> BodyBounds:
+        bounds = upper_bound(problem, rtol)
+        asked.append(bounds.upper.value)
+        upper = replace(bounds.upper, of=Scope.MESH, why_not=("it was made so here",))
+        return bounds if len(asked) > 2 else replace(bounds, upper=upper)
+
+    monkeypatch.setattr(factor_roots, "upper_bound", sometimes)
+    roots = factor_roots.FactorRoots(glued_wall, 1e-2, None, None)
+    roots.keep(0.3, upper_bound(weakened(glued_wall, 0.3), 1e-3))
+    found = roots.root("upper")
+    assert found is not None
+    assert 0.9 < (roots.found["upper"][found].upper.value or 0.0) <= 1.0
+    assert roots.found["upper"][found].upper.strict
+    assert 3 <= len(asked) <= 5
+
+
+def test_why_there_is_no_bound_is_told() -> None:
+    loose = Bound(0.9, "upper", Scope.MESH, ("volume changes are more than rounding",))
+    told = times_in_words(1.04, Bound(None, "lower", Scope.MESH, (NOT_ASKED,)), loose)
+    assert told.endswith("the upper one is not strict: volume changes are more than rounding.")
+    assert NOT_ASKED not in told
+    assert "there is no upper one: it is so" in times_in_words(
+        1.04, NOT_SOUGHT, Bound(None, "upper", Scope.MESH, ("it is so",))
+    )
 
 
 def test_what_is_refused(read: Read) -> None:

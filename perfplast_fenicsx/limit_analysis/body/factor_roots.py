@@ -96,21 +96,23 @@ class FactorRoots:
         return math.log(times) if times is not None and times > 0 else None
 
     def root(self, kind: str) -> float | None:
-        """The factor at which a bound of μ is 1, on the safe side of it. Collective."""
+        """Return the factor at which a bound of μ is 1, on its safe side; None of none. Collective.
+
+        Values that are not strict steer the search as well, and are never what is returned.
+        """
         sign, found = 1 if kind == "lower" else -1, self.found[kind]
         best: float | None = None
         aim = 0.5  # where in the tolerance a root is aimed at, from its safe side
         for _ in range(MOST_SEARCHES):
-            known = {}
-            for factor, bounds in found.items():
-                bound = bounds.lower if kind == "lower" else bounds.upper
-                if bound.strict and bound.value is not None and bound.value > 0:
-                    known[factor] = math.log(bound.value)
-            safe = [factor for factor, times in known.items() if sign * times >= 0]
+            known, strict = _known(found, kind)
+            safe = [factor for factor in strict if sign * known[factor] >= 0]
             best = (max(safe) if kind == "lower" else min(safe)) if safe else None
             room = self.tolerance * _steepness(known, self.steepness)
             if best is not None and abs(known[best]) <= room:
                 break
+            near = [it for it, times in known.items() if 0 <= sign * times <= 2 * aim * room]
+            if near and not strict & set(near):  # further away from the root one may be strict
+                aim *= 4
             if known:
                 factor = _next(known, sign * aim * room, self.steepness)
             else:  # confined bodies fall with less strength, coarse meshes carry more with more
@@ -136,6 +138,18 @@ class FactorRoots:
             self.found[kind][factor] = bounds
         if self.monitor is not None:
             self.monitor(factor, bounds.lower, bounds.upper)
+
+
+def _known(found: dict[float, BodyBounds], kind: str) -> tuple[dict[float, float], set[float]]:
+    """Return ln μ by F, of bounds of one kind that have a value, and those F where it is strict."""
+    known, strict = dict[float, float](), set[float]()
+    for factor, bounds in found.items():
+        bound = bounds.lower if kind == "lower" else bounds.upper
+        if bound.value is not None and bound.value > 0:
+            known[factor] = math.log(bound.value)
+            if bound.strict:
+                strict.add(factor)
+    return known, strict
 
 
 def _steepness(known: dict[float, float], guess: float) -> float:

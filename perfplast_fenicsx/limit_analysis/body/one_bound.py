@@ -23,6 +23,10 @@ Steps = Callable[[InteriorStep], None]
 """Called on every rank after each step of the interior point method."""
 
 
+NOT_ASKED = "it was not asked for"
+"""Why the other bound is missing."""
+
+
 def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None) -> BodyBounds:
     """An upper bound and its mechanism, without a lower one. Collective.
 
@@ -84,4 +88,4 @@ def lower_bound(
 
 def _other(kind: str) -> Bound:
     """In the place of the bound that is not sought."""
-    return Bound(None, kind, Scope.MESH, ("it was not asked for",))
+    return Bound(None, kind, Scope.MESH, (NOT_ASKED,))

@@ -15,10 +15,11 @@ from typing import Any
 from perfplast_fenicsx.factor_words import factor_words
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_words import sentences, taken_as
 from perfplast_fenicsx.limit_analysis.body.factor_roots import FactorRoots
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
+from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_stands, weakened
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
@@ -152,9 +153,19 @@ def times_in_words(factor: float, lower: Bound, upper: Bound, estimate: bool = F
         sides.append(f"{rounded_down(lower.value)} times {least}")
     if upper.strict and upper.value is not None:
         sides.append(f"{rounded_up(upper.value)} times at most")
-    known = " and ".join(sides) or "as often as no bound says"
     davis = ", by Davis' estimate," if estimate else ""
-    return f"With strengths divided by F = {factor:.6g} the loads are carried{davis} {known}."
+    if sides:
+        known = " and ".join(sides)
+        return f"With strengths divided by F = {factor:.6g} the loads are carried{davis} {known}."
+    reasons = [
+        f"{f'there is no {it.kind} one' if it.value is None else f'the {it.kind} one is not strict'}"
+        f": {why}"
+        for it in (lower, upper)
+        for why in it.why_not
+        if why not in (NOT_ASKED, *NOT_SOUGHT.why_not)
+    ]
+    told = "; ".join(dict.fromkeys(reasons)) or "none was sought"
+    return f"With strengths divided by F = {factor:.6g} no bound says how often: {told}."
 
 
 def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:

@@ -13,11 +13,14 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.conic_program import PROXIMAL
 from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli, SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.conic.rebalancing import rebalance
 from perfplast_fenicsx.limit_analysis.statements.bound import measure_of
 from perfplast_fenicsx.rounding import ROUNDING
+from perfplast_fenicsx.solvers.linear.conjugate_residuals import ConjugateResiduals
 
 IN_BALANCE = 1e-8
 """Largest force without balance, relative to the largest load, that counts as none."""
@@ -136,8 +139,8 @@ def kinematic_load(iteration: InteriorIteration) -> KinematicLoad:
 def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float:
     """Bring the velocity to the nearest one that keeps volumes and elastic bodies. Collective.
 
-    It is nearest in the norm of the last viscosities, and found by the method of multipliers. What
-    dilates is left as it is.
+    It is nearest in the norm of the last viscosities, and found by the method of multipliers. Where
+    bodies dilate see :func:`_centred`.
 
     Args:
         iteration: Whose velocity it is.
@@ -150,17 +153,12 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
         SingularStiffness: If K cannot be factorised.
     """
     program, now, v = iteration.program, iteration.now, iteration.velocity
-    strains = program.strains
-    # What is inadmissible that is gone on to without cohesion, or as long as it is quick: what
-    # strict bounds and those who check them let pass is about `EXACT`.
-    better = 1e-12
     if program.dilates:
-        # Steps towards the middle of the cones, after which bodies that dilate grow enough.
-        most_centrings = 3
-        for _ in range(most_centrings):
-            if (left := iteration.inadmissible()) <= (better if program.loose else EXACT):
-                return left
-            iteration.step(onwards=False)
+        return _centred(iteration)
+    strains = program.strains
+    # What is inadmissible that is gone on to as long as it is quick: what strict bounds and those
+    # who check them let pass is about `EXACT`.
+    better = 1e-12
     v.array[held] = 0
     sizes = np.linalg.norm(now.Z[:, 1:], axis=1)
     # Regions that flow less than the mean are at most so many times stiffer in the projection.
@@ -169,12 +167,10 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     at = program.blocks.cones.at
     flows = program.weights[at] * np.linalg.norm(strains.of(v)[1][at], axis=1)
     viscosity[at] = program.strengths[at] / np.maximum(flows, 1 / stiffer)
-    keeps = ~(program.plastic & (strains.slopes > 0))
     stiffest = 1e9  # weight of volume changes in the projection
-    penalty = np.where(keeps, stiffest, viscosity)
     none = np.zeros((len(viscosity), strains.size))
     stiff = np.where(program.plastic, viscosity, stiffest)
-    program.assemble(Moduli(penalty, stiff, none), held)
+    program.assemble(Moduli(np.full_like(stiff, stiffest), stiff, none), held)
     program.stiffness.factorise()
 
     before = v.copy()
@@ -190,7 +186,7 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
         slow = number >= USUAL and not inadmissible < PROGRESS * last
         if enough or slow or (inadmissible <= EXACT and not inadmissible < quick * last):
             break
-        pressure = pressure - np.where(keeps, stiffest * program.weights * trace, 0.0)
+        pressure = pressure - stiffest * program.weights * trace
         stress = stress - stiffest * program.weights[:, None] * elastic
         program.internal_forces(pressure, stress, forces)
         forces.array[held] = 0
@@ -199,3 +195,70 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     for vector in (before, forces, correction):
         vector.destroy()
     return inadmissible
+
+
+def _centred(iteration: InteriorIteration) -> float:
+    """Make the velocity admissible where bodies dilate, and others may keep volumes. Collective.
+
+    Steps towards the middle of the cones let bodies that dilate grow enough. They leave volume
+    changes of the others that are small but no rounding, since the stiffness is next to singular.
+    These are taken away with the factors of the last step: its moduli are the scaling of the cones,
+    so that each cone changes by little beside what it has to spare.
+
+    Returns:
+        What is left, relative to ‖ε(v)‖.
+
+    Raises:
+        SingularStiffness: If K cannot be factorised.
+    """
+    program, v = iteration.program, iteration.velocity
+    keeps = ~(program.plastic & (program.strains.slopes > 0))
+    both = bool(program.comm.allreduce(bool(keeps.any()), MPI.LOR))
+    # What may be left without cohesion, and where volumes are kept too: what strict bounds and
+    # those who check them let pass is about `EXACT`.
+    better = 1e-12
+    most_centrings = 3
+    left = iteration.inadmissible()
+    for _ in range(most_centrings):
+        if left <= (better if program.loose or both else EXACT):
+            return left
+        iteration.step(onwards=False)
+        left = iteration.inadmissible()
+    if not both:
+        return left
+
+    weights, roots = program.weights, np.sqrt(program.weights)[:, None]
+    stiff = weights / PROXIMAL**2  # as the last step has them
+
+    def changes(velocity: PETSc.Vec) -> Floats:
+        trace, deviator = program.strains.of(velocity)
+        kept = np.where(keeps, trace, 0.0), np.where(program.plastic[:, None], 0.0, deviator)
+        return roots * np.column_stack(kept)
+
+    forces, correction, best = v.duplicate(), v.duplicate(), v.copy()
+    directions = ConjugateResiduals(program.total)
+    least, since = np.inf, 0
+    most_corrections, patience, worth = 50, 8, 0.5  # 10 to 30 corrections were seen
+    try:
+        while directions.count <= most_corrections:
+            wrong = changes(v)
+            size = np.sqrt(program.total(float((wrong**2).sum())))
+            since = 0 if size < worth * least else since + 1
+            if size < least:
+                least = size
+                v.copy(best)
+            if size == 0 or since == patience:
+                break
+            pushes = -(stiff[:, None] / roots) * wrong
+            program.internal_forces(pushes[:, 0].copy(), pushes[:, 1:].copy(), forces)
+            program.stiffness.solve(forces, correction)
+            effect = -changes(correction).ravel()
+            step = directions.step(correction.array_r, effect, wrong.ravel())
+            if step is None:
+                break
+            v.array[:] += step
+    finally:
+        best.copy(v)
+        for vector in (forces, correction, best):
+            vector.destroy()
+    return iteration.inadmissible()
