@@ -96,9 +96,10 @@ class FactorRoots:
         return math.log(times) if times is not None and times > 0 else None
 
     def root(self, kind: str) -> float | None:
-        """Return the factor at which a bound of μ is 1, on its safe side; None of none. Collective.
+        """Return the factor at which a bound of μ is 1, on its safe side. Collective.
 
-        Values that are not strict steer the search as well, and are never what is returned.
+        None where no strict bound was found. Values that are not strict steer the search as well,
+        and are never what is returned.
         """
         sign, found = 1 if kind == "lower" else -1, self.found[kind]
         best: float | None = None

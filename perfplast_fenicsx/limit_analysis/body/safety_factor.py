@@ -157,9 +157,9 @@ def times_in_words(factor: float, lower: Bound, upper: Bound, estimate: bool = F
     if sides:
         known = " and ".join(sides)
         return f"With strengths divided by F = {factor:.6g} the loads are carried{davis} {known}."
+    words = {True: "there is no {} one", False: "the {} one is not strict"}
     reasons = [
-        f"{f'there is no {it.kind} one' if it.value is None else f'the {it.kind} one is not strict'}"
-        f": {why}"
+        f"{words[it.value is None].format(it.kind)}: {why}"
         for it in (lower, upper)
         for why in it.why_not
         if why not in (NOT_ASKED, *NOT_SOUGHT.why_not)
