@@ -19,6 +19,7 @@ from perfplast_fenicsx.cli.signals import leave_pipes_to_python
 from perfplast_fenicsx.cli.sweep_command import sweep
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
+from perfplast_fenicsx.cli.understood import PICTURE, draw_case, understood
 from perfplast_fenicsx.errors import InputError, on_rank0, visible
 from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.io.case.case_reader import read_case
@@ -63,7 +64,7 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
                 terminal.clear()
     with logged_to_console(comm):
         if chosen.command == "check":
-            return check(comm, chosen.case, chosen.trust)
+            return check(comm, chosen.case, chosen.trust, chosen.output)
         if chosen.command == "info":
             return about(comm, chosen.case, chosen.trust) if chosen.case else info(comm)
         if chosen.command == "materials":
@@ -92,13 +93,15 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
         return draw(comm, chosen.command, chosen.results, chosen.output)
 
 
-def check(comm: MPI.Intracomm, path: str, trust: bool = False) -> int:
+def check(comm: MPI.Intracomm, path: str, trust: bool = False, picture: str | None = None) -> int:
     """Check a case, its mesh, names and contact included, without solving it. Collective.
 
     Args:
         comm: The ranks.
         path: Case file.
         trust: Run a script that the mesh is made of.
+        picture: A PNG file of what was understood; None for ``case.png`` beside the case, unless
+            it wants no pictures.
 
     Raises:
         InputError: If the case cannot be used.
@@ -111,7 +114,13 @@ def check(comm: MPI.Intracomm, path: str, trust: bool = False) -> int:
     if method != LimitMethod.INTERIOR_POINT:
         check_slip_is_true(problem)
     text = describe(case.title, method, problem, case.options)
-    Terminal(comm).say(f"{text}\n{case.path} can be run.")
+    found = understood(case, problem)
+    lines = found.lines if found else []
+    Terminal(comm).say("\n".join([*lines, text, f"{case.path} can be run."]))
+    if picture or case.output.pictures:
+        drawn = Path(picture) if picture else case.path.parent / PICTURE
+        if draw_case(case, problem, found, drawn):
+            Terminal(comm).say(f"Picture of what was understood: {drawn}")
     return SOLVED
 
 

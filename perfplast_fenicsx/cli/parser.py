@@ -201,9 +201,18 @@ def make_parser() -> _Parser:
     check = commands.add_parser(
         "check",
         parents=[scripts],
-        help="check a case, its mesh and names included, without solving it",
+        help="say and draw how a case is understood, and refuse what run would, without solving it",
+        description="Make every test that run makes before its first solve. Say what each load and"
+        " each support covers, what touches and what is free, and draw it.",
     )
     check.add_argument("case", metavar="CASE.toml", help="what to check")
+    check.add_argument(
+        "-o",
+        "--output",
+        metavar="PICTURE",
+        help="PNG file of what was understood (default: case.png beside CASE.toml; none with"
+        " pictures = false under [output])",
+    )
 
     plot = commands.add_parser(
         "plot",

@@ -17,6 +17,7 @@ from perfplast_fenicsx.cli.recorder import Recorder, RunContext
 from perfplast_fenicsx.cli.run_log import RunLog, kept_warnings
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
+from perfplast_fenicsx.cli.understood import understood
 from perfplast_fenicsx.controls.control import Run
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case import Case
@@ -118,11 +119,15 @@ def run(
             else:
                 said += _on_friction(problem, case.loading.limit_tolerance is not None)
                 said += problem.shanks.in_words()
+            meant = understood(case, problem)
+            lines = meant.lines if meant else []  # rank 0 alone has them, and alone speaks
+            terminal.say("\n".join(lines))
             for remark in said:
                 terminal.say(f"{remark}.")
             warn_of(comm, case, problem)
             remarks = [*problem.constraints.remarks, *left_out(problem), *said]
-            journal.header(case, [describe(case.title, method, problem, case.options), *remarks])
+            heading = describe(case.title, method, problem, case.options)
+            journal.header(case, [*lines, heading, *remarks])
             context = RunContext(
                 case=case,
                 problem=problem,

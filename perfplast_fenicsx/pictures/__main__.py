@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from perfplast_fenicsx.child_process import REFUSED
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.pictures.result_figures import animate, parts, plot
+from perfplast_fenicsx.pictures.result_figures import animate, case, parts, plot
 
 
 def main(argv: Sequence[str]) -> int:
@@ -19,6 +19,7 @@ def main(argv: Sequence[str]) -> int:
         "plot": plot,
         "animate": animate,
         "parts": parts,
+        "case": case,
     }
     try:
         for line in commands[command](source, *output):

@@ -22,7 +22,7 @@ from perfplast_fenicsx.errors import InputError
 if TYPE_CHECKING:
     from perfplast_fenicsx.io.results.result_folder import ResultFolder
 
-PATIENCE = {"plot": 900.0, "animate": 2400.0, "parts": 600.0}
+PATIENCE = {"plot": 900.0, "animate": 2400.0, "parts": 600.0, "case": 600.0}
 """Longest time for what a command draws (s)."""
 
 log = logging.getLogger(__name__)
@@ -96,6 +96,19 @@ def draw_parts(skin: str | Path, picture: str | Path) -> None:
         InputError: If it cannot be drawn or written.
     """
     _run("parts", skin, picture, lambda line: None)
+
+
+def draw_case(arrays: str | Path, picture: str | Path) -> None:
+    """Draw a case before it is solved. Not collective.
+
+    Args:
+        arrays: An .npz file of :func:`perfplast_fenicsx.cli.understood.save_arrays`.
+        picture: A PNG file.
+
+    Raises:
+        InputError: If it cannot be drawn or written.
+    """
+    _run("case", arrays, picture, lambda line: None)
 
 
 def _run(

@@ -154,6 +154,26 @@ def parts(skin: str | Path, output: str | Path) -> Iterator[str]:
     yield str(path)
 
 
+def case(arrays: str | Path, output: str | Path) -> Iterator[str]:
+    """Draw a case before it is solved: what is loaded, held, in contact and free.
+
+    Args:
+        arrays: An .npz file of :func:`perfplast_fenicsx.cli.understood.save_arrays`.
+        output: A PNG file.
+
+    Yields:
+        Its path once it is drawn.
+
+    Raises:
+        InputError: If it cannot be drawn or written.
+    """
+    with _drawing(Path(output)) as path:
+        from perfplast_fenicsx.pictures.case_figure import save_case
+
+        save_case(arrays, path)
+    yield str(path)
+
+
 def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, float, str] | None:
     """The mechanism: that of the limit load, else the increment between the last two levels.
 

@@ -16,6 +16,7 @@ import pytest
 from demos.verification.verify import CASES as VERIFIED
 from perfplast_fenicsx.__main__ import main as command_line
 from perfplast_fenicsx.cli.parser import SOLVED
+from perfplast_fenicsx.cli.understood import PICTURE
 from perfplast_fenicsx.pictures import drawing_process
 from tests.parallel_plugin import EVERY_CASE
 
@@ -90,8 +91,16 @@ def test_script(
 
 
 @pytest.mark.parametrize("case", CASES, ids=name)
-def test_case(case: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]) -> None:
+def test_case(
+    case: Path,
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drawn: list[Path] = []
+    monkeypatch.setattr(drawing_process, "draw_case", lambda arrays, picture: drawn.append(picture))
     assert command_line(["check", str(case)]) == SOLVED
     out, err = capsys.readouterr()
     assert err == ""
     assert ("can be run" in out) == (comm.rank == 0)
+    assert drawn == ([case.parent / PICTURE] if comm.rank == 0 else [])

@@ -160,11 +160,29 @@ def _faces(node: Longs, normals: Floats) -> Longs:
 
 def surface_facets(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> SurfaceFacets:
     """The exterior facets of a surface on this rank. Not collective."""
+    facets = np.intersect1d(tagged_mesh.facets(surface), exterior_facets(tagged_mesh))
+    return outer_facets(V, tagged_mesh, facets)
+
+
+def exterior_facets(tagged_mesh: TaggedMesh) -> Ints:
+    """Return the local indices of the exterior facets that this rank owns. Not collective."""
+    topology = tagged_mesh.mesh.topology
+    topology.create_connectivity(topology.dim - 1, topology.dim)
+    return np.asarray(exterior_facet_indices(topology), dtype=np.int32)
+
+
+def outer_facets(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, facets: Ints) -> SurfaceFacets:
+    """Return the geometry of exterior facets of this rank. Not collective.
+
+    Args:
+        V: Displacement space.
+        tagged_mesh: Its mesh with names.
+        facets: Local indices of exterior facets, sorted, shape (n,).
+    """
     mesh = V.mesh
     tdim, gdim = mesh.topology.dim, mesh.geometry.dim
     mesh.topology.create_connectivity(tdim - 1, tdim)
     mesh.topology.create_connectivity(tdim, tdim - 1)
-    facets = np.intersect1d(tagged_mesh.facets(surface), exterior_facet_indices(mesh.topology))
     to_cell = mesh.topology.connectivity(tdim - 1, tdim)
     to_facet = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
     cells = to_cell.array[to_cell.offsets[facets]]

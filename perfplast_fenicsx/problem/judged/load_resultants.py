@@ -2,9 +2,12 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
 from perfplast_fenicsx.problem.declared.loads import kind_of
 from perfplast_fenicsx.problem.judged.moments import moment
+from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -33,6 +36,12 @@ class LoadResultant:
 
 def load_resultants(problem: Problem) -> list[LoadResultant]:
     """The resultant of each declared load, at ζ = 1, in the order of the loads. Collective."""
+    return [found for found, _ in sized_resultants(problem)]
+
+
+@once_a_problem
+def sized_resultants(problem: Problem) -> list[tuple[LoadResultant, float]]:
+    """Return each resultant with the sum of the sizes of its nodal forces. Collective."""
     found = []
     for load in problem.given.loads:
         work = work_vector(problem.V, problem.tagged_mesh, [load])
@@ -40,6 +49,8 @@ def load_resultants(problem: Problem) -> list[LoadResultant]:
         work.destroy()
         sums = [problem.comm.allreduce(a) for a in (forces.sum(axis=0), moment(problem, forces))]
         force, turning = ([float(number) for number in one] for one in sums)
+        size = problem.comm.allreduce(float(np.linalg.norm(forces, axis=1).sum()))
         name = load.name or load.on
-        found.append(LoadResultant(name, load.on, kind_of(load), load.constant, force, turning))
+        told = LoadResultant(name, load.on, kind_of(load), load.constant, force, turning)
+        found.append((told, size))
     return found

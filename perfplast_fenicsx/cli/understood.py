@@ -1,0 +1,434 @@
+"""What a case was taken to say, before it is solved: loads, supports, contacts, free faces."""
+
+import logging
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.io.case.case import Case
+from perfplast_fenicsx.io.case.load_words import load_in_words
+from perfplast_fenicsx.pictures import drawing_process
+from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
+from perfplast_fenicsx.problem.declared.supports import Support
+from perfplast_fenicsx.problem.judged.left_motions import left_motions
+from perfplast_fenicsx.problem.judged.load_resultants import LoadResultant, sized_resultants
+from perfplast_fenicsx.problem.judged.sides import Cover, Sides, find_sides
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import ROUNDING
+
+log = logging.getLogger(__name__)
+
+PICTURE = "case.png"
+"""What ``check`` draws beside a case file."""
+
+MOST = 6
+"""So many sides or names are listed at most; of more the number is told."""
+
+
+@dataclass
+class Marked:
+    """A surface that a picture marks.
+
+    Attributes:
+        roles: What the case says of it: "load", "support", "contact", "tie", "obstacle", "rigid".
+        words: Of the legend, without what it is of a side.
+        part: What it is of the sides that it covers in part; "" where it covers them as a whole.
+        force: Resultants of loads on it (force), each shape (gdim,).
+    """
+
+    roles: list[str] = field(default_factory=list)
+    words: list[str] = field(default_factory=list)
+    part: str = ""
+    force: list[Floats] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Understood:
+    """What a case was taken to say.
+
+    Attributes:
+        lines: In words, for a terminal.
+        sides: The sides of the bodies.
+        marked: Surfaces that the case names, in its order.
+    """
+
+    lines: list[str]
+    sides: Sides
+    marked: dict[str, Marked]
+
+
+def understood(case: Case, problem: Problem) -> Understood | None:
+    """Return on rank 0 what a case was taken to say, None on the others. Collective."""
+    resultants = sized_resultants(problem)
+    single, together = left_motions(problem)
+    volumes = _volumes(problem)
+    gaps = _gaps(problem)
+    sides = find_sides(problem)
+    if sides is None:
+        return None
+    told = _Told(case, problem, sides)
+    told.loads(resultants, volumes)
+    told.supports(single, together)
+    told.interfaces(gaps)
+    told.rest(volumes)
+    return Understood(told.lines, sides, told.marked)
+
+
+class _Told:
+    """Puts what was understood into lines."""
+
+    def __init__(self, case: Case, problem: Problem, sides: Sides) -> None:
+        self.case, self.problem, self.sides = case, problem, sides
+        self.whole = problem.kinematics.whole
+        self.units = case.units.table(self.whole)
+        self._flat = problem.bodies.gdim == 2 and not problem.tagged_mesh.axisymmetric
+        self.lines: list[str] = []
+        self.marked: dict[str, Marked] = {}
+
+    def loads(
+        self, resultants: Sequence[tuple[LoadResultant, float]], volumes: dict[str, float]
+    ) -> None:
+        """Tell each load: where, how large, and what it comes to."""
+        if not self.case.loads:
+            self.lines.append("Loads: none")
+            return
+        own = self.case.stages or not self.case.loading.together
+        self.lines.append(f"Loads at {'a factor of 1' if own else 'zeta = 1'}:")
+        for load, (found, total) in zip(self.case.loads, resultants, strict=True):
+            words = load_in_words(load, self.case.units, self.whole)
+            solid = "volume" if self.whole else "area"
+            size = f"{solid} {_number(volumes[load.on])}" if load.in_volume else self._area(load.on)
+            told = f"{found.name}: {words}; {size}; {self._resultant(load, found, total)}"
+            if load.constant:
+                told += "; at any load factor"
+            if load.in_volume:
+                self.lines.append(f"  {told}")
+                continue
+            self._told(told, load.on, "load", words)
+            self.marked[load.on].force.append(np.array(found.force))
+            if held := self._held_on(load.on, np.abs(found.force) > ROUNDING * total):
+                self.lines.append(f"    a support holds {held} there: no work of these components")
+
+    def supports(self, single: Sequence[list[str]], together: list[str]) -> None:
+        """Tell each support: where, which components, and which rigid motions it leaves."""
+        holding = self.problem.given.holding
+        self.lines.append("Supports:" if holding else "Supports: none")
+        axes = self.problem.kinematics.axes
+        for support, left in zip(holding, single, strict=True):
+            if isinstance(support, Support) and support.guides:
+                what = "the normal"
+            else:
+                numbers = support.axes(self.problem.bodies.gdim)
+                what = ", ".join(axes[number] for number in numbers)
+            verb = "moves" if support.moves else "holds"
+            name = support.name or support.on
+            words = f"{verb} {what}" + (f" of '{support.on}'" if name != support.on else "")
+            motions = "; ".join(left) if left else "no rigid motion"
+            told = f"{name}: {words}; {self._area(support.on)}; leaves {motions}"
+            role = "rigid" if isinstance(support, RigidSurface) else "support"
+            self._told(told, support.on, role, f"{verb} {what}")
+        for surface in self.case.rigid:
+            if surface.free and not surface.held:
+                told = f"{surface.name or surface.on}: '{surface.on}' moves as one rigid surface"
+                self._told(f"{told}; {self._area(surface.on)}", surface.on, "rigid", "rigid")
+        if together and (len(holding), self.problem.bodies.count) != (1, 1):
+            self.lines.append(f"  all together they leave {'; '.join(together)}")
+
+    def interfaces(self, gaps: dict[str, tuple[int, float, float]]) -> None:
+        """Tell contacts, obstacles and ties: areas, pairs of nodes, gaps."""
+        contacts, ties = self.case.contacts, self.case.ties
+        if contacts or self.case.obstacles:
+            self.lines.append("Contacts:")
+        for contact in contacts:
+            both = (contact.primary, contact.secondary)
+            found = gaps.get(f"contact {contact.primary} {contact.secondary}")
+            areas = " and ".join(_number(self.sides.area(name)) for name in both)
+            rubs = _friction(contact.tresca, contact.coulomb)
+            self.lines.append(
+                f"  '{both[0]}' and '{both[1]}': areas {areas}; {self._gap(found)}; {rubs}"
+            )
+            self._mark(both, "contact", f"contact of '{both[0]}' and '{both[1]}'")
+        for obstacle in self.case.obstacles:
+            found = gaps.get(f"obstacle {obstacle.name or obstacle.on}")
+            rubs = _friction(obstacle.tresca, obstacle.coulomb)
+            shape = type(obstacle).__name__.lower()
+            self.lines.append(
+                f"  '{obstacle.on}' and a rigid {shape}: {self._area(obstacle.on)};"
+                f" {self._gap(found)}; {rubs}"
+            )
+            self._mark([obstacle.on], "obstacle", f"rigid {shape}")
+        if ties:
+            self.lines.append("Ties:")
+        for tie in ties:
+            both = (tie.primary, tie.secondary)
+            areas = " and ".join(_number(self.sides.area(name)) for name in both)
+            self.lines.append(f"  '{both[0]}' and '{both[1]}': areas {areas}")
+            self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
+
+    def rest(self, volumes: dict[str, float]) -> None:
+        """Tell what the case does not name, and which bodies have no load or support."""
+        surfaces = self.sides.surfaces
+        free = {name: self.sides.area(name) for name in sorted(surfaces) if name not in self.marked}
+        parts = [f"'{name}' ({_number(area)})" for name, area in free.items() if area]
+        tagged = np.isin(self.sides.facets.tag, list(surfaces.values()))
+        unnamed = float(self.sides.facets.area[~tagged].sum())
+        total = float(self.sides.facets.area.sum())
+        if unnamed > ROUNDING * total:
+            parts.append(f"{_number(unnamed)} without a name")
+        what = "length" if self._flat else "area"
+        self.lines.append(f"Free of all of these ({what}): {_few(parts) or 'nothing'}")
+        loaded = {load.on for load in self.case.loads if load.in_volume}
+        named = self.problem.free.names
+        touched = self._bodies_of({load.on for load in self.case.loads if not load.in_volume})
+        for number, name in enumerate(named):
+            if any(f"'{volume}'" in name for volume in loaded):
+                touched.add(number)
+        resting = [name for number, name in enumerate(named) if number not in touched]
+        if resting and self.case.loads:
+            self.lines.append(f"No load acts on {_few(resting)}")
+
+    def _bodies_of(self, names: Iterable[str]) -> set[int]:
+        found: set[int] = set()
+        for name in names:
+            found |= {int(body) for body in np.unique(self.sides.facets.body[self.sides.on(name)])}
+        return found
+
+    def _told(self, line: str, name: str, role: str, words: str) -> None:
+        """Add a line on a surface, and what it covers of which sides."""
+        parts, all_of = [], dict[str, list[str]]()
+        for cover in self.sides.covers(name):
+            body = self.problem.free.names[cover.side.body]
+            if cover.whole:
+                all_of.setdefault(cover.side.words, []).append(body)
+            else:
+                parts.append(_part(cover, f"{cover.side.words} of {body}"))
+        if all_of:
+            of = [f"{side} of {_few(sorted(bodies))}" for side, bodies in sorted(all_of.items())]
+            line += f"; all of {_few(of)}"
+        if not all_of and not parts:
+            line += "; inside of a body, on no outer face"
+        self.lines.append(f"  {line}")
+        for part in parts[:MOST]:
+            self.lines.append(f"    only a part: {part}")
+        if len(parts) > MOST:
+            self.lines.append(f"    and parts of {len(parts) - MOST} more sides")
+        self._mark([name], role, words)
+        if parts:
+            self.marked[name].part = parts[0] + (" ..." if len(parts) > 1 else "")
+
+    def _mark(self, names: Iterable[str], role: str, words: str) -> None:
+        for name in names:
+            mark = self.marked.setdefault(name, Marked())
+            mark.roles.append(role)
+            mark.words.append(words)
+
+    def _held_on(self, name: str, pushed: npt.NDArray[np.bool_]) -> str:
+        """Return the components that loads push and supports hold on a surface, in words."""
+        gdim, axes = self.problem.bodies.gdim, self.problem.kinematics.axes
+        held = {
+            number
+            for support in self.problem.given.holding
+            if support.on == name
+            for number in support.axes(gdim)
+            if pushed[number]
+        }
+        return ", ".join(axes[number] for number in sorted(held))
+
+    def _area(self, name: str) -> str:
+        unit = self.units["length"]
+        unit = f" {unit}{'' if self._flat else '^2'}" if unit else ""
+        return f"{'length' if self._flat else 'area'} {_number(self.sides.area(name))}{unit}"
+
+    def _gap(self, found: tuple[int, float, float] | None) -> str:
+        if found is None or not found[0]:
+            return "no pairs of nodes"
+        count, low, high = found
+        small = ROUNDING * self.problem.bodies.size
+        low, high = (0.0 if abs(gap) <= small else gap for gap in (low, high))
+        if low == high == 0:
+            where = "touching"
+        elif high - low <= small:
+            where = f"gap {_number(low)}" if low > 0 else f"overlap {_number(-low)}"
+        else:
+            where = f"gap from {_number(low)} to {_number(high)}"
+        return f"{count} pairs of nodes, {where}"
+
+    def _resultant(self, load: Load, found: LoadResultant, total: float) -> str:
+        """Return force and moment of a load in words, the moment about the middle of its surface.
+
+        Args:
+            load: It.
+            found: What it comes to.
+            total: Sum of the sizes of its nodal forces, beside which others are rounding.
+        """
+        force, unit = np.array(found.force), self.units["force"]
+        size = self.problem.bodies.size
+        told = f"force {_vector(force, total)}{f' {unit}' if unit else ''}"
+        if load.in_volume or not found.moment:
+            return told
+        own = self.sides.on(load.on)
+        area = self.sides.facets.area[own]
+        if not area.sum() > 0:
+            return told
+        middle = area @ self.sides.facets.x[own].mean(axis=1) / area.sum()
+        moment = np.array(found.moment) - np.atleast_1d(_cross(middle, force))
+        small = 1e-6  # moments below this share of the largest that there can be are not told
+        if np.abs(moment).max() > small * total * size:
+            shown = moment * self.case.units.moment_scale(self.whole)
+            unit = self.units["moment"]
+            words = _vector(shown, total * size)
+            told += f", moment about its middle {words}{f' {unit}' if unit else ''}"
+        return told
+
+
+def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: Path) -> bool:
+    """Draw what was understood, if the system can. Collective.
+
+    Args:
+        case: Its title heads the picture.
+        problem: The bodies.
+        meant: What :func:`understood` has returned.
+        picture: A PNG file.
+
+    Returns:
+        Whether it is drawn, on every rank alike; without a graphics system a warning is logged.
+    """
+    comm, mesh = problem.comm, problem.tagged_mesh.mesh
+    cells: Floats = np.zeros((0, 3, 2))
+    if mesh.topology.dim == 2:
+        owned = mesh.topology.index_map(2).size_local
+        own = mesh.geometry.x[geometry_dofmap(mesh)[:owned, :3], :2]
+        cells = np.concatenate(comm.gather(own) or [own])
+    drawn = False
+    if meant is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "case.npz"
+            save_arrays(file, case.title, meant, cells, problem.tagged_mesh.axisymmetric)
+            try:
+                drawing_process.draw_case(file, picture)
+                drawn = True
+            except Exception as error:  # the other ranks wait, and a picture is no reason to stop
+                log.warning("%s", error)
+    return bool(comm.bcast(drawn))
+
+
+def save_arrays(file: Path, title: str, meant: Understood, cells: Floats, revolved: bool) -> None:
+    """Write what the picture shows as an .npz file.
+
+    Args:
+        file: The file.
+        title: Of the case.
+        meant: What was understood.
+        cells: Corners of the cells of bodies in the plane, shape (n, 3, 2).
+        revolved: Whether they are half a section of bodies of revolution.
+    """
+    sides, facets = meant.sides, meant.sides.facets
+    mark, rest = np.full(len(facets.area), -1), np.zeros(len(facets.area), dtype=np.bool_)
+    labels, roles, places, forces, of_force = [], [], [], [], []
+    for number, (name, marked) in enumerate(meant.marked.items()):
+        own = sides.on(name)
+        mark[own] = number
+        if marked.part:
+            rest |= sides.rest(name)
+        part = f"  -  only a part: {marked.part}" if marked.part else ""
+        labels.append(f"'{name}': {', '.join(dict.fromkeys(marked.words))}{part}")
+        roles.append(marked.roles[0])
+        weights = facets.area[own]
+        if weights.sum() > 0:
+            middle = weights @ facets.x[own].mean(axis=1) / weights.sum()
+            places += [middle] * len(marked.force)
+            forces += marked.force
+            of_force += [number] * len(marked.force)
+    gdim = facets.x.shape[2]
+    np.savez(
+        file,
+        title=np.array(title),
+        x=facets.x,
+        body=facets.body,
+        mark=mark,
+        rest=rest & (mark < 0),
+        labels=np.array(labels, dtype=np.str_),
+        roles=np.array(roles, dtype=np.str_),
+        places=np.array(places).reshape(-1, gdim),
+        forces=np.array(forces).reshape(-1, gdim),
+        of_force=np.array(of_force, dtype=np.int64),
+        cells=cells,
+        revolved=np.array(revolved),
+    )
+
+
+def _part(cover: Cover, where: str) -> str:
+    """Return what of a side is covered, in words."""
+    side = cover.side
+    share = cover.area / side.area
+    rest = [
+        f"{repr(name) if name else 'without a name'} ({_number(area)})"
+        for name, area in sorted(cover.rest.items())
+    ]
+    pieces = f", {cover.pieces} of its {side.pieces} faces" if side.pieces > 1 else ""
+    return (
+        f"{100 * share:.3g} % of {where}{pieces} ({_number(cover.area)} of {_number(side.area)});"
+        f" the rest is {_few(rest)}"
+    )
+
+
+def _few(words: Sequence[str]) -> str:
+    """Return words in a row, of many the first ones and how many more there are."""
+    shown = words if len(words) <= MOST + 1 else [*words[:MOST], f"{len(words) - MOST} more"]
+    return ", ".join(shown)
+
+
+def _friction(tresca: float | None, coulomb: float | None) -> str:
+    told = [f"adhesion {_number(tresca)}"] if tresca else []
+    told += [f"friction {_number(coulomb)}"] if coulomb else []
+    return " and ".join(told) or "no friction"
+
+
+def _cross(arm: Floats, force: Floats) -> Floats:
+    if len(arm) == 2:
+        return np.array([arm[0] * force[1] - arm[1] * force[0]])
+    return np.asarray(np.cross(arm, force), dtype=np.float64)
+
+
+def _number(value: float) -> str:
+    return f"{value:.5g}"
+
+
+def _vector(values: Floats, most: float) -> str:
+    """Return components in brackets, what is rounding beside ``most`` as 0."""
+    shown = np.where(np.abs(values) <= ROUNDING * most, 0.0, values)
+    return f"({', '.join(_number(float(one)) for one in shown)})"
+
+
+def _volumes(problem: Problem) -> dict[str, float]:
+    """Return the volume of each named body, in the plane its area. Collective."""
+    tagged_mesh = problem.tagged_mesh
+    mesh, tags, dim = tagged_mesh.mesh, tagged_mesh.cell_tags, tagged_mesh.mesh.topology.dim
+    owned = tags.indices < mesh.topology.index_map(dim).size_local
+    x = mesh.geometry.x[geometry_dofmap(mesh)[tags.indices[owned], : dim + 1], :dim]
+    size = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / (2 if dim == 2 else 6)
+    size = size * problem.kinematics.around(x.mean(axis=1))
+    sums = [size[tags.values[owned] == tag].sum() for tag in tagged_mesh.volumes.values()]
+    total = problem.comm.allreduce(np.array(sums, dtype=np.float64))
+    return dict(zip(tagged_mesh.volumes, total.tolist(), strict=True))
+
+
+def _gaps(problem: Problem) -> dict[str, tuple[int, float, float]]:
+    """Return of each contact and obstacle how many pairs, and the range of gaps. Collective."""
+    rows, found = problem.constraints, {}
+    for number, source in enumerate(rows.sources):
+        gap = rows.gap[rows.surface == number]
+        count = problem.comm.allreduce(len(gap))
+        low = problem.comm.allreduce(float(gap.min(initial=np.inf)), MPI.MIN)
+        high = problem.comm.allreduce(float(gap.max(initial=-np.inf)), MPI.MAX)
+        found[source.name] = (count, low, high)
+    return found

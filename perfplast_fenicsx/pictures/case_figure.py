@@ -1,0 +1,192 @@
+"""A picture of a case before it is solved: bodies with loads, supports, contacts, and what is free.
+
+Only the drawing process imports this (:mod:`drawing_process`).
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyvista as pv
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.pictures.heading import heading, in_legend
+from perfplast_fenicsx.pictures.picture_file import replace_picture
+from perfplast_fenicsx.pictures.views import BACK, FRONT, PLANE, REVOLVED, View, draw_axes
+
+FREE, REST = "#d9d9d9", "#ffc680"
+"""Colours of what the case does not name, and of what is beside a part of a side."""
+
+HUES = {
+    "load": ("#c1121f", "#e85d75", "#8c1c4b", "#ff7b54"),
+    "support": ("#1d4e89", "#3d8bd4", "#00796b", "#6a5acd"),
+    "contact": ("#5b8c3a", "#8fb339", "#3f6b2a", "#a3c585"),
+}
+"""Colours of what is loaded, of what is held, and of what touches, in turn."""
+
+Arrays = dict[str, npt.NDArray[Any]]
+
+
+def save_case(source: str | Path, output: Path) -> None:
+    """Draw what :func:`perfplast_fenicsx.cli.understood.save_arrays` has written.
+
+    Args:
+        source: The .npz file.
+        output: A PNG file.
+    """
+    with np.load(source) as file:
+        arrays = {name: file[name] for name in file.files}
+    flat = arrays["x"].shape[2] == 2
+    views = [REVOLVED if arrays["revolved"] else PLANE] if flat else [FRONT, BACK]
+    colours = _colours(arrays)
+    handles = [
+        Patch(color=colours[number], label=in_legend(str(label)))
+        for number, label in enumerate(arrays["labels"])
+    ]
+    if arrays["rest"].any():
+        words = "beside it on the same side, and not covered"
+        handles.append(Patch(facecolor=REST, hatch="///", edgecolor="#7f4f00", label=words))
+    handles.append(Patch(color=FREE, label="free"))
+    below = 0.35 + 0.23 * len(handles)  # inches
+    above, high, wide = 0.7, 5.4, 7.0
+    if flat:  # as wide as the bodies are
+        low, top = arrays["x"].reshape(-1, 2).min(axis=0), arrays["x"].reshape(-1, 2).max(axis=0)
+        wide = 10.0
+        high = float(np.clip(wide * (top - low)[1] / max((top - low)[0], 1e-300), 2.0, 8.0))
+    figure = Figure(figsize=(wide * len(views), above + high + below), dpi=100)
+    FigureCanvasAgg(figure)
+    for place, view in enumerate(views, start=1):
+        axes = figure.add_subplot(1, len(views), place)
+        if flat:
+            _draw_plane(axes, arrays, colours)
+        else:
+            axes.imshow(_image(arrays, colours, view))
+            axes.set_title(view.words, y=1.0, fontsize=10)
+        axes.set_axis_off()
+        draw_axes(axes.inset_axes((0.0, 0.86, 0.1, 0.13)), view)
+    figure.legend(handles=handles, loc="lower left", frameon=False, fontsize=9)
+    figure.suptitle(
+        heading(str(arrays["title"])), y=1 - 0.2 / figure.get_figheight(), parse_math=False
+    )
+    whole = figure.get_figheight()
+    figure.subplots_adjust(0.02, below / whole, 0.98, 1 - above / whole, wspace=0.02)
+    replace_picture(output, figure)
+
+
+def _colours(arrays: Arrays) -> list[str]:
+    """Return a colour for each label, by its first role."""
+    used: dict[str, int] = {}
+    found = []
+    for role in map(str, arrays["roles"]):
+        kind = {"load": "load", "support": "support", "rigid": "support"}.get(role, "contact")
+        hues = HUES[kind]
+        found.append(hues[used.get(kind, 0) % len(hues)])
+        used[kind] = used.get(kind, 0) + 1
+    return found
+
+
+def _of_facets(arrays: Arrays, colours: list[str]) -> npt.NDArray[np.str_]:
+    """Return the colour of each facet, shape (n,)."""
+    found = np.where(arrays["rest"], REST, FREE)
+    mark = arrays["mark"]
+    table = np.array([*colours, FREE])
+    return np.where(mark >= 0, table[mark], found)
+
+
+def _draw_plane(axes: Axes, arrays: Arrays, colours: list[str]) -> None:
+    """Draw bodies in the plane: their cells, and their edges as thick lines."""
+    axes.set_aspect("equal")
+    cells, x = arrays["cells"], np.asarray(arrays["x"], dtype=np.float64)
+    axes.add_collection(
+        PolyCollection(list(cells), facecolor="#f2f2f2", edgecolor="#dddddd", lw=0.3)
+    )
+    shown = _of_facets(arrays, colours)
+    for colour, width in ((FREE, 2.0), (REST, 5.0), (None, 5.0)):
+        some = (shown == colour) if colour else ~np.isin(shown, [FREE, REST])
+        edges = LineCollection(
+            list(x[some]), colors=shown[some].tolist(), lw=width, capstyle="butt"
+        )
+        if colour == REST:
+            edges.set_linestyle((0, (1.2, 0.6)))
+        axes.add_collection(edges)
+    low, high = x.reshape(-1, 2).min(axis=0), x.reshape(-1, 2).max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    for place, force, number in _arrows(arrays):
+        along = force / (np.linalg.norm(force) or 1.0)
+        start = place - 0.12 * size * along
+        low, high = np.minimum(low, start), np.maximum(high, start)
+        style: dict[str, Any] = {"arrowstyle": "-|>", "color": colours[number], "lw": 2}
+        axes.annotate(
+            "",
+            (place[0], place[1]),
+            (start[0], start[1]),
+            arrowprops=style | {"shrinkA": 0, "shrinkB": 0},
+        )
+    margin = 0.03 * size
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+
+
+def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uint8]:
+    """Return the bodies in space from one direction, shape (height, width, 3)."""
+    x = np.asarray(arrays["x"], dtype=np.float64)
+    plotter = pv.Plotter(off_screen=True, window_size=[1000, 780])
+    plotter.set_background("white")
+    shown = _of_facets(arrays, colours)
+    sharp = 30.0  # edges between facets that differ by more degrees are drawn
+    for body in np.unique(arrays["body"]):
+        own = arrays["body"] == body
+        for colour in np.unique(shown[own]):
+            mesh = _mesh(x[own & (shown == colour)])
+            plotter.add_mesh(mesh, color=str(colour), ambient=0.5, diffuse=0.5)
+            border = mesh.clean().extract_feature_edges(
+                feature_edges=False, manifold_edges=False, non_manifold_edges=False
+            )
+            if border.n_points:
+                plotter.add_mesh(border, color="#303030", line_width=1.5, lighting=False)
+        edges = (
+            _mesh(x[own])
+            .clean()
+            .extract_feature_edges(
+                sharp, boundary_edges=False, manifold_edges=False, non_manifold_edges=False
+            )
+        )
+        if edges.n_points:
+            plotter.add_mesh(edges, color="#303030", line_width=1.5, lighting=False)
+    corners = x.reshape(-1, 3)
+    size = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    for place, force, number in _arrows(arrays):
+        along = force / (np.linalg.norm(force) or 1.0)
+        length = 0.15 * size
+        arrow = pv.Arrow(start=place - length * along, direction=along, scale=length)
+        plotter.add_mesh(arrow, color=colours[number])
+    plotter.view_vector(view.towards, viewup=view.up)
+    plotter.enable_parallel_projection()
+    plotter.reset_camera()
+    plotter.camera.zoom(1.15)
+    plotter.enable_anti_aliasing("ssaa")
+    image = np.asarray(plotter.screenshot(return_img=True), dtype=np.uint8)[..., :3]
+    plotter.close()
+    return image
+
+
+def _arrows(arrays: Arrays) -> list[tuple[Floats, Floats, int]]:
+    """Return where resultants of loads act, they themselves, and the label of each."""
+    triples = zip(arrays["places"], arrays["forces"], arrays["of_force"], strict=True)
+    return [
+        (np.asarray(place, dtype=np.float64), np.asarray(force, dtype=np.float64), int(number))
+        for place, force, number in triples
+        if np.any(force)
+    ]
+
+
+def _mesh(x: Floats) -> pv.PolyData:
+    """Return triangles by their corners, shape (n, 3, 3)."""
+    numbers: Longs = np.arange(3 * len(x)).reshape(-1, 3)
+    return pv.PolyData(x.reshape(-1, 3), faces=np.column_stack([np.full(len(x), 3), numbers]))

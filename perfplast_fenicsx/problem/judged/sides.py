@@ -1,0 +1,269 @@
+"""Sides of bodies: outer facets grouped by body and plane, and how much of them a name covers."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.contact.surfaces.surface_normals import SHARP, exterior_facets, outer_facets
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import ROUNDING
+
+
+@dataclass(frozen=True)
+class OuterFacets:
+    """The outer facets of the bodies of all ranks.
+
+    Attributes:
+        x: Their vertices, shape (n, gdim, gdim).
+        vertex: Global numbers of these, shape (n, gdim).
+        normal: Outward unit normals, shape (n, gdim).
+        area: Their areas (length², in the plane length, of bodies of revolution that of the full
+            turn), shape (n,).
+        body: Number of the connected body, shape (n,).
+        tag: Tag of the named surface, −1 for none, shape (n,).
+    """
+
+    x: Floats
+    vertex: Longs
+    normal: Floats
+    area: Floats
+    body: Longs
+    tag: Longs
+
+
+@dataclass(frozen=True)
+class Side:
+    """A straight or a smooth part of the outside of a connected body.
+
+    Attributes:
+        body: Number of the body.
+        words: Such as ``side z = 5``, ``side with normal (0.6, 0.8)`` or ``curved side``.
+        area: All of it.
+        pieces: How many parts it has that do not touch each other.
+    """
+
+    body: int
+    words: str
+    area: float
+    pieces: int
+
+
+@dataclass(frozen=True)
+class Cover:
+    """What of a side a surface covers.
+
+    Attributes:
+        side: The side.
+        area: The covered part.
+        pieces: How many of the side's parts are covered as a whole.
+        rest: Names of the other surfaces on it, with their areas; "" is what has no name.
+    """
+
+    side: Side
+    area: float
+    pieces: int
+    rest: dict[str, float]
+
+    @property
+    def whole(self) -> bool:
+        """Whether all of the side is covered."""
+        return not self.rest
+
+
+@dataclass(frozen=True)
+class Sides:
+    """The sides of all bodies.
+
+    Attributes:
+        facets: The outer facets, of all ranks.
+        sides: All sides.
+        side: The side of each facet, shape (n,).
+        piece: The connected part of a side that each facet is in, shape (n,).
+        surfaces: The tag of each name.
+    """
+
+    facets: OuterFacets
+    sides: Sequence[Side]
+    side: Longs
+    piece: Longs
+    surfaces: dict[str, int]
+
+    def area(self, name: str) -> float:
+        """Return the area of a surface on the outside of bodies."""
+        return float(self.facets.area[self.on(name)].sum())
+
+    def on(self, name: str) -> npt.NDArray[np.bool_]:
+        """Return which facets a surface has, shape (n,)."""
+        return np.asarray(self.facets.tag == self.surfaces[name])
+
+    def covers(self, name: str) -> list[Cover]:
+        """Return what a surface covers of each side that it lies on, the largest part first."""
+        facets, own = self.facets, self.on(name)
+        named = {tag: other for other, tag in self.surfaces.items()}
+        found = []
+        for number in np.unique(self.side[own]):
+            here = self.side == number
+            rest: dict[str, float] = {}
+            for tag in np.unique(facets.tag[here & ~own]).tolist():
+                there = here & (facets.tag == tag)
+                rest[named.get(tag, "")] = float(facets.area[there].sum())
+            left = np.unique(self.piece[here & ~own])
+            whole = len(np.setdiff1d(self.piece[here & own], left))
+            area = float(facets.area[here & own].sum())
+            found.append(Cover(self.sides[number], area, whole, rest))
+        return sorted(found, key=lambda cover: (-round(cover.area, 9), cover.side.words))
+
+    def rest(self, name: str) -> npt.NDArray[np.bool_]:
+        """Return which facets are beside a surface on a side that it covers in part, shape (n,)."""
+        own = self.on(name)
+        return np.isin(self.side, self.side[own]) & ~own
+
+
+def find_sides(problem: Problem) -> Sides | None:
+    """Return the sides of a problem's bodies on rank 0, None on the others. Collective."""
+    found = gathered_facets(problem)
+    if found is None:
+        return None
+    return sides_of(
+        found, problem.kinematics.axes, problem.bodies.size, problem.tagged_mesh.surfaces
+    )
+
+
+def gathered_facets(problem: Problem) -> OuterFacets | None:
+    """Return the outer facets of all ranks on rank 0, None on the others. Collective."""
+    V, tagged_mesh, gdim = problem.V, problem.tagged_mesh, problem.bodies.gdim
+    chosen = exterior_facets(tagged_mesh)
+    own = outer_facets(V, tagged_mesh, chosen)
+    tags = tagged_mesh.facet_tags
+    tag = np.full(len(chosen), -1, dtype=np.int64)
+    _, at, named = np.intersect1d(chosen, tags.indices, return_indices=True)
+    tag[at] = tags.values[named]
+    normal = own.normal.mean(axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    vertex = V.dofmap.index_map.local_to_global(own.nodes[:, :gdim].ravel())
+    parts = (
+        own.x[:, :gdim],
+        np.asarray(vertex, dtype=np.int64).reshape(-1, gdim),
+        normal,
+        own.weight.sum(axis=1),
+        problem.bodies.of_node[own.nodes[:, 0]].astype(np.int64),
+        tag,
+    )
+    gathered = problem.comm.gather(parts)
+    if gathered is None:
+        return None
+    return OuterFacets(*(np.concatenate(part) for part in zip(*gathered, strict=True)))
+
+
+def sides_of(facets: OuterFacets, axes: str, size: float, surfaces: Mapping[str, int]) -> Sides:
+    """Put facets together to sides.
+
+    Facets in one plane, of one body and of one direction, are a side, whether they touch or not.
+    Facets that turn little by little are a curved side.
+
+    Args:
+        facets: All outer facets.
+        axes: Letters of the coordinates.
+        size: Of the bodies (length).
+        surfaces: The tag of each name.
+    """
+    count, gdim = len(facets.area), facets.x.shape[2]
+    pairs = _neighbours(facets.vertex)
+    turn = np.einsum("pi,pi->p", facets.normal[pairs[:, 0]], facets.normal[pairs[:, 1]])
+    in_plane = np.cos(1e-3)  # rad: facets of one plane, as of coordinates of few digits
+    flat = turn >= in_plane
+    _, patch = _joined(count, pairs[flat])
+    bends = pairs[~flat & (turn >= SHARP)]
+    curved, smooth = _curved(patch, bends, gdim)
+    # Direction and place of each patch: that of its largest facet, so that nothing adds up.
+    largest = np.lexsort((facets.area, patch))
+    ends = np.searchsorted(patch[largest], np.arange(patch.max(initial=-1) + 1), side="right") - 1
+    of_patch = largest[ends]
+    normal, centre = facets.normal[of_patch], facets.x[of_patch].mean(axis=1)
+    offset = np.einsum("pi,pi->p", normal, centre)
+    # Planes that differ by less than these are one: directions (rad) and places over the size.
+    body_apart = 10.0
+    place = np.column_stack([normal / 1e-3, offset[:, None] / (1e-6 * size)])
+    place = np.column_stack([place, facets.body[of_patch] * body_apart])
+    level = np.flatnonzero(~smooth)
+    near = cKDTree(place[level]).query_pairs(1.0, output_type="ndarray") if len(level) else None
+    group = np.arange(len(normal))
+    if near is not None and len(near):
+        _, joined = _joined(len(level), near)
+        group[level] = level[np.unique(joined, return_index=True)[1]][joined]
+    group[smooth] = len(normal) + curved[smooth]
+    _, first, side = np.unique(group[patch], return_index=True, return_inverse=True)
+    side = np.asarray(side, dtype=np.int64).ravel()
+    piece = np.where(smooth[patch], len(normal) + side, patch).astype(np.int64)
+    found = []
+    for number, one in enumerate(first.tolist()):
+        here = side == number
+        words = "curved side"
+        if not smooth[patch[one]]:
+            words = _plane(normal[patch[one]], float(offset[patch[one]]), axes, size)
+        pieces = len(np.unique(piece[here]))
+        area = float(facets.area[here].sum())
+        found.append(Side(int(facets.body[one]), words, area, pieces))
+    return Sides(facets, found, side, piece, dict(surfaces))
+
+
+def _neighbours(vertex: Longs) -> Longs:
+    """Return pairs of facets that share all vertices but one, shape (m, 2)."""
+    count, size = vertex.shape
+    corners = np.array(list(combinations(range(size), size - 1)))
+    keys = np.sort(vertex[:, corners], axis=2).reshape(-1, size - 1)
+    facet = np.repeat(np.arange(count), len(corners))
+    order = np.lexsort(keys.T[::-1])
+    keys, facet = keys[order], facet[order]
+    same = (keys[1:] == keys[:-1]).all(axis=1)
+    return np.column_stack([facet[:-1][same], facet[1:][same]])
+
+
+def _joined(count: int, pairs: npt.NDArray[np.integer]) -> tuple[int, Longs]:
+    """Return how many groups pairs make of things, and the group of each."""
+    ones = np.ones(len(pairs), dtype=np.int8)
+    graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    number, group = connected_components(graph, directed=False)
+    return int(number), group.astype(np.int64)
+
+
+def _curved(patch: Longs, bends: Longs, gdim: int) -> tuple[Longs, npt.NDArray[np.bool_]]:
+    """Return the curved side of each patch, and whether it is a part of any.
+
+    A patch is a strip of a curved side if it is one facet wide: at least half of its facets, in
+    the plane all, are next to a patch of a slightly other direction. Three strips are a side.
+
+    Args:
+        patch: The patch of facets in one plane that each facet is in, shape (n,).
+        bends: Pairs of neighbours that differ a little in direction, shape (m, 2).
+        gdim: Dimension of space.
+    """
+    count = int(patch.max(initial=-1)) + 1
+    at_bend = np.zeros(len(patch), dtype=np.bool_)
+    at_bend[bends.ravel()] = True
+    facets = np.bincount(patch, minlength=count)
+    share = np.bincount(patch, weights=at_bend, minlength=count) / np.maximum(facets, 1)
+    strip = (share >= 0.5) & ((facets == 1) if gdim == 2 else True)
+    ends = patch[bends]
+    _, group = _joined(count, ends[strip[ends].all(axis=1)])
+    strips = np.bincount(group, weights=strip, minlength=count)
+    return group, strip & (strips[group] >= 3)
+
+
+def _plane(normal: Floats, offset: float, axes: str, size: float) -> str:
+    """Return a plane in words."""
+    along = int(np.argmax(np.abs(normal)))
+    straight = 1e-6  # components of a normal along an axis that are none
+    if np.delete(np.abs(normal), along).max() <= straight:
+        place = offset * np.sign(normal[along])
+        place = 0.0 if abs(place) <= ROUNDING * size else place
+        return f"side {axes[along]} = {place:.5g}"
+    rounded = np.round(normal, 3) + 0.0
+    return f"side with normal ({', '.join(f'{a:g}' for a in rounded)})"
