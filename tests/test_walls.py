@@ -73,13 +73,14 @@ BELOW: dict[str, set[str]] = {
     },
     "proof": set(),
     "io.results": {
-        *("contact", "mesh", "materials", "problem", "limit_analysis", "solvers", "io.case")
+        *("contact", "mesh", "materials", "problem", "limit_analysis", "solvers", "io.case"),
+        "proof",
     },
-    "pictures": {"contact", "problem", "io.case", "io.results"},
-    "report": {"pictures", "problem", "solvers", "io.case", "io.results"},
-    "export": {"pictures", "report", "io.results"},
+    "pictures": {"contact", "problem", "proof", "io.case", "io.results"},
+    "report": {"pictures", "problem", "proof", "solvers", "io.case", "io.results"},
+    "export": {"pictures", "proof", "report", "io.results"},
     "geometry": {"mesh", "materials"},
-    "models": {"geometry", "materials"},
+    "models": {"geometry", "materials", "proof"},
     "cli": {
         *("controls", "geometry", "models", "pictures", "report", "io.case", "io.results"),
         *("export", "limit_analysis", "solvers", "problem", "materials"),

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.io.results.result_files import (
+    BESIDE,
     CELL_DATA,
     CONNECTIVITY,
     FIELD_DATA,
@@ -19,6 +20,7 @@ from perfplast_fenicsx.io.results.result_files import (
     POINTS,
     TYPES,
 )
+from perfplast_fenicsx.proof.stored_file import stored_file
 
 HEADER = (
     '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0"'
@@ -37,9 +39,9 @@ def vtu_of(path: Path) -> bytes:
         Its content, numbers as they are, in base64, tensors of nine components, texts as UTF-8.
 
     Raises:
-        OSError, KeyError: If the file is damaged.
+        OSError, KeyError, ValueError: If the file is damaged, or numbers are elsewhere.
     """
-    with h5py.File(path, locking=False) as file:
+    with stored_file(path, BESIDE) as file:
         return "".join(_parts(file)).encode()
 
 

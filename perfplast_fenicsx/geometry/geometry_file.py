@@ -65,6 +65,8 @@ def check_file(path: Path) -> None:
         raise InputError(
             f"'{path}' is no geometry file by its name; it must end in one of {known}."
         )
+    if path.exists() and not path.is_file():
+        raise InputError(f"'{path}' is not a regular file; give the file of the geometry.")
     try:
         with path.open("rb") as file:
             head = file.read(2000)

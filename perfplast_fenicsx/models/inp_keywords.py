@@ -1,14 +1,19 @@
 """The keywords of an ``.inp`` file of Abaqus or CalculiX, with their options and data lines."""
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.proof.stored_file import check_regular
 
 MOST_BYTES = 4_000_000_000
-"""Largest size of a file, so that what is no text of people's making is not taken into memory."""
+"""Largest size of all files together, so that a file that nobody typed is not taken into memory."""
+
+MOST_TIMES, MOST_INCLUDED = 100, 5000
+"""How often one file may be included, and all files together."""
 
 
 @dataclass(frozen=True)
@@ -65,17 +70,44 @@ def read_keywords(path: Path) -> list[Keyword]:
     Raises:
         InputError: If a file cannot be read, is no such file, or includes one from elsewhere.
     """
-    found: list[Keyword] = []
-    for keyword in _keywords(path, path.resolve().parent, 0):
-        found.append(keyword)
+    found = list(_keywords(path, _Included(path.resolve().parent, [path.resolve()])))
     if not found:
         raise InputError(f"'{path}' has no keywords (lines with *); it is no .inp file.")
     return found
 
 
-def _keywords(path: Path, folder: Path, depth: int) -> Iterator[Keyword]:
+@dataclass
+class _Included:
+    """What was read so far.
+
+    Attributes:
+        folder: Where all files have to be.
+        open: Files that are being read, each included by the one before.
+        times: How often each file was included.
+        size: Bytes of all that was read.
+    """
+
+    folder: Path
+    open: list[Path]
+    times: Counter[Path] = field(default_factory=Counter)
+    size: int = 0
+
+    def add(self, path: Path) -> None:
+        """Count a file that is about to be read.
+
+        Raises:
+            InputError: If it is not a file, or too much is read.
+            OSError: If the system refuses.
+        """
+        check_regular(path)
+        self.size += path.stat().st_size
+        if self.size > MOST_BYTES:
+            raise InputError(f"'{path}' has more than {MOST_BYTES:.0e} bytes; that is too much.")
+
+
+def _keywords(path: Path, so_far: _Included) -> Iterator[Keyword]:
     now: Keyword | None = None
-    for number, line in _lines(path):
+    for number, line in _lines(path, so_far):
         if not line.startswith("*"):
             if now is None:
                 raise InputError(
@@ -88,32 +120,39 @@ def _keywords(path: Path, folder: Path, depth: int) -> Iterator[Keyword]:
             yield now
         now = _keyword(line, number)
         if now.name == "INCLUDE":
-            yield from _included(now, path, folder, depth)
+            yield from _included(now, path, so_far)
             now = None
     if now is not None:
         yield now
 
 
-def _included(keyword: Keyword, path: Path, folder: Path, depth: int) -> Iterator[Keyword]:
-    """What another file has."""
+def _included(keyword: Keyword, path: Path, so_far: _Included) -> Iterator[Keyword]:
+    """Return the keywords of another file."""
     name = keyword.options.get("INPUT", "").strip("\"'")
     other = (path.parent / name).resolve()
-    if not name or not other.is_relative_to(folder):
+    if not name or not other.is_relative_to(so_far.folder):
         raise InputError(
             f"'{path}', line {keyword.number}: *INCLUDE of '{name}', which lies outside of the"
             " model's folder; put the file beside the model."
         )
-    deepest = 5  # files that include each other are followed so far
-    if depth >= deepest:
+    if other in so_far.open:
         raise InputError(f"'{path}', line {keyword.number}: files include each other in a ring.")
-    yield from _keywords(other, folder, depth + 1)
+    so_far.times[other] += 1
+    if so_far.times[other] > MOST_TIMES or so_far.times.total() > MOST_INCLUDED:
+        raise InputError(
+            f"'{path}', line {keyword.number}: *INCLUDE of '{name}', though a file may be included"
+            f" {MOST_TIMES} times, and all together {MOST_INCLUDED} times; put their lines into"
+            " one file."
+        )
+    so_far.open.append(other)
+    yield from _keywords(other, so_far)
+    so_far.open.pop()
 
 
-def _lines(path: Path) -> Iterator[tuple[int, str]]:
+def _lines(path: Path, so_far: _Included) -> Iterator[tuple[int, str]]:
     """Lines without comments and blank ones, those that a comma continues put together."""
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise InputError(f"'{path}' has more than {MOST_BYTES:.0e} bytes; that is too much.")
+        so_far.add(path)
         with path.open(encoding="utf-8-sig", errors="surrogateescape") as file:
             begun, first = "", 0
             for number, raw in enumerate(file, start=1):

@@ -8,7 +8,6 @@ groups.
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
@@ -27,6 +26,7 @@ from perfplast_fenicsx.models.element_types import (
 from perfplast_fenicsx.models.foreign_model import ForeignModel
 from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
 from perfplast_fenicsx.models.grouped_model import model_of
+from perfplast_fenicsx.proof.stored_file import check_regular, stored_file
 
 TYPES = {
     **{"TE4": ElementType(TETRAHEDRON, 4), "T10": ElementType(TETRAHEDRON, 10)},
@@ -53,10 +53,11 @@ def read_med(path: Path) -> ForeignModel:
         InputError: If it cannot be read, is damaged, or has no solids.
     """
     try:
+        check_regular(path)
         with path.open("rb") as opened:
             if opened.read(len(SIGNATURE)) != SIGNATURE:
                 raise InputError(f"'{path}' is no MED file, which is HDF5; export the mesh again.")
-        with h5py.File(path, "r") as file:
+        with stored_file(path) as file:
             return model_of(_mesh(file))
     except InputError as error:
         raise error if str(path) in str(error) else InputError(f"'{path}': {error}") from error

@@ -10,6 +10,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.models.inp_keywords import MOST_BYTES
+from perfplast_fenicsx.proof.stored_file import check_regular
 
 
 def text_of(path: Path) -> str:
@@ -19,6 +20,7 @@ def text_of(path: Path) -> str:
         InputError: If it cannot be read, or is no text.
     """
     try:
+        check_regular(path)
         if path.stat().st_size > MOST_BYTES:
             raise InputError(f"'{path}' has more than {MOST_BYTES:.0e} bytes; that is too much.")
         raw = path.read_bytes()

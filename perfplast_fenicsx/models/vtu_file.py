@@ -30,6 +30,7 @@ from perfplast_fenicsx.models.element_types import (
 from perfplast_fenicsx.models.foreign_model import ForeignModel
 from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
 from perfplast_fenicsx.models.grouped_model import model_of
+from perfplast_fenicsx.proof.stored_file import check_regular
 
 KINDS = {
     **{3: ElementType(LINE, 2), 21: ElementType(LINE, 3)},
@@ -55,6 +56,7 @@ def read_vtu(path: Path) -> ForeignModel:
         InputError: If it cannot be read, is damaged, or has no solids.
     """
     try:
+        check_regular(path)
         with path.open("rb") as opened:
             opened.read(1)
     except OSError as error:

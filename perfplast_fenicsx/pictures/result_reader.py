@@ -14,7 +14,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 
@@ -22,6 +21,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.scene import NamedScene, Scene, read_scene
 from perfplast_fenicsx.io.case.schema import convert
 from perfplast_fenicsx.io.results.result_files import (
+    BESIDE,
     BODY,
     CELL_DATA,
     CONNECTIVITY,
@@ -42,6 +42,7 @@ from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
 from perfplast_fenicsx.pictures.stored_limit import StoredLimit, stored_limit
 from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.proof.stored_file import check_regular, stored_file
 
 T = TypeVar("T")
 
@@ -218,7 +219,7 @@ class ResultReader:
         """Arrays of a VTKHDF file."""
 
         def read(path: Path) -> list[npt.NDArray[Any]]:
-            with h5py.File(path, locking=False) as file:
+            with stored_file(path, BESIDE) as file:
                 return [np.asarray(file[place]) for place in places]
 
         return self.read(name, read)
@@ -232,25 +233,27 @@ class ResultReader:
         return self.read(name, load)
 
     def read(self, name: str, read: Callable[[Path], T]) -> T:
-        """The content of a file.
+        """Return the content of a file in the folder.
 
         Raises:
-            InputError: If it cannot be read.
+            InputError: If the file cannot be read, or is not in the folder.
         """
+        path = self.path / str(name)
         try:
-            return read(self.path / name)
+            if not path.resolve().is_relative_to(self.path.resolve()):
+                raise OSError("it lies outside of the result folder")
+            check_regular(path)
+            return read(path)
         except InputError:
             raise
         except (OSError, KeyError, TypeError, ValueError, RuntimeError) as error:
             reason = str(error).strip("'\"").split("\n")[0]
-            raise InputError(
-                f"'{self.path / name}' cannot be read ({reason}); run the case again."
-            ) from error
+            raise InputError(f"'{path}' cannot be read ({reason}); run the case again.") from error
 
 
 def _remembers(path: Path) -> bool:
     """Whether a file has a history of plastic flow."""
-    with h5py.File(path, locking=False) as file:
+    with stored_file(path, BESIDE) as file:
         return ACCUMULATED in file
 
 

@@ -7,38 +7,61 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.proof.load_kinds import Floats
+from perfplast_fenicsx.proof.plain_arrays import ProofError
 
 Longs = npt.NDArray[np.int64]
 
-AT_ONCE = 1_000_000
+AT_ONCE = 300_000
 """Pairs that are looked at together, for the memory they take."""
+
+MOST_PAIRS = 500
+"""Pairs on the grid that there may be for each box; usual cells have some dozens."""
+
+FEW_PAIRS = 20_000_000
+"""Pairs that there may be in any case."""
 
 
 def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
-    """Numbers of boxes that meet, each pair once, some at a time.
+    """Yield numbers of boxes that meet, each pair once, some at a time.
+
+    There is one grid for each size of the larger box of a pair, on which all smaller ones are found
+    as well: so each box is entered once for each size there is.
 
     Args:
         ones: Least and largest coordinates of boxes, shape (2, n, d); none is a point.
         others: The same of others.
+
+    Raises:
+        ProofError: If too many boxes meet for their number.
     """
     if not (ones.shape[1] and others.shape[1]):
         return
+    budget = max(MOST_PAIRS * (ones.shape[1] + others.shape[1]), FEW_PAIRS)
     every = [(boxes, _levels(boxes)) for boxes in (ones, others)]
-    for level, beside in product(*([int(k) for k in np.unique(of)] for _, of in every)):
-        edge = np.ldexp(1.0, max(level, beside))
-        some = [
-            np.flatnonzero(levels == k)
-            for (_, levels), k in zip(every, (level, beside), strict=True)
-        ]
-        grids = [
-            np.floor(boxes[:, at] / edge).astype(np.int64)
-            for (boxes, _), at in zip(every, some, strict=True)
-        ]
-        for i, j in _on_grid(*grids):
-            a, b = some[0][i], some[1][j]
-            meet = (ones[0, a] <= others[1, b]) & (others[0, b] <= ones[1, a])
-            kept = meet.all(axis=1)
-            yield a[kept], b[kept]
+    for level in np.unique(np.concatenate([levels for _, levels in every])):
+        edge = np.ldexp(1.0, int(level))
+        at, below = (
+            [np.flatnonzero(test(levels, level)) for _, levels in every]
+            for test in (np.equal, np.less)
+        )
+        for some in ((at[0], np.append(at[1], below[1])), (below[0], at[1])):
+            if not (len(some[0]) and len(some[1])):
+                continue
+            grids = [
+                np.floor(boxes[:, of] / edge).astype(np.int64)
+                for (boxes, _), of in zip(every, some, strict=True)
+            ]
+            for i, j in _on_grid(*grids):
+                budget -= len(i)
+                if budget < 0:
+                    raise ProofError(
+                        "cells lie so closely beside each other that it would take too long to"
+                        " find which of them overlap."
+                    )
+                a, b = some[0][i], some[1][j]
+                meet = (ones[0, a] <= others[1, b]) & (others[0, b] <= ones[1, a])
+                kept = meet.all(axis=1)
+                yield a[kept], b[kept]
 
 
 def _levels(boxes: Floats) -> Longs:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 
@@ -24,6 +23,7 @@ from perfplast_fenicsx.proof.plain_arrays import (
     stored_arrays,
 )
 from perfplast_fenicsx.proof.rigid import check_loaded
+from perfplast_fenicsx.proof.stored_file import stored_file
 from perfplast_fenicsx.proof.taken_as_written import taken_as_written
 from perfplast_fenicsx.proof.upper import check_nodes, measure_velocity
 from perfplast_fenicsx.proof.verdict import RATIOS, Checked, faults_of, rounding_of
@@ -73,7 +73,7 @@ def check(path: str | Path) -> dict[str, Checked]:
     before: _Half | None = None
     halves: dict[str, _Half] = {}
     try:
-        with h5py.File(path, "r", locking=False) as file, np.errstate(all="ignore"):
+        with stored_file(path) as file, np.errstate(all="ignore"):
             for kind, judge in checks.items():
                 if kind in file:
                     before = halves[kind] = judge(stored_arrays(file, kind), before)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.io.results.result_files import BODY, CELL_DATA, POINT_DATA
+from perfplast_fenicsx.io.results.result_files import BESIDE, BODY, CELL_DATA, POINT_DATA
 from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.proof.stored_file import stored_file
 
 SLAB = 1 << 17
 """So many rows are read at a time."""
@@ -64,7 +64,7 @@ def read_state(reader: ResultReader, name: str) -> SkinState:
 
     def read(path: Path) -> SkinState:
         fields, motion = [], None
-        with h5py.File(path, locking=False) as file:
+        with stored_file(path, BESIDE) as file:
             places = [f"{POINT_DATA}/{a}" for a in file.get(POINT_DATA, ())]
             places += [f"{CELL_DATA}/{a}" for a in file.get(CELL_DATA, ())]
             for place in places:

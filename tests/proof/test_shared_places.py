@@ -9,8 +9,11 @@ import pytest
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.box_pairs import box_pairs
 from perfplast_fenicsx.proof.halves import differences
+from perfplast_fenicsx.proof.overlap import overlapping
+from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.shared_cells import have_common_volume
 from perfplast_fenicsx.proof.shared_facets import shared_facets
+from tests.proof.test_shadowed_contact import plates
 
 pytestmark = pytest.mark.serial
 
@@ -33,6 +36,38 @@ def test_boxes_that_meet(dim: int, away: float) -> None:
     found = np.concatenate([np.stack(pair, axis=1) for pair in box_pairs(ones, others)])
     assert len(found) == len(wanted) > 100
     assert (found[np.lexsort(found.T[::-1])] == wanted).all()
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_boxes_of_many_sizes(dim: int) -> None:
+    """Each of 120 boxes in one corner is half as large as the one before: all meet, once."""
+    high = 2.0 ** -np.arange(120)[:, None] * np.ones(dim)
+    boxes = np.stack([0 * high, high])
+    found = np.concatenate([np.stack(pair, axis=1) for pair in box_pairs(boxes, boxes)])
+    assert len(found) == len(np.unique(found, axis=0)) == 120**2
+
+
+def test_too_many_boxes_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is said where their pairs would take too long."""
+    monkeypatch.setattr("perfplast_fenicsx.proof.box_pairs.FEW_PAIRS", 10)
+    monkeypatch.setattr("perfplast_fenicsx.proof.box_pairs.MOST_PAIRS", 10)
+    boxes = np.stack([np.zeros((100, 2)), np.ones((100, 2))])
+    with pytest.raises(ProofError, match="too long"):
+        list(box_pairs(boxes, boxes))
+
+
+def test_cells_in_one_place_are_seen_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two thousand times two cells in one place not all pairs are looked at."""
+    looked_at = []
+
+    def counted(ones: Floats, others: Floats) -> npt.NDArray[np.bool_]:
+        looked_at.append(len(ones))
+        return have_common_volume(ones, others)
+
+    monkeypatch.setattr("perfplast_fenicsx.proof.overlap.have_common_volume", counted)
+    body = Body.of(plates((0.0,) * 2000, (), ()) | {"contacts": np.zeros((0, 2), dtype=int)})
+    assert overlapping(body) > 0
+    assert sum(looked_at) < 1_000_000
 
 
 @pytest.mark.parametrize("dim", [2, 3])

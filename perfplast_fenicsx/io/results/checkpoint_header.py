@@ -14,7 +14,6 @@ from typing import Any
 
 from mpi4py import MPI
 
-import h5py
 import numpy as np
 
 from perfplast_fenicsx.errors import InputError, raise_together
@@ -23,6 +22,7 @@ from perfplast_fenicsx.io.results.fingerprint import first_difference
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block
 from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.proof.stored_file import stored_file
 
 SCHEMA = 2
 """Version of what stands in a checkpoint."""
@@ -112,7 +112,7 @@ def header_of(comm: MPI.Intracomm, path: Path) -> Header:
     text, fault = b"", None
     if comm.rank == 0:
         try:
-            with h5py.File(path, "r", locking=False) as file:
+            with stored_file(path) as file:
                 data = bytes(np.asarray(file["header"]))
             digest, text = data[:32], data[32:]
             if hashlib.sha256(text).digest() != digest:

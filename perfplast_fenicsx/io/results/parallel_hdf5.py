@@ -21,6 +21,7 @@ from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.atomic_files import put
 from perfplast_fenicsx.io.results.global_ordering import Ordering
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.proof.stored_file import stored_file
 
 LAYOUT = 1 << 16
 """Room for what HDF5 writes beside the arrays, at the most (bytes)."""
@@ -112,7 +113,7 @@ def read_rows(path: Path, name: str, ordering: Ordering) -> npt.NDArray:
         OSError: If there is no such array of this length, or it cannot be read.
     """
     try:
-        with h5py.File(path, "r", locking=False) as file:
+        with stored_file(path) as file:
             array = file[name]
             if len(array) != ordering.total:
                 raise OSError(f"{name} has {len(array)} rows and not {ordering.total}")

@@ -28,6 +28,9 @@ STANDS, FALLS = "stands.h5", "falls.h5"
 those of the upper."""
 MESH = f"{FIELDS}/mesh.vtkhdf"
 
+BESIDE = ("mesh.vtkhdf", MESH)
+"""Files that others link to, as these name them."""
+
 EARLIER = ("model.json", "fields.xdmf", "fields.h5", "mechanism.xdmf", "mechanism.h5")
 """Files of versions whose results this one does not read."""
 

@@ -1,0 +1,131 @@
+"""Open HDF5 files that somebody else may have written: all numbers are in the file itself.
+
+A file can name data of other files (links, virtual and external arrays), can claim more numbers
+than it has, and can have groups that contain each other. A path can name a pipe that nobody writes.
+"""
+
+import errno
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+MOST_OBJECTS = 100_000
+"""Groups and arrays that a file may have."""
+
+MOST_TEXTS = 1000
+"""Texts that an array may have: each of them may name the same long one."""
+
+SMALL = 1 << 27
+"""Bytes that a compressed array may have however few are stored."""
+
+MOST_COMPRESSED = 100
+"""How many times as large as what is stored a compressed array may be, if it is larger."""
+
+
+@contextmanager
+def stored_file(path: str | Path, beside: tuple[str, ...] = ()) -> Iterator[h5py.File]:
+    """Open a file, after all that is in it was looked at.
+
+    Args:
+        path: The file.
+        beside: Files to which links may lead, relative to the folder of this one.
+
+    Yields:
+        The file, open for reading.
+
+    Raises:
+        OSError: If there is no such file, or it cannot be read as HDF5.
+        ValueError: If something in it is not stored in the file itself.
+    """
+    path = Path(path)
+    check_regular(path)
+    with h5py.File(path, "r", locking=False) as file:
+        _check(file, path.parent, frozenset(beside))
+        yield file
+
+
+def check_regular(path: Path) -> None:
+    """Make sure that a path leads to a file, and to no pipe, folder or device.
+
+    Raises:
+        OSError: If it does not, or there is nothing.
+    """
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "it is not a regular file")
+
+
+def _check(file: h5py.File, folder: Path, beside: frozenset[str]) -> None:
+    """Look at all groups and arrays, each once.
+
+    Raises:
+        ValueError: If one is not stored in the file itself, or there are too many.
+    """
+    waiting: list[h5py.Group] = [file]
+    seen = {_address(file)}
+    linked: dict[str, list[str]] = {}
+    while waiting:
+        group = waiting.pop()
+        for name in group:
+            link = group.get(name, getlink=True)
+            if isinstance(link, h5py.ExternalLink):
+                if link.filename not in beside:
+                    raise ValueError(f"{name} is a link.")
+                linked.setdefault(link.filename, []).append(link.path)
+                continue
+            if not isinstance(link, h5py.HardLink):
+                raise ValueError(f"{name} is a link.")
+            there = group[name]
+            if (address := _address(there)) in seen:
+                raise ValueError(f"{name} is another name of something in the same file.")
+            seen.add(address)
+            if len(seen) > MOST_OBJECTS:
+                raise ValueError(f"there are more than {MOST_OBJECTS} groups and arrays.")
+            if isinstance(there, h5py.Group):
+                waiting.append(there)
+            elif isinstance(there, h5py.Dataset):
+                _check_array(name, there)
+    for other, places in linked.items():
+        _check_linked(folder, other, places)
+
+
+def _address(there: h5py.Group | h5py.Dataset) -> int:
+    """Return where in the file a group or an array begins."""
+    return int(h5py.h5o.get_info(there.id).addr)
+
+
+def _check_linked(folder: Path, other: str, places: list[str]) -> None:
+    """Make sure that another file is in the folder and has what links name.
+
+    Raises:
+        ValueError: If it does not.
+    """
+    if (folder / other).resolve() != folder.resolve() / other:
+        raise ValueError(f"{other} is a link.")
+    with stored_file(folder / other) as file:
+        for place in places:
+            if not isinstance(file.get(place), (h5py.Group, h5py.Dataset)):
+                raise ValueError(f"{other} has no {place}.")
+
+
+def _check_array(name: str, data: h5py.Dataset) -> None:
+    """Make sure that the numbers of an array are in the file.
+
+    Raises:
+        ValueError: If they are not.
+    """
+    if data.is_virtual or data.external:
+        raise ValueError(f"{name} is not in the file itself.")
+    if data.shape is None:
+        return
+    count = int(np.prod([int(length) for length in data.shape], dtype=object))
+    if data.dtype.kind == "O" and count > MOST_TEXTS:
+        raise ValueError(f"{name} has more than {MOST_TEXTS} texts.")
+    size, stored = count * data.dtype.itemsize, int(data.id.get_storage_size())
+    filtered = data.id.get_create_plist().get_nfilters() > 0
+    most = max(stored, min(SMALL, 2000 * stored), MOST_COMPRESSED * stored) if filtered else stored
+    if size > most:
+        raise ValueError(f"{name} declares {count:.3g} numbers and has fewer in the file.")
