@@ -7,8 +7,8 @@ RUN = timeout --foreground --kill-after=30 $(LIMIT) ./fenicsx
 
 help:
 	@echo 'make demo        two blocks pressed together, on 2 MPI ranks'
-	@echo 'make test        all tests on 1 rank, some on 2, a few on 3'
-	@echo 'make verify      every case with an exact solution, and random ones'
+	@echo 'make test        the tests on 1 rank, some of them on 2, a few on 3'
+	@echo 'make verify      all that make test leaves out; PART=random runs one part of it'
 	@echo 'make bench       how fast and how large: benchmarks/README.md (hours)'
 	@echo 'make lint        ruff and mypy'
 	@echo 'make docs        the documentation site, in build/docs/index.html'
@@ -27,17 +27,41 @@ demo: environment
 test: environment
 	@scripts/test
 
+# PART=random (or exact, long, two-ranks-..., see below) runs one part alone; each ends within an hour.
+PARTS = exact random long two-ranks-bounds two-ranks-solvers two-ranks-rest
 verify: environment
+	@for part in $(if $(PART),$(PART),$(PARTS)); do $(MAKE) --no-print-directory "verify-$$part" || failed=1; done; \
+	[ -z "$$failed" ]
+
+ALL_CASES = PERFPLAST_EVERY_CASE=1 $(RUN)
+TWO_RANKS = $(ALL_CASES) mpirun -n 2 scripts/rank0 python3 -m pytest -q
+BOTH_CORES = --numprocesses=2 --dist=worksteal
+
+.PHONY: $(addprefix verify-, $(PARTS))
+verify-exact:
 	$(RUN) mpirun -n 2 scripts/rank0 python3 demos/verification/verify.py
-	PERFPLAST_FUZZ=20 $(RUN) python3 -m pytest -q tests/functional/test_strictness.py
-	PERFPLAST_FUZZ=25 $(RUN) python3 -m pytest -q tests/functional/test_random_ground.py
-	PERFPLAST_FUZZ=25 $(RUN) python3 -m pytest -q tests/functional/test_random_statements.py
-	PERFPLAST_FUZZ=2 $(RUN) python3 -m pytest -q tests/combinations
-	PERFPLAST_FUZZ=5 $(RUN) python3 -m pytest -q tests/functional/test_fuzz.py
-	PERFPLAST_FUZZ=50 $(RUN) python3 -m pytest -q tests/contact/test_clipping.py
-	PERFPLAST_EVERY_CASE=1 $(RUN) python3 -m pytest -q -m 'costly or long' tests
-	PERFPLAST_EVERY_CASE=1 $(RUN) python3 -m pytest -q -m 'not costly' tests/functional/test_demos.py
-	PERFPLAST_EVERY_CASE=1 $(RUN) mpirun -n 2 scripts/rank0 python3 -m pytest -q tests
+
+verify-random:
+	PERFPLAST_FUZZ=20 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/functional/test_strictness.py
+	PERFPLAST_FUZZ=25 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/functional/test_random_ground.py
+	PERFPLAST_FUZZ=25 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/functional/test_random_statements.py
+	PERFPLAST_FUZZ=2 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/combinations
+	PERFPLAST_FUZZ=5 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/functional/test_fuzz.py
+	PERFPLAST_FUZZ=50 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/contact/test_clipping.py
+
+verify-long:
+	$(ALL_CASES) python3 -m pytest -q $(BOTH_CORES) -m long tests
+	$(ALL_CASES) python3 -m pytest -q $(BOTH_CORES) -m 'not long' tests/functional/test_demos.py
+
+verify-two-ranks-bounds:
+	$(TWO_RANKS) tests/limit_analysis tests/proof
+
+verify-two-ranks-solvers:
+	$(TWO_RANKS) tests/solvers tests/contact tests/problem tests/materials
+
+verify-two-ranks-rest:
+	$(TWO_RANKS) tests --ignore=tests/limit_analysis --ignore=tests/proof --ignore=tests/solvers \
+		--ignore=tests/contact --ignore=tests/problem --ignore=tests/materials
 
 # CASES="start punch_16" chooses, ROUNDS=1 runs each once
 .PHONY: bench

@@ -108,7 +108,7 @@ def write_file(folder: Path, file: File, pictures: bool = True) -> None:
     path.write_text(text, encoding="utf-8")
 
 
-def execute(folder: Path, command: Command, timeout: float = 300) -> str:
+def execute(folder: Path, command: Command) -> str:
     """What a command prints on standard output.
 
     Raises:
@@ -123,7 +123,6 @@ def execute(folder: Path, command: Command, timeout: float = 300) -> str:
         stdin=subprocess.DEVNULL,
         text=True,
         encoding="utf-8",
-        timeout=timeout,
     )
     if done.returncode:
         printed = done.stdout + done.stderr

@@ -1,10 +1,17 @@
-"""Tests on several ranks: what fails on one fails on all, and nothing waits for long.
+"""Which tests run on how many ranks, and what holds several ranks together.
 
-Of a test with many cases one runs there, and of several files a third of the tests of each, with
-those that are marked ``mpi3``; all where ``PERFPLAST_EVERY_CASE`` is set: what ranks exchange is
-the same in many, and what they differ in is asserted on one rank. Of those that are marked
-``costly`` one case runs on one rank as well, and those that are marked ``long`` have their turn
-there alone, or where ``-k`` chooses.
+A test runs on one rank unless a mark says more; what runs never depends on other tests:
+
+``mpi2``: also on two ranks. ``mpi3``: also on two and on three. ``mpi2("1-tet", "1-hex")`` names
+the cases of a parametrized test that do; without names all do.
+
+``long``: with ``make verify`` alone. ``long(but=["1-tet"])`` names cases that ``make test`` runs.
+
+``serial``: never on several ranks, as no rank can change it.
+
+``PERFPLAST_EVERY_CASE=1`` runs all, on several ranks all but the serial ones. A test that the
+command line names (``file::test``, or ``-k``) runs in any case; on several ranks so do the short
+tests of files that it names, as in ``mpirun -n 2 scripts/rank0 python3 -m pytest tests/test_x.py``.
 
 After each phase of a test (set-up, call, tear-down) the ranks tell each other how it went, on a
 communicator of their own. Where it failed on some, it fails on all, with every traceback, and the
@@ -24,7 +31,7 @@ import tempfile
 import threading
 import time
 import zlib
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -47,10 +54,13 @@ NAMES = ("passed", "skipped", "failed")
 
 def pytest_configure(config: pytest.Config) -> None:
     """Register marks, and the hooks, most of which one rank alone does not need."""
-    config.addinivalue_line("markers", "mpi3: also runs on three ranks")
-    config.addinivalue_line("markers", "costly: one of its cases runs, all with make verify")
-    config.addinivalue_line("markers", "long: runs with make verify alone")
-    config.addinivalue_line("markers", "serial: cannot depend on ranks; runs on one alone")
+    for mark in (
+        "mpi2(*cases): also runs on two ranks, all cases or those that are named",
+        "mpi3(*cases): also runs on two and on three ranks, all cases or those that are named",
+        "long(but=()): runs with make verify alone, but for the cases that are named",
+        "serial: cannot depend on ranks; runs on one alone",
+    ):
+        config.addinivalue_line("markers", mark)
     if config.pluginmanager.has_plugin("watchdog"):
         return
     config.pluginmanager.register(Watchdog(), "watchdog")
@@ -91,15 +101,6 @@ class Together:
         self._timer: threading.Timer | None = None
         faulthandler.register(signal.SIGUSR1, file=self._stack)
         self._comm.barrier()
-
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """What cannot depend on ranks has its turn on one, and so have most cases of one test."""
-        kept = [item for item in items if not item.get_closest_marker("serial")]
-        if not EVERY_CASE:
-            kept = one_of_each([item for item in kept if not item.get_closest_marker("long")])
-            if not self._config.getoption("keyword") and len({item.path for item in kept}) > 1:
-                kept = third_of_each_file(kept)
-        keep(self._config, items, kept)
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_finish(self, session: pytest.Session) -> None:
@@ -209,41 +210,68 @@ class Together:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """On one rank one case of each costly test is enough, but for what is asked for by name."""
-    if EVERY_CASE or MPI.COMM_WORLD.size > 1 or config.getoption("keyword"):
-        return
-    short = [item for item in items if not item.get_closest_marker("long")]
-    chosen = one_of_each([item for item in short if item.get_closest_marker("costly")])
-    here = {item.nodeid for item in chosen}
-    kept = [it for it in short if it.nodeid in here or not it.get_closest_marker("costly")]
-    keep(config, items, kept)
+    """Keep the tests that this number of ranks runs.
 
-
-def keep(config: pytest.Config, items: list[pytest.Item], kept: list[pytest.Item]) -> None:
-    """Run these alone, and count the others as deselected."""
+    Raises:
+        UsageError: If a mark names a case that its test does not have.
+    """
+    named = bool(config.getoption("keyword")) or any("::" in word for word in config.args)
+    if not named and (wrong := wrong_cases(items)):
+        raise pytest.UsageError(f"marks name cases that there are not: {', '.join(wrong)}")
+    files = all(word.endswith(".py") for word in config.args)
+    kept = chosen(items, MPI.COMM_WORLD.size, EVERY_CASE or named, files)
     here = {item.nodeid for item in kept}
     config.hook.pytest_deselected(items=[item for item in items if item.nodeid not in here])
     items[:] = kept
 
 
-def one_of_each(items: list[pytest.Item]) -> list[pytest.Item]:
-    """One case of each test that has several: another for each test, the same on every machine."""
-    cases: dict[str, list[pytest.Item]] = {}
-    for item in items:
-        cases.setdefault(item.nodeid.split("[")[0], []).append(item)
-    return [of[zlib.crc32(name.encode()) % len(of)] for name, of in cases.items()]
+def chosen(items: list[pytest.Item], size: int, every: bool, files: bool) -> list[pytest.Item]:
+    """Return the tests that run on a number of ranks.
+
+    Args:
+        items: All tests.
+        size: The number of ranks.
+        every: Run all that this number of ranks can run.
+        files: Run all short tests that this number of ranks can run.
+    """
+    return [
+        item
+        for item in items
+        if (size == 1 or not item.get_closest_marker("serial"))
+        and (every or (is_short(item) and (files or is_for(item, size))))
+    ]
 
 
-def third_of_each_file(items: list[pytest.Item]) -> list[pytest.Item]:
-    """Every third test of each file, the first among them, and all that three ranks run."""
-    turn: dict[Path, Iterator[bool]] = {}
-    kept = []
-    for item in items:
-        if item.get_closest_marker("mpi3"):
-            kept.append(item)
-        elif next(turn.setdefault(item.path, itertools.cycle([True, False, False]))):
-            kept.append(item)
-    return kept
+def is_short(item: pytest.Item) -> bool:
+    """Return whether ``make test`` runs this case."""
+    return all(case_of(item) in mark.kwargs.get("but", ()) for mark in item.iter_markers("long"))
+
+
+def is_for(item: pytest.Item, size: int) -> bool:
+    """Return whether a mark has this case run on a number of ranks, of which one needs none."""
+    enough = {1: (), 2: ("mpi2", "mpi3")}.get(size, ("mpi3",))
+    marks = [mark for name in enough for mark in item.iter_markers(name)]
+    return size == 1 or any(not mark.args or case_of(item) in mark.args for mark in marks)
+
+
+def wrong_cases(items: list[pytest.Item]) -> list[str]:
+    """Return the cases that marks name and no test has."""
+    there = {item.nodeid for item in items}
+    return sorted(
+        {
+            case
+            for item in items
+            for mark in item.iter_markers()
+            if mark.name in ("mpi2", "mpi3", "long")
+            for name in (*mark.args, *mark.kwargs.get("but", ()))
+            if (case := f"{item.nodeid.partition('[')[0]}[{name}]") not in there
+        }
+    )
+
+
+def case_of(item: pytest.Item) -> str:
+    """Return the name of a case of a parametrized test, as brackets have it; else nothing."""
+    return item.nodeid.partition("[")[2].removesuffix("]")
 
 
 def _text(report: pytest.TestReport) -> str:

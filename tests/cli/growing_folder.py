@@ -13,7 +13,7 @@ from pathlib import Path
 
 from perfplast_fenicsx.io.results.run_lock import ENDED, hold
 
-PATIENCE = 60.0
+PATIENCE = 600.0
 """Longest time for the reader (s)."""
 
 STEP = {

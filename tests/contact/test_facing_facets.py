@@ -10,6 +10,7 @@ from perfplast_fenicsx.mesh.kinematics import KINDS
 from tests.contact.test_clipping import area, grid
 
 
+@pytest.mark.mpi2("1.0-True-1")
 @pytest.mark.parametrize(
     ("height", "onward", "found_far"), [(1.0, True, 1), (1.0, False, 0), (-1.0, True, 0)]
 )

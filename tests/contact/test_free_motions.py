@@ -101,6 +101,7 @@ def test_what_turns_is_shown_as_it_was_on_average(read: Read) -> None:
     assert np.abs(moved) <= 1e-12 * size
 
 
+@pytest.mark.mpi2("Newton")
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian, WorkNewton, BorderedNewton])
 def test_a_block_that_may_slide(method: type[LevelSolver]) -> None:
     problem = touching_blocks(supports=SLIDING, degree=2)

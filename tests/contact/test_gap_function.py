@@ -57,6 +57,7 @@ def test_a_formula_gives_the_gap_that_would_be_measured(read: Read) -> None:
     assert closed.report.alpha < 0.9 * levels[0].report.alpha
 
 
+@pytest.mark.mpi2
 def test_a_gap_between_parallel_faces_is_measured_and_closed(comm: MPI.Intracomm) -> None:
     def apart(distance: float) -> Problem:
         boxes = [

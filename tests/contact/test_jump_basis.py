@@ -104,7 +104,7 @@ def random_constraints(seed: int, comm: MPI.Intracomm) -> tuple[Any, Constraints
     return V, constraints, fixed[local]
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("0")
 @pytest.mark.parametrize("seed", range(5))
 def test_any_rows_become_bounds(seed: int, comm: MPI.Intracomm) -> None:
     V, constraints, fixed = random_constraints(seed, comm)

@@ -35,6 +35,7 @@ def write_bolted(path: str | Path, order: int) -> None:
         write_split(path)
 
 
+@pytest.mark.mpi2("1")
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_round_pin_may_spin(read: Read, order: int, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):

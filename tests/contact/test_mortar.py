@@ -59,7 +59,7 @@ def test_constant_pressure_is_transmitted(
     assert pressure.resultants == pytest.approx(np.array([force]), abs=1e-9)
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("2-1")
 @pytest.mark.parametrize(("gdim", "degree"), list(product((2, 3), (1, 2))))
 def test_forces_and_moments_are_in_balance(gdim: int, degree: int, comm: MPI.Intracomm) -> None:
     problem = on_rollers(gdim, degree)
@@ -77,6 +77,7 @@ def test_forces_and_moments_are_in_balance(gdim: int, degree: int, comm: MPI.Int
     assert sums.array == pytest.approx(2.0, abs=1e-12)
 
 
+@pytest.mark.mpi2("2-1")
 @pytest.mark.parametrize(("gdim", "degree"), list(product((2, 3), (1, 2))))
 def test_gaps_that_close_in_part_are_certified(gdim: int, degree: int) -> None:
     problem = on_rollers(gdim, degree, gap="2e-3*x")

@@ -69,6 +69,7 @@ def test_gap_is_a_formula_on_the_primary_surface(read: Read) -> None:
         assert given == pytest.approx(1e-3 * SEAM**2, rel=1e-6)
 
 
+@pytest.mark.mpi2("primary")
 @pytest.mark.parametrize("hosts", ["primary", "secondary"])
 def test_press_fit_of_tubes(read: Read, hosts: Any, comm: MPI.Intracomm) -> None:
     """Tubes that are made too large by δ, in plane strain; S. Timoshenko, J. N. Goodier 1970, § 28.
@@ -137,7 +138,7 @@ def test_curved_facets_in_space_are_as_near_as_nodes(read: Read) -> None:
     assert mortar[1] < mortar[0] * (0.35 / 0.5) ** 2
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("primary")
 @pytest.mark.parametrize("hosts", ["primary", "secondary"])
 def test_rows_on_curved_facets(read: Read, hosts: Any, comm: MPI.Intracomm) -> None:
     """Their areas are those of the curved surface, translations are no jump, and a jump along the

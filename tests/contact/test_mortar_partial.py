@@ -171,6 +171,7 @@ def test_linear_pressure_between_quadratic_elements(hosts: Any, comm: MPI.Intrac
     assert largest(comm, (u[:, 0] - aside)[Y > 1 + 1e-9]) < 1e-11 / lower.young
 
 
+@pytest.mark.mpi2("primary")
 @pytest.mark.parametrize("hosts", ["primary", "secondary"])
 def test_linear_pressure_in_space(hosts: Any, comm: MPI.Intracomm) -> None:
     """Multipliers on quadratic triangles hold no linear pressure; the error falls with h² or so."""

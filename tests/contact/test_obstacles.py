@@ -25,6 +25,7 @@ from tests.models import STEEL, Read
 ON = "upper_bottom"
 
 
+@pytest.mark.mpi2
 def test_distances_and_directions_of_obstacles() -> None:
     x = np.array([[3.0, 0.0, 4.0], [0.0, 6.0, 8.0]])
     gap, into = Sphere("s", (0.0, 0.0, 0.0), 2.0).towards(x)

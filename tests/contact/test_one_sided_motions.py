@@ -33,6 +33,7 @@ def test_a_block_that_is_pushed_away(read: Read) -> None:
     assert report.reason.startswith("no equilibrium exists: the loads push the body 'block' away")
 
 
+@pytest.mark.mpi2
 def test_a_block_that_may_go_away(read: Read, caplog: pytest.LogCaptureFixture) -> None:
     """It is solved, and told."""
     with caplog.at_level(logging.WARNING):

@@ -34,6 +34,7 @@ def test_jumps_of_one_body_that_moves(wedge: TaggedMesh) -> None:
     assert np.abs(together).max(initial=0) < 1e-13
 
 
+@pytest.mark.mpi2
 def test_a_body_that_a_load_can_move_is_refused() -> None:
     words = ["the body 'upper'", "translation in z", "a load does work", "add a support"]
     assert_refused(lambda: touching_blocks(contacts=[]), words)

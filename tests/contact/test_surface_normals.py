@@ -16,7 +16,7 @@ from tests.checks import largest
 from tests.models import Read
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_nodes_on_the_edges_of_a_cube_have_a_normal_for_each_face(
     comm: MPI.Intracomm, degree: int

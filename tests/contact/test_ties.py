@@ -102,7 +102,7 @@ def test_matching_halves_are_one_mesh(degree: int, comm: MPI.Intracomm) -> None:
         assert glued.report.alpha == pytest.approx(one.report.alpha, rel=1e-12)
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("2")
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_glue_certifies_and_is_the_same_on_one_rank(gdim: int, comm: MPI.Intracomm) -> None:
     level = Newton(sheared(gdim, 1)).solve(20.0)

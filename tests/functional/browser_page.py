@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-PATIENCE = 120
+PATIENCE = 600
 """Longest time for anything in the browser (s)."""
 
 alone = pytest.mark.skipif(

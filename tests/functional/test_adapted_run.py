@@ -42,6 +42,7 @@ pictures = false
 """
 
 
+@pytest.mark.mpi2
 def test_adapted_run(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:

@@ -80,6 +80,7 @@ def test_forces_are_told_to_be_of_the_full_turn(
     assert scene["axisymmetric"] is True
 
 
+@pytest.mark.mpi2
 def test_bounds_are_strict_and_proven(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:

@@ -56,6 +56,7 @@ values = [10.0, 20.0]
 """
 
 
+@pytest.mark.mpi2
 def test_forces_of_a_bolt_are_told(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,

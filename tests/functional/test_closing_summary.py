@@ -29,7 +29,6 @@ def run(folder: Path, alone: str, two: str, three: str, **variables: str) -> tup
         env=os.environ | variables,
         capture_output=True,
         text=True,
-        timeout=60,
     )
     shown, _, summary = done.stdout.partition("All tests, by the number of ranks:\n")
     assert "3 passed" in shown

@@ -59,6 +59,7 @@ def one_line(comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]) -> str:
     return err
 
 
+@pytest.mark.mpi2
 def test_run(
     case: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
@@ -180,6 +181,7 @@ def test_limit_load_by_a_path(
         assert "upper bound" not in out
 
 
+@pytest.mark.mpi2
 def test_limit_load_by_default(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
@@ -220,6 +222,7 @@ def test_limit_load_by_default(
         )
 
 
+@pytest.mark.mpi2
 def test_bounds(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
@@ -338,6 +341,7 @@ def test_bad_input_leaves_older_results(
     assert old.read_text() == "old"
 
 
+@pytest.mark.mpi2("arguments0-COMMAND")
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
@@ -382,6 +386,7 @@ def test_information(
     assert (part in " ".join(out.split())) == (comm.rank == 0)
 
 
+@pytest.mark.mpi2
 def test_check(case: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(case)]) == SOLVED
     out, _ = capsys.readouterr()
@@ -463,6 +468,7 @@ def test_it_starts_without_what_few_commands_need(comm: MPI.Intracomm) -> None:
     assert (done.returncode, done.stdout) == (0, "set()\n")
 
 
+@pytest.mark.mpi2
 def test_live_line(
     case: Path, comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

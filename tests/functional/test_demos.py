@@ -1,8 +1,7 @@
-"""The demos check themselves: each runs here, small, on one rank and on the ranks of the run.
+"""The demos check themselves: each runs here on a coarse mesh.
 
-Cases of the verification run once: on one rank, or on several what shows a pattern of exchange, and
-of those that take long one. Their pictures are drawn by ``make verify``, which has all of them here
-as well, and at their full size on two ranks.
+``make test`` runs three of them, and draws no pictures of the verification. ``make verify`` runs
+all, with their pictures, and those of the verification at their full size on two ranks as well.
 """
 
 import importlib.util
@@ -21,32 +20,18 @@ from perfplast_fenicsx.pictures import drawing_process
 from tests.parallel_plugin import EVERY_CASE
 
 FOLDER = Path(__file__).resolve().parents[2] / "demos"
-ON_SEVERAL = ("body_bounds", "friction", "meshed_apart")
-"""Cases of the verification that run on several ranks, and not on one."""
-
-LONG = (
-    *("assemblies", "axisymmetry", "bound_costs", "bounds_in_space", "contact_patch"),
-    *("cracked_strips", "curved_seams", "dead_loads", "ground", "hertz_sphere", "joints"),
-    *("ground_bounds", "ground_in_space"),
-    *("bounds_apart", "platens", "published", "ring_bounds"),
-    *("published_blocks", "published_contact", "published_plates", "rigid_footing"),
-    *("space_costs", "strip_footing", "thick_sphere"),
-    *("statements", "torsion", "towers", "wall_bounds", "yield_laws"),
-)
-"""Cases of the verification that take more than 5 s of one core where they are coarse."""
+SHORT = ("bolted_ring", "press_fit")
+"""Cases of the verification that ``make test`` runs, on one rank; ``make verify`` runs all."""
 
 
-def marks(name: str) -> list[pytest.MarkDecorator]:
-    """Of a case of the verification."""
-    if name in ON_SEVERAL:
-        return []
-    return [pytest.mark.serial, pytest.mark.costly] if name in LONG else [pytest.mark.serial]
+def marks(script: Path) -> list[pytest.MarkDecorator]:
+    """Return which runs a demo is part of."""
+    if script.parent == FOLDER:
+        return [pytest.mark.mpi2] if script.stem == "two_blocks" else [pytest.mark.long]
+    return [pytest.mark.serial, *([] if script.stem in SHORT else [pytest.mark.long])]
 
 
-SCRIPTS = [
-    *sorted(FOLDER.glob("*.py")),
-    *(pytest.param(FOLDER / "verification" / f"{name}.py", marks=marks(name)) for name in VERIFIED),
-]
+SCRIPTS = [*FOLDER.glob("*.py"), *(FOLDER / "verification" / f"{name}.py" for name in VERIFIED)]
 CASES = sorted(FOLDER.glob("*.toml"))
 
 
@@ -64,7 +49,9 @@ def load(script: Path) -> ModuleType:
     return demo
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=name)
+@pytest.mark.parametrize(
+    "script", [pytest.param(script, marks=marks(script)) for script in sorted(SCRIPTS)], ids=name
+)
 def test_script(
     script: Path,
     comm: MPI.Intracomm,
@@ -72,8 +59,6 @@ def test_script(
     shared_tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    if script.stem in ON_SEVERAL and comm.size == 1:
-        pytest.skip("this case of the verification is tested once, on several ranks")
     results = shared_tmp_path / "results"
     if comm.rank == 0:  # of a first run, which the second one replaces
         results.mkdir()

@@ -83,6 +83,7 @@ def test_first_yield_and_growing_strokes(
     assert stroke(solver, -1.0) == pytest.approx([-1.0])  # upwards nothing resists
 
 
+@pytest.mark.mpi2
 def test_a_run(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,

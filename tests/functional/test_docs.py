@@ -150,6 +150,7 @@ def test_outputs_are_compared(shown: str, printed: str, equal: bool) -> None:
     assert commands.same(shown, printed) == equal
 
 
+@pytest.mark.long(but=["howto/loading.md-2"])
 @pytest.mark.parametrize(
     ("name", "count"), [("tutorial.md", 6), ("extending.md", 7), ("howto/loading.md", 2)]
 )
@@ -172,7 +173,6 @@ def test_site(tmp_path: Path) -> None:
         [*command, "-d", str(tmp_path / "trees"), str(DOCS), str(tmp_path / "site")],
         capture_output=True,
         text=True,
-        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     site = tmp_path / "site"

@@ -152,6 +152,7 @@ def test_the_tangent_is_the_derivative_of_the_forces(shared_tmp_path: Path, dim:
     assert min(errors) < 1e-6, errors
 
 
+@pytest.mark.mpi2
 def test_one_rank_and_several_agree(shared_tmp_path: Path) -> None:
     together = Newton(tube(shared_tmp_path)).solve(0.9 * BURST)
     alone = Newton(tube(shared_tmp_path, comm=MPI.COMM_SELF)).solve(0.9 * BURST)

@@ -175,6 +175,7 @@ def test_three_loads_of_a_rigid_footing(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.mpi2('first = ["V"]-first = []-first is empty')
 @pytest.mark.parametrize(
     ("old", "new", "part"),
     [

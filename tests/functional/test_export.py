@@ -50,6 +50,7 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.mpi2("fields/level_0002")
 @pytest.mark.parametrize("name", ["fields/level_0002", "fields/points_0002", "mechanism"])
 def test_vtk_reads_the_same_from_both(
     name: str, results: Path, bounded: Path, comm: MPI.Intracomm

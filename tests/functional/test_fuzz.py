@@ -227,6 +227,7 @@ def test_the_base_is_fine(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     assert solved(comm, path) == "solved"
 
 
+@pytest.mark.mpi2
 def test_case_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) -> None:
     """Wrong keys, types and values; most are refused without a mesh."""
 
@@ -241,6 +242,7 @@ def test_case_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) ->
     assert tally.counts["refused"] > tally.counts.total() / 2
 
 
+@pytest.mark.mpi2
 def test_broken_text(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) -> None:
     """Bytes that are changed, cut, repeated or put in."""
     whole = document(BASE).encode()
@@ -364,6 +366,7 @@ WEDGE = {"2 5 0 0": "2 5 0 3", "2 8 0 0": "2 8 0 2", '3 8 "upper"': '999999999 8
 """What makes gmsh itself crash, or run without end."""
 
 
+@pytest.mark.mpi2("2 5 0 0-2 5 0 3-gmsh cannot read")
 @pytest.mark.parametrize(
     ("old", "new", "part"),
     [

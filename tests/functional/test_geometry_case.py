@@ -96,6 +96,7 @@ APART = (
 )
 
 
+@pytest.mark.mpi2
 def test_meshed_together_and_apart(shared_tmp_path: Path) -> None:
     """A block between frictionless surfaces collapses at its yield stress, by any mesh."""
     together = limit_load(case_file(shared_tmp_path), shared_tmp_path / "together")
@@ -127,6 +128,7 @@ def test_the_mesh_is_kept_until_something_changes(shared_tmp_path: Path) -> None
         made()
 
 
+@pytest.mark.mpi2("change0-'[^']*keep.step' cannot be read: No such file")
 @pytest.mark.parametrize(
     ("change", "says"),
     [

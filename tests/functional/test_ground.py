@@ -93,6 +93,7 @@ def solved(level: Level) -> Level:
     return level
 
 
+@pytest.mark.long(but=["-1.0-10.0"])
 @pytest.mark.parametrize(("sign", "outside"), [(1.0, 0.0), (-1.0, 10.0)])
 def test_the_four_algorithms_agree(read: Read, sign: float, outside: float) -> None:
     """Burst from within, or pressed from without while the inner pressure becomes a tension."""

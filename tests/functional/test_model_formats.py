@@ -116,6 +116,7 @@ def test_a_material_that_does_not_go(
     assert not out.exists()
 
 
+@pytest.mark.long
 def test_from_the_file_to_the_limit_load(comm: MPI.Intracomm, folder: Path) -> None:
     """A cube of steel that is pressed uniformly yields all over at its yield stress."""
     out = folder / "out"
@@ -127,6 +128,7 @@ def test_from_the_file_to_the_limit_load(comm: MPI.Intracomm, folder: Path) -> N
     assert summary["limit"]["estimate"] == pytest.approx(235.0, rel=1e-3)
 
 
+@pytest.mark.mpi2("inp-")
 @pytest.mark.parametrize("text", ["", "\0\1\2", "no model\n"])
 @pytest.mark.parametrize("ending", ["inp", "med", "unv", "bdf"])
 def test_what_is_no_model_is_one_sentence_on_all_ranks(
@@ -242,6 +244,7 @@ def _two_cubes() -> str:
     return TWO.format(nodes=nodes, elements=elements, foot=foot, lower="HARD", **own)
 
 
+@pytest.mark.long
 def test_contact_and_materials_of_a_file_are_those_of_a_case_by_hand(
     comm: MPI.Intracomm, shared_tmp_path: Path
 ) -> None:

@@ -55,6 +55,7 @@ pictures = false
 """
 
 
+@pytest.mark.mpi2
 def test_bodies_meshed_apart(
     shared_tmp_path: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
 ) -> None:

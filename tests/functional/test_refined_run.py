@@ -44,6 +44,7 @@ pictures = false
 """
 
 
+@pytest.mark.mpi2
 def test_half_the_size(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

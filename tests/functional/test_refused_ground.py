@@ -121,6 +121,7 @@ def test_dilatancy_of_friction(
     assert same.reduced(1.2) == MohrCoulomb(3e4, 0.3, 10.0, 25.0).reduced(1.2)
 
 
+@pytest.mark.long
 def test_a_run_says_what_its_numbers_are_of(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -35,6 +35,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.mpi2
 def test_the_run_writes_it(
     results: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
 ) -> None:

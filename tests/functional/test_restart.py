@@ -130,8 +130,8 @@ def run_until(
     return run
 
 
-@pytest.mark.mpi3
-@pytest.mark.parametrize("method", [pytest.param("newton", marks=pytest.mark.mpi3), *OTHERS])
+@pytest.mark.mpi3("newton")
+@pytest.mark.parametrize("method", ["newton", *OTHERS])
 def test_a_run_goes_on(
     method: str,
     comm: MPI.Intracomm,
@@ -179,6 +179,7 @@ def test_a_run_with_coulombs_friction_goes_on(
     assert all(int(row["rounds"]) > 1 and int(row["slipping"]) > 0 for row in rows)
 
 
+@pytest.mark.mpi2("")
 @pytest.mark.parametrize("more", ["", CONSTANT])
 def test_a_search_for_the_limit_load_goes_on(
     more: str,
@@ -477,6 +478,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.mpi2("truncated")
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_checkpoint(
     damage: str,
@@ -514,6 +516,7 @@ class Crash(BaseException):
     """The end of the program, which nothing catches."""
 
 
+@pytest.mark.mpi2("1")
 @pytest.mark.parametrize("renames", [1, 3, 4, 6, 7, 9, 10, 11, 13])
 def test_a_crash_while_writing(
     renames: int,

@@ -43,6 +43,7 @@ poisson = 0.3
 """
 
 
+@pytest.mark.mpi2
 def test_a_run(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

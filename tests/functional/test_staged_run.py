@@ -32,6 +32,7 @@ factors = {{ top = {2.5 * AT_YIELD} }}
 """
 
 
+@pytest.mark.mpi2
 def test_a_cycle_of_a_punch_goes_on(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,

@@ -60,6 +60,7 @@ CONTRASTS = [
 number 15 forces that rounding leaves do more work on the mechanism than a proof may leave."""
 
 
+@pytest.mark.mpi2("1-2")
 @pytest.mark.parametrize(("seed", "dim"), SEEDS)
 def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
     it = stack(seed, dim)

@@ -40,6 +40,7 @@ def table(comm: MPI.Intracomm, folder: Path) -> list[dict[str, str]]:
     return found
 
 
+@pytest.mark.mpi2
 def test_a_case_for_each_pair_of_values(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -133,6 +133,7 @@ def test_bodies_in_space_on_one_rank_and_on_all(comm: MPI.Intracomm) -> None:
     assert_the_same_on_one_rank(bent_blocks(comm), bent_blocks(MPI.COMM_SELF), 75.0)
 
 
+@pytest.mark.mpi2
 def test_plane_strain_on_one_rank_and_on_all(read: Read, comm: MPI.Intracomm) -> None:
     def cylinder(comm: MPI.Intracomm) -> Problem:
         return pressed_cylinder(read(write_hertz_line, comm, contact_size=0.03, order=2))
@@ -143,6 +144,7 @@ def test_plane_strain_on_one_rank_and_on_all(read: Read, comm: MPI.Intracomm) ->
 # --- active sets ------------------------------------------------------------------------------
 
 
+@pytest.mark.long(but=["exact"])
 @pytest.mark.parametrize("active_set", ["adaptive", "exact"])
 def test_a_uniform_pressure_leaves_nothing_at_vertices_and_is_found_soon(
     read: Read, active_set: Any
@@ -170,6 +172,7 @@ def test_a_uniform_pressure_leaves_nothing_at_vertices_and_is_found_soon(
     assert largest(problem.comm, pressure) == pytest.approx(zeta, rel=1e-9)
 
 
+@pytest.mark.long
 def test_divided_sphere_near_its_collapse(read: Read) -> None:
     problem = Problem(
         read(write_thick_sphere, interface=1.4, size=0.4, order=2),
@@ -244,6 +247,7 @@ def test_a_plane_is_a_flat_body_that_does_not_move(comm: MPI.Intracomm, degree: 
     assert largest(comm, difference) < 1e-9 * held.report.max_displacement
 
 
+@pytest.mark.long
 def test_a_stiff_body_is_nearly_a_plane(comm: MPI.Intracomm) -> None:
     stiff = {"lower": Elastic(STEEL.young * 1e6, 0.0), "upper": STEEL}
     contact = blocks(
@@ -290,6 +294,7 @@ def test_a_body_pulled_off_its_obstacle_has_no_equilibrium(
         assert "lose all contact" in report.reason or "no equilibrium" in report.reason
 
 
+@pytest.mark.long(but=["1"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tube_in_a_rigid_round_hole(read: Read, degree: int) -> None:
     """Lamé's solution with u(b) = 0."""
@@ -315,6 +320,7 @@ def test_tube_in_a_rigid_round_hole(read: Read, degree: int) -> None:
     assert recovery.resultants == pytest.approx(np.array([[force, force]]), rel=error)
 
 
+@pytest.mark.long
 def test_shell_in_a_hollow_sphere(read: Read) -> None:
     """Lamé's solution with u(b) = 0, held by symmetry and the obstacle alone along the axes."""
     material = Elastic(70e3, 0.3)
@@ -372,6 +378,7 @@ def test_block_on_a_rigid_cylinder(comm: MPI.Intracomm) -> None:
         assert abs(recovery.resultants[0, across]) < 1e-12
 
 
+@pytest.mark.long
 def test_two_planes_hold_a_block_at_the_edge_they_share(read: Read) -> None:
     """Every node has two conditions; those on the edge are closed by both."""
     planes = [Plane("block_corner", (0.0, 0.0, 0.0), n) for n in ((1.0, 0, 0), (0, 1.0, 0))]

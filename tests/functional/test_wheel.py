@@ -17,8 +17,6 @@ from tests.models import case_text
 from tests.test_walls import BELOW
 
 ROOT = Path(__file__).parents[2]
-PATIENCE = 300
-"""Longest time for a command (s)."""
 
 pytestmark = pytest.mark.skipif(
     MPI.COMM_WORLD.size > 1, reason="a program that uses MPI cannot start another"
@@ -52,7 +50,6 @@ def run(*command: str | Path, cwd: Path) -> str:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=PATIENCE,
     )
     assert done.returncode == 0, f"{done.args}\n{done.stdout}\n{done.stderr}"
     return done.stdout

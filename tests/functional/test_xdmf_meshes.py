@@ -38,6 +38,7 @@ def alpha(tagged_mesh: TaggedMesh) -> float:
     return level.state.alpha
 
 
+@pytest.mark.mpi2
 def test_a_mesh_by_way_of_xdmf_is_the_same(shared_tmp_path: Path) -> None:
     comm = MPI.COMM_WORLD
     tagged_mesh = two_blocks(comm, 2)

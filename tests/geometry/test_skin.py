@@ -47,7 +47,7 @@ def test_skin_and_picture(tmp_path: Path, dim: int) -> None:
     assert len(colours) > 20
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["size0"])
 @pytest.mark.parametrize("size", [(1, 1, 3), (6, 1, 1), (1, 6, 1)])
 def test_long_bodies_are_not_cut_off(tmp_path: Path, size: tuple[int, int, int]) -> None:
     """A box ends in corners, on all sides of its picture; cut off, it would end in a line."""

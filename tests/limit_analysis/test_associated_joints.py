@@ -98,6 +98,7 @@ def test_a_block_on_an_incline(slope: float, mu: float, c: float) -> None:
         assert "tresca" in " ".join(pair.why_not)
 
 
+@pytest.mark.mpi2("0.5-True")
 @pytest.mark.parametrize(("c", "dead"), [(0.5, True), (0.0, True), (0.5, False)])
 def test_a_block_in_space(shared_tmp_path: Path, c: float, dead: bool) -> None:
     """From below the statics in any direction along the joint, which the checker finds too."""

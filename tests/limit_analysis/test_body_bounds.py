@@ -76,6 +76,7 @@ def quadratic_blocks() -> Problem:
     return Problem(problem.tagged_mesh, **vars(problem.given) | {"degree": 2})
 
 
+@pytest.mark.mpi2
 def test_tetrahedra_are_split() -> None:
     problem = quadratic_blocks()
     bounds = limit_bounds(problem, 1e-3)

@@ -61,7 +61,7 @@ def random_moduli(at: PointCoordinates, m: int) -> Moduli:
     return Moduli(bulk, a, normal, along).with_whole(whole, roots)
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("quadratic")
 @pytest.mark.parametrize(
     "make",
     [

@@ -66,6 +66,7 @@ def proven(bounds: BodyBounds, path: Path) -> None:
         assert half.proven == pytest.approx(bound.value, rel=1e-8)
 
 
+@pytest.mark.mpi2
 def test_a_block_in_space(shared_tmp_path: Path) -> None:
     """Uniform stress and flow are in all spaces: both bounds are exact."""
     bounds = limit_bounds(blocks(), 1e-6)

@@ -69,6 +69,7 @@ def assert_lost_at(limit: LimitLoad, exact: float, rtol: float) -> None:
     assert "no equilibrium exists" in limit.reason
 
 
+@pytest.mark.mpi2("push0-weight0-0.3")
 @pytest.mark.parametrize(
     ("push", "weight", "exact"),
     [

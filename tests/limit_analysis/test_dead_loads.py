@@ -92,6 +92,7 @@ def checked(low: BodyBounds, high: BodyBounds, folder: Path) -> dict[str, Checke
     return found
 
 
+@pytest.mark.mpi2("1.0-0.5")
 @pytest.mark.parametrize("lateral", [0.5, 5.0, -3.0, 1e4])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_both_ends_of_what_a_block_carries(

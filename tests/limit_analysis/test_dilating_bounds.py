@@ -149,6 +149,7 @@ def test_a_sphere_between_two_polyhedra(read: Read, shared_tmp_path: Path, match
     assert proven(low, low, shared_tmp_path) == {"lower", "upper"}
 
 
+@pytest.mark.mpi2("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_blocks_in_space(degree: int, shared_tmp_path: Path) -> None:
     """Uniform stress and strain: both bounds are the load itself, on contact too."""

@@ -47,6 +47,7 @@ def blocks(lower: int, upper: int, kind: str, loads: Any = None, **shape: Any) -
     return Problem(mesh, materials, supports, loads, degree=2, **met)
 
 
+@pytest.mark.mpi2("2-3-ties")
 @pytest.mark.parametrize("kind", MEETING)
 @pytest.mark.parametrize(("lower", "upper"), [(2, 3), (3, 5), (7, 3)])
 def test_blocks_that_are_meshed_apart(

@@ -114,11 +114,12 @@ def fits_the_ellipse(
     return found
 
 
+@pytest.mark.mpi2
 def test_an_ellipse_is_between_the_polygons(sheet: Problem, tmp_path: Path) -> None:
     is_closed(fits_the_ellipse(sheet, IN_SHEET, True, 0.1, tmp_path / "envelope.png"))
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["False-0.1"])
 @pytest.mark.serial
 @pytest.mark.parametrize(("around", "until"), [(False, 0.1), (False, 0.01), (True, 0.01)])
 def test_an_ellipse_of_a_cube(around: bool, until: float, cube: Problem, tmp_path: Path) -> None:

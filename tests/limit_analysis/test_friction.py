@@ -48,6 +48,7 @@ def aside(gdim: int, shear: float, **friction: float) -> Problem:
     )
 
 
+@pytest.mark.mpi2("2")
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_cones_of_friction_let_a_block_slide(gdim: int) -> None:
     """Static and kinematic load meet where the force aside is τ̄A."""
@@ -146,6 +147,7 @@ def test_a_block_slides_up_a_slope(comm: MPI.Intracomm) -> None:
     assert "round" in above.report.reason
 
 
+@pytest.mark.mpi2
 def test_slip_and_friction_are_fields(comm: MPI.Intracomm) -> None:
     """Friction is τ̄ where all slips, opposite on both surfaces, and adds up to no force."""
     problem: Any = Problem(

@@ -8,7 +8,7 @@ from perfplast_fenicsx.limit_analysis.velocity.gap_shares import gap_shares
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, blocks
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("1.0")
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_they_add_up_to_the_gap(share: float) -> None:
     """Two blocks of the yield stress 300 carry 300, by a uniform stress."""

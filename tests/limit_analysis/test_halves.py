@@ -39,7 +39,7 @@ COMM = MPI.COMM_WORLD
 RTOL = 1e-6
 
 pytestmark = [  # all of them on two ranks, and on no other number
-    pytest.mark.mpi3,
+    pytest.mark.mpi2,
     pytest.mark.skipif(COMM.size != 2, reason="two ranks share the bounds"),
 ]
 

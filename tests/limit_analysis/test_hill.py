@@ -93,6 +93,7 @@ def up() -> Hill:
     return Hill(2e5, 0.3, YIELD, ALONG["x"], ALONG["z"], ALONG["y"], 1.3, 0.8, 1.1)
 
 
+@pytest.mark.mpi2
 def test_free_sides(shared_tmp_path: Path) -> None:
     bounds = limit_bounds(blocks(up()), 1e-6)
     assert bounds.strict

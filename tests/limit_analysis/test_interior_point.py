@@ -240,7 +240,7 @@ def test_a_tolerance_is_reached_and_steps_are_told() -> None:
     assert f"{len(told)} steps" in repr(limit)
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("plate")
 @pytest.mark.parametrize(
     ("make", "share"),
     [

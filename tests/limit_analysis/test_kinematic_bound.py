@@ -88,7 +88,7 @@ def short_of_memory(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequ
         monkeypatch.setattr(module, "spare_memory", lambda comm: request.param)
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("-1.0-2")
 @pytest.mark.usefixtures("short_of_memory")
 @pytest.mark.parametrize("degree", [2, pytest.param(1, marks=pytest.mark.serial)])
 def test_flows_whose_factors_do_not_fit_are_iterated(degree: int) -> None:

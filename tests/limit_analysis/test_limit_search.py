@@ -77,6 +77,7 @@ def test_limit_load_of_a_fine_plate_in_few_solves() -> None:
     assert limit.linear_solves <= 170
 
 
+@pytest.mark.mpi2
 def test_limit_load_of_a_punch() -> None:
     limit = limit_load(punch_problem(8), 1e-4, method="path")
     assert limit.levelled_off
@@ -150,6 +151,7 @@ def test_bodies_that_never_yield_have_no_limit_load() -> None:
     assert limit.lower > 1e4
 
 
+@pytest.mark.mpi2
 def test_both_methods_find_the_same() -> None:
     problem = punch_problem(4)
     path, direct = limit_load(problem, 1e-4, method="path"), limit_load(problem, 1e-4)

@@ -85,6 +85,7 @@ def in_water(sides: Sequence[Load], n: int = 3, shake: float = 0.2) -> Problem:
 WATER = f"{WEIGHT}*({DEEP} - y)"
 
 
+@pytest.mark.mpi2("pressure")
 @pytest.mark.parametrize(
     "side",
     [Pressure("right", WATER), Traction("right", (f"-{WATER}", "0*x"))],

@@ -61,6 +61,7 @@ def both(bounds: BodyBounds) -> tuple[float, float]:
     return bounds.lower.value, bounds.upper.value
 
 
+@pytest.mark.mpi2("100000.0")
 @pytest.mark.parametrize("contrast", [1e5, 1e8])
 def test_a_weak_layer_between_strong_ones(contrast: float) -> None:
     it = layers([contrast, 1.0, 10 * contrast], n=2)

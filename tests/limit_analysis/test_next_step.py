@@ -100,6 +100,7 @@ def test_the_fewest_bodies_that_have_most() -> None:
     assert _largest(["a", "b"], [0.0, 0.0]) == ()
 
 
+@pytest.mark.mpi2
 def test_the_body_that_flows_is_the_one_that_locks(monkeypatch: pytest.MonkeyPatch) -> None:
     """The upper block is pulled off the lower one; its velocity is hardly projected."""
     module = "perfplast_fenicsx.limit_analysis.discrete.discrete_bounds"

@@ -84,6 +84,7 @@ def around(found: AdaptiveBounds, exact: float, path: Path) -> float:
     return (high - low) / exact
 
 
+@pytest.mark.mpi2
 def test_a_surcharge(read: Read, shared_tmp_path: Path) -> None:
     """All cells are pressed by the surcharge, and the first mesh has both bounds."""
     found = adaptive_bounds(under_surcharge(read, 20.0), Adaptation(until=0.2, cells=300))

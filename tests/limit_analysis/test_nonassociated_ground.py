@@ -73,6 +73,7 @@ def proven(bounds: BodyBounds, path: Path) -> None:
     COMM.barrier()
 
 
+@pytest.mark.mpi2
 def test_a_block_by_radenkovic(tmp_path: Path) -> None:
     of = ground("radenkovic")
     bounds = limit_bounds(column(of, Pressure("top", 1.0)))

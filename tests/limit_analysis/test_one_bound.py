@@ -61,7 +61,7 @@ def cubes(read: Read) -> Problem:
     )
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["slope"])
 @pytest.mark.parametrize("model", [slope, ring, cubes])
 def test_each_is_that_of_both(model: Callable[[Read], Problem], read: Read) -> None:
     problem = model(read)

@@ -31,6 +31,7 @@ def blocks(on_upper: float) -> Problem:
     )
 
 
+@pytest.mark.mpi2
 def test_pieces_hang_together_by_facets() -> None:
     problem = blocks(0.0)
     mesh, body = problem.tagged_mesh.mesh, bound_body(problem)

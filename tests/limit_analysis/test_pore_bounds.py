@@ -72,6 +72,7 @@ def test_a_block_with_wet_pores(shared_tmp_path: Path) -> None:
     holds(proven(square(Pressure("top", 1.0), *wet), shared_tmp_path), DRY - (N - 1) * U)
 
 
+@pytest.mark.mpi2
 def test_a_seam_that_parts_pores(shared_tmp_path: Path) -> None:
     """A dry half that is glued to a wet one holds it together, and bears no more than dry ground.
 

@@ -68,6 +68,7 @@ def assert_proven(bounds: BodyBounds, path: Path) -> None:
     COMM.barrier()
 
 
+@pytest.mark.mpi2("0.0")
 @pytest.mark.parametrize("angle", [0.0, 25.0])
 def test_a_smooth_block(angle: float) -> None:
     """2c √N, N = (1 + sin φ)/(1 − sin φ)."""

@@ -219,6 +219,7 @@ def test_motions_along_the_axis_strain_nothing() -> None:
     assert np.abs(u.x.array.reshape(-1, 2) - [0.0, 1.0]).max() < 1e-12
 
 
+@pytest.mark.mpi2("2-3-False")
 @pytest.mark.parametrize("tied", [False, True])
 @pytest.mark.parametrize(("lower", "upper"), [(2, 3), (3, 3)])
 def test_blocks_that_meet_on_the_axis(lower: int, upper: int, tied: bool) -> None:

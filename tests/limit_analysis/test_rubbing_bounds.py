@@ -87,6 +87,7 @@ def test_rubbing_platens() -> None:
     assert none.upper.value == pytest.approx(smooth.upper.value or 0.0, rel=1e-4)
 
 
+@pytest.mark.mpi2
 def test_a_block_that_slides_in_space() -> None:
     """Friction in any direction: the whole seam slips at τ̄ over the shear traction."""
     problem = Problem(

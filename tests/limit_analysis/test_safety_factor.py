@@ -74,6 +74,7 @@ def test_the_slope_of_griffiths_and_lane(read: Read) -> None:
     assert "stands with F = 1.3" in found.in_words()
 
 
+@pytest.mark.mpi2
 def test_without_friction_it_is_a_limit_load(read: Read) -> None:
     problem = slope(read, VonMises(1e3, 0.3, 0.3))
     bounds = limit_bounds(problem, 1e-5)

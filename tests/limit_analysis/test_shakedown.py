@@ -54,6 +54,7 @@ def first_yield(ratio: float) -> float:
     return math.sqrt(2) / float(np.linalg.norm(stress - stress.mean()))
 
 
+@pytest.mark.mpi2("1.5-1")
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("ratio", [1.5, 2.0, 3.0])
 def test_a_thick_tube(ratio: float, order: int, comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
@@ -89,6 +90,7 @@ def block(comm: MPI.Intracomm, law: object, loads: list[object], ties: bool = Tr
     )
 
 
+@pytest.mark.mpi2
 def test_a_bar_pulled_and_pushed(comm: MPI.Intracomm) -> None:
     """A stress without gradient has no residual stress: limit load either way, beside dead ones."""
     Y = math.sqrt(3)

@@ -59,6 +59,7 @@ def test_the_end_of_a_load(read: Read) -> None:
     assert places(ground, declared(GROUND, stepped)) == {(1.0, 0.0)}
 
 
+@pytest.mark.mpi2
 def test_the_end_of_a_contact(read: Read) -> None:
     """It is the ground's; the corner of the punch is none."""
     assembly = read(write_strip_footing, punch=True)

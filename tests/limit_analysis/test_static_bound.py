@@ -296,7 +296,7 @@ def test_cantilevers_in_contact() -> None:
     assert np.allclose(checked.tractions[seam], -opposite(checked, seam), atol=1e-5)
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("<lambda>0")
 @pytest.mark.parametrize(
     "make", [lambda comm: platens(4, 0.2, comm), lambda comm: punch_problem(2, comm=comm)]
 )

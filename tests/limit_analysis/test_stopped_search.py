@@ -101,7 +101,7 @@ def pinned(read: Read, seed: int) -> Problem:
     return Problem(tagged_mesh, materials, supports, [BodyForce(on, force)], contacts, degree=2)
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["0"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_assemblies_in_which_something_may_turn_have_a_bracket(read: Read, seed: int) -> None:
     problem = pinned(read, seed)
@@ -117,6 +117,7 @@ class Enough(StopSearch):
     """The monitor has seen enough."""
 
 
+@pytest.mark.mpi2("8")
 @pytest.mark.parametrize("most", [8, 11])
 def test_a_stopped_search_tells_its_bracket(read: Read, most: int) -> None:
     """Wherever it is stopped, and that of the whole search lies inside."""

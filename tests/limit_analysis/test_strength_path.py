@@ -78,7 +78,7 @@ def test_davis_ground_is_reduced_by_its_own_rule(read: Read) -> None:
     assert times(problem, factor * (1 - TOLERANCE)) > 1 > times(problem, factor * (1 + TOLERANCE))
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["2.0-None"])
 @pytest.mark.parametrize(("tresca", "coulomb"), [(2.0, None), (0.5, 0.1)])
 def test_friction_is_divided_too(tresca: float, coulomb: float | None) -> None:
     """A block under the pressure 10 is pushed by the traction 1, and slides at c + 10 μ = F."""

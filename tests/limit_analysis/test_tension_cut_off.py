@@ -121,6 +121,7 @@ def test_a_vertical_cut(read: Read, angle: float) -> None:
     assert exact < bounds.upper.value < 0.9 * without
 
 
+@pytest.mark.mpi2
 def test_ranks_agree() -> None:
     """In units of 1e-6 too."""
     small = Tresca(1e-2, 0.3, 20e-6, tensile_strength=5e-6)

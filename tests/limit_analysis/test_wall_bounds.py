@@ -1,11 +1,14 @@
 """A wall that rubs on ground without cohesion, which reaches below its toe: strict from above."""
 
+import pytest
+
 from demos.verification.wall_bounds import PUSHED, beside
 from meshes.retaining_wall import write_retaining_wall
 from perfplast_fenicsx import limit_bounds
 from tests.models import Read
 
 
+@pytest.mark.mpi2
 def test_a_wall_that_is_pushed_has_both_bounds(read: Read) -> None:
     bounds = limit_bounds(beside(read(write_retaining_wall, width=3.0), PUSHED), 1e-3)
     assert bounds.strict

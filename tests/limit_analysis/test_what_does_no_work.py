@@ -48,6 +48,7 @@ def blocks(**changes: Any) -> Problem:
     return touching_blocks(**(given | changes))
 
 
+@pytest.mark.mpi2("a settlement")
 @pytest.mark.parametrize("what", STAYS)
 def test_limit_load_and_bounds_are_those_without(what: str) -> None:
     plain, problem = blocks(), blocks(**STAYS[what])

@@ -283,6 +283,7 @@ def test_newton_converges_with_an_order_above_one(degree: int) -> None:
     assert last < before**1.5
 
 
+@pytest.mark.mpi2
 def test_one_rank_and_several_agree() -> None:
     levels = [
         Newton(bending(METAL, 1, c), SHARP).solve(250.0) for c in (MPI.COMM_WORLD, MPI.COMM_SELF)

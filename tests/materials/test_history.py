@@ -93,6 +93,7 @@ def blocks(lower: Material, upper: Material) -> Problem:
     return Problem(two_blocks(MPI.COMM_WORLD, 1), {"lower": lower, "upper": upper}, supports, loads)
 
 
+@pytest.mark.mpi2
 def test_history_of_some_of_the_bodies() -> None:
     problem = blocks(Elastic(2e5, 0.3), Flow(VonMises(2e5, 0.3, 100.0)))
     level = Newton(problem).solve(60.0)

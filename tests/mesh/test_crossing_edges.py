@@ -45,7 +45,7 @@ def crossed(shift: float, bodies: int = 1) -> TaggedMesh:
     )
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("1e-12")
 @pytest.mark.parametrize("shift", [1e-12, 1e-9, 1e-5])
 def test_nearly_straight_lines_are_bent(shift: float) -> None:
     tagged_mesh = crossed(shift)

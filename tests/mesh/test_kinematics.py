@@ -56,6 +56,7 @@ def test_strain_of_a_body_of_revolution_by_hand() -> None:
     assert integral(mesh, kinematics, wrong**2) < 1e-24
 
 
+@pytest.mark.mpi2
 def test_integrals_go_around_the_axis() -> None:
     mesh, kinematics = section(), KINDS["axisymmetric"]
     one = fem.Constant(mesh, 1.0)

@@ -243,6 +243,7 @@ def test_untagged_cells(comm: MPI.Intracomm) -> None:
     assert message(lower.check_tagged) == "6 cells belong to no named volume; name every body"
 
 
+@pytest.mark.mpi2("1")
 @pytest.mark.parametrize("order", [1, 2])
 def test_wedge(comm: MPI.Intracomm, shared_tmp_path: Path, order: int) -> None:
     path = shared_tmp_path / "wedge.msh"
@@ -349,6 +350,7 @@ def test_plane_split(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     check_interface(tagged_mesh, "low_seam", "high_seam")
 
 
+@pytest.mark.mpi2("names0-has no physical surface; name each body by one in gmsh")
 @pytest.mark.parametrize(
     ("names", "expected"),
     [
@@ -403,7 +405,7 @@ def test_surface_off_the_cells(comm: MPI.Intracomm, shared_tmp_path: Path) -> No
     assert "are no facets of cells" in message(lambda: read_gmsh(comm, path))
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("None-does not exist")
 @pytest.mark.parametrize(
     ("content", "expected"),
     [

@@ -22,7 +22,7 @@ def vertices(mesh: TaggedMesh) -> Floats:
     return points[cells]
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("2")
 @pytest.mark.parametrize("dim", [2, 3])
 def test_every_rank_has_the_whole(read: Read, dim: int) -> None:
     shared = read(write_strip_footing, size=0.5) if dim == 2 else stacked_blocks(COMM, 2)

@@ -69,6 +69,7 @@ def results(
     return folder
 
 
+@pytest.mark.mpi2("plane-False")
 @needs_xvfb
 @pytest.mark.parametrize("limit", [False, True])
 @pytest.mark.parametrize("where", NEARBY)

@@ -92,6 +92,7 @@ def check_skin(surface: Surface, tagged_mesh: TaggedMesh, fields: dict[str, fem.
         assert np.einsum("ij,ij->", surface.normals[own], middles) > 0
 
 
+@pytest.mark.mpi2("two_blocks-1")
 @pytest.mark.parametrize(
     ("where", "degree"), [("two_blocks", 1), ("two_blocks", 2), ("curved", 2), ("plane", 2)]
 )

@@ -72,6 +72,7 @@ def problem(seed: int, degree: int) -> Problem:
     )
 
 
+@pytest.mark.mpi2("1-1")
 @pytest.mark.parametrize(
     ("seed", "degree"), [(1, 1), pytest.param(2, 1, marks=pytest.mark.serial), (3, 2)]
 )

@@ -90,6 +90,7 @@ def test_constant_pressure_is_transmitted_to_the_axis(
     assert stress == pytest.approx(np.broadcast_to(np.diag([0, -100.0, 0]), stress.shape), abs=1e-8)
 
 
+@pytest.mark.mpi2("0-1")
 @pytest.mark.parametrize(("seed", "degree"), list(product(range(3), (1, 2))))
 def test_duality_gap_with_all_terms_at_once(seed: int, degree: int) -> None:
     """Dead and live loads, supports that move, e₀, gaps of both signs, yielding."""

@@ -110,6 +110,7 @@ def test_a_punch_by_its_stroke_and_by_its_load(method: type) -> None:
     assert near[1].report.active_contacts == by_stroke.num_pairs
 
 
+@pytest.mark.mpi2
 def test_energy_and_force() -> None:
     """E'(ζ) is the driving force, also beside constant loads and supports that stay moved."""
     problem = moved(degree=2, weight=50.0)

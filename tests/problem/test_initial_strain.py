@@ -95,6 +95,7 @@ def test_a_bar_that_is_heated_and_held(method: type, change: float) -> None:
     assert (level.report.plastic_fraction > 0.99) == (stress > 0.99 * YIELD)
 
 
+@pytest.mark.mpi2("0.001-Newton")
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("overlap", [1e-3, 4e-3])
 def test_a_press_fit(method: type, overlap: float) -> None:

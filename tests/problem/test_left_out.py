@@ -2,6 +2,8 @@
 
 from mpi4py import MPI
 
+import pytest
+
 from meshes.corner_seat import write_corner_seat
 from perfplast_fenicsx import Contact, Plane, Pressure, Problem, Support, Tie, Traction
 from perfplast_fenicsx.problem.left_out import left_out
@@ -27,6 +29,7 @@ def test_a_node_that_follows_a_tie_is_told_of(comm: MPI.Intracomm) -> None:
     assert left_out(glued(comm, "primary", "upper_x0", (1.0, 0.0))) == []
 
 
+@pytest.mark.mpi2
 def test_nodes_that_cannot_rub_are_told_of(comm: MPI.Intracomm) -> None:
     (told,) = left_out(glued(comm, "secondary", "bottom", (0.0, 1.0)))
     assert told.startswith("1 of the 4 nodes that rub at 'bottom' have no friction")

@@ -108,6 +108,7 @@ def test_gradient_is_the_derivative_of_the_energy(both: Problem, known: Level) -
     assert min(abs(dead), abs(ZETA / 2 * live)) > 1e-3 * abs(difference), "little is tested"
 
 
+@pytest.mark.mpi2("Newton")
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian, WorkNewton, BorderedNewton])
 def test_every_algorithm_finds_the_state_under_the_sum_of_both(
     both: Problem, known: Level, method: type

@@ -130,6 +130,7 @@ def assert_static(problem: Problem, found: LimitForces | None) -> None:
     assert found.balance < DIGITS
 
 
+@pytest.mark.mpi2("down")
 @pytest.mark.parametrize("name", CASES)
 def test_statics(name: str) -> None:
     make, wanted = CASES[name]
@@ -156,6 +157,7 @@ def test_statics_on_the_mesh_that_bounds_divide() -> None:
     assert of_body.zeta == pytest.approx(found.lower.value, rel=DIGITS)
 
 
+@pytest.mark.mpi2("a force and a moment")
 @pytest.mark.parametrize("name", ["a force and a moment", "weight", "rollers", "plane strain"])
 def test_statics_of_a_lower_bound(name: str) -> None:
     """The stress that proves it is in balance with the loads, in each support."""

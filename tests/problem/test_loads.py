@@ -52,6 +52,7 @@ def along(axis: int) -> Callable[[np.ndarray], np.ndarray]:
     return lambda x: np.array([np.full_like(x[0], axis == i) for i in range(3)])
 
 
+@pytest.mark.mpi2("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_weight_of_blocks(degree: int) -> None:
     """The lower one weighs 25, the upper one 10 + 6(z − 1) a volume: 13 times ζ."""

@@ -76,6 +76,7 @@ def solve(problem: Problem, method: type, zeta: float) -> Level:
     return level
 
 
+@pytest.mark.mpi2("-0.001-Newton")
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian])
 @pytest.mark.parametrize("strain", [-1e-3, -1.4e-3, -4e-3])
 def test_a_block_that_is_compressed(method: type, strain: float) -> None:

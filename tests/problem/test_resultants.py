@@ -48,7 +48,7 @@ def stack(degree: int = 1) -> Problem:
     )
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_forces_by_hand(degree: int) -> None:
     level = Newton(stack(degree), TIGHT).solve(100.0)
@@ -90,7 +90,7 @@ def solved(method: type) -> Level:
     return level
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["Newton"])
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian, WorkNewton])
 def test_levels_balance(method: type) -> None:
     level = solved(method)

@@ -85,7 +85,7 @@ def check(level: Level) -> None:
     assert report.max_penetration < 1e-12
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("lower_top")
 @pytest.mark.parametrize("rigid", ["lower_top", "upper_bottom"])
 def test_nodes_follow_nodes_that_follow(rigid: str) -> None:
     """A rigid surface in contact with nodes that match: the matrix has room for all of it."""
@@ -100,6 +100,7 @@ def test_nodes_follow_nodes_that_follow(rigid: str) -> None:
     check(Newton(problem, TIGHT).solve(1.0))
 
 
+@pytest.mark.mpi2("2-1")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_loaded_or_moved(gdim: int, degree: int) -> None:

@@ -68,6 +68,7 @@ def in_space(load: Load, degree: int = 1) -> Problem:
     )
 
 
+@pytest.mark.mpi2("point0-1")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("point", [(), (3.0, -1.0, 4.0)])
 def test_a_force_and_a_moment_on_a_face(degree: int, point: tuple[float, ...]) -> None:

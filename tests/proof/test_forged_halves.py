@@ -230,7 +230,7 @@ def test_a_hole_along_the_axis(turned: Halves, tmp_path: Path, radius: float) ->
     refused(turned, as_it_is, bored, as_it_is, "volume or place", tmp_path)
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["1-2"])
 @pytest.mark.parametrize(("seed", "dim"), [(1, 2), (14, 3)])
 def test_halves_on_two_meshes(tmp_path: Path, seed: int, dim: int) -> None:
     """A third of the cells is divided for one half, with contact, weight and several strengths."""

@@ -31,6 +31,7 @@ COARSER = 1.5
 """So many times as long are edges as in other tests with such bodies."""
 
 
+@pytest.mark.mpi2("100")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_an_honest_proof_passes(shared_tmp_path: Path, seed: int) -> None:
     contrast = CONTRASTS[seed % len(CONTRASTS)]

@@ -24,7 +24,7 @@ SHARES = (-1.0, 0.3, 0.95, 1.4)
 """Of the load that is carried for certain; the last one is too much without other loads."""
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["300"])
 @pytest.mark.parametrize("seed", range(300, 300 + int(8 * EFFORT)))
 def test_a_share_that_stays(shared_tmp_path: Path, seed: int) -> None:
     it = stack(seed, 3 if seed % 8 == 5 else 2)

@@ -15,7 +15,7 @@ from tests.solvers.levels import PLATE_LIMIT, SERIAL, TIGHT, converged, stress_d
 FIXED = (0.1, 1.0, 10.0)
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["punch-none"])
 @SERIAL
 @pytest.mark.parametrize("acceleration", ["none", "anderson"])
 @pytest.mark.parametrize("name", ["punch", "plate"])
@@ -45,6 +45,7 @@ def test_adaptive_penalty_is_nearly_the_best(name: str, acceleration: str) -> No
         assert adaptive <= 2 * best, (share, adaptive, best)
 
 
+@pytest.mark.mpi2
 def test_relaxation_leads_to_the_same_state() -> None:
     problem = two_blocks_problem(2)
     known = Newton(problem, TIGHT).solve(200.0)

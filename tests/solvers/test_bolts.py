@@ -107,6 +107,7 @@ def test_force_follows_diagram_of_joint() -> None:
         assert held == pytest.approx(max(found - level.state.zeta, 0), abs=1e-3 * PRELOAD)
 
 
+@pytest.mark.mpi2("AugmentedLagrangian")
 @SERIAL
 @pytest.mark.parametrize("method", [AugmentedLagrangian, WorkNewton, BorderedNewton])
 def test_algorithms_agree(method: Any) -> None:

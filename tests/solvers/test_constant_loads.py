@@ -57,6 +57,7 @@ def limit() -> LimitLoad:
     return found
 
 
+@pytest.mark.mpi2("Newton")
 @pytest.mark.parametrize("method", METHODS)
 def test_the_state_at_rest_comes_first(method: type) -> None:
     weighed = plate(BodyForce("plate", (0.0, -1.0, 0.0), "weight", constant=True))

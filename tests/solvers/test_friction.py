@@ -48,7 +48,7 @@ def pushed(
 GAPPED = {"gap": "0.0003*(x - 0.4)*(x - 0.4) - 0.00002", "interference": True}
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("counts0-2-1-contact0")
 @pytest.mark.parametrize(
     ("counts", "gdim", "degree", "contact"),
     [
@@ -72,6 +72,7 @@ def test_slip_is_certified(counts: Any, gdim: int, degree: int, contact: dict[st
     assert report.plastic_fraction > 0
 
 
+@pytest.mark.mpi2("2-1")
 @pytest.mark.parametrize(("gdim", "degree"), [(2, 1), (3, 1)])
 def test_alg2_finds_the_same(gdim: int, degree: int) -> None:
     problem = pushed((2, 3), gdim, degree, 15.0)

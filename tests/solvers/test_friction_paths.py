@@ -61,7 +61,7 @@ def moved(before: Level, after: Level) -> Any:
     return after.state.u.x.array - before.state.u.x.array
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["2-1"])
 @pytest.mark.parametrize(("gdim", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_elastic_bodies_unload_as_masing_says(comm: MPI.Intracomm, gdim: int, degree: int) -> None:
     """A change of the push by −ΔF moves them by −2 times what ΔF/2 did, with Tresca's friction."""
@@ -82,7 +82,7 @@ def test_elastic_bodies_unload_as_masing_says(comm: MPI.Intracomm, gdim: int, de
     assert largest(comm, moved(pressed, back)) > 1e-2 * scale
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["friction0"])
 @pytest.mark.parametrize("friction", [{"tresca": 20.0}, {"coulomb": 0.2}])
 def test_many_small_steps_remember_slip(comm: MPI.Intracomm, friction: dict[str, float]) -> None:
     """Nothing slips back where the push rests, and the step that is left alone changes nothing."""
@@ -124,7 +124,7 @@ def dragged(mesh: TaggedMesh, by: str, distance: float, tresca: float) -> Proble
     )
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["0.05-False"])
 @pytest.mark.parametrize(("zeta", "slides"), [(0.05, False), (1.0, True)])
 def test_floor_and_support_drag_alike(comm: MPI.Intracomm, zeta: float, slides: bool) -> None:
     """Whichever moves, stress is the same, and at last the floor exerts τ̄A."""

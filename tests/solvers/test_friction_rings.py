@@ -56,6 +56,7 @@ def test_a_ring_slides_down_a_shaft(comm: MPI.Intracomm) -> None:
     assert bounds.upper == pytest.approx(exact, rel=1e-5)
 
 
+@pytest.mark.mpi2("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_ring_grows_on_another(comm: MPI.Intracomm, degree: int) -> None:
     """The upper one, pressed from inside and above, slips outwards; all places have the face."""

@@ -28,6 +28,7 @@ def on_slope(degrees: float, degree: int) -> Level:
     return Newton(problem).solve(1.0)
 
 
+@pytest.mark.mpi2("-0.01-1")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("degrees", [-0.01, -0.001])
 def test_a_little_less_steep(degrees: float, degree: int) -> None:

@@ -22,6 +22,7 @@ from tests.models import PUNCH_LIMIT, l_plate_problem, punch_problem, two_blocks
 from tests.solvers.levels import SERIAL, TIGHT, TWO_BLOCKS_LIMIT, converged, stress_distance
 
 
+@pytest.mark.mpi2("punch")
 @pytest.mark.parametrize(
     ("build", "zetas"),
     [
@@ -178,6 +179,7 @@ def test_a_level_ends_where_steps_have_become_small_at_a_solution() -> None:
     assert level.state.alpha == pytest.approx(solved().state.alpha, rel=1e-12)
 
 
+@pytest.mark.mpi2("script0-5-no convergence in 5 Newton steps")
 @pytest.mark.parametrize(
     ("script", "steps", "reason"),
     [

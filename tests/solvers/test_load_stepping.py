@@ -14,6 +14,7 @@ from tests.models import punch_problem, two_blocks_problem
 from tests.solvers.levels import TIGHT, Timid, converged, curve, points
 
 
+@pytest.mark.mpi2
 def test_one_rank_finds_the_curve_of_several() -> None:
     def levels(comm: MPI.Intracomm) -> list[Level]:
         solver = WorkNewton(two_blocks_problem(2, comm=comm), TIGHT)

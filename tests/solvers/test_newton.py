@@ -84,6 +84,7 @@ def test_punch_converges_below_its_limit_and_refuses_above() -> None:
     assert bad.iterations[-1].alpha > 10 * good.state.alpha
 
 
+@pytest.mark.mpi2("exact")
 @pytest.mark.parametrize("active_set", ["exact", "once"])
 def test_block_held_by_contact_alone(active_set: str) -> None:
     """Uniform uniaxial stress: exact for P1, contact patch test and semicoercive problem in one."""
@@ -192,6 +193,7 @@ def test_a_body_pulled_off_is_a_result_with_a_reason() -> None:
     assert level.report.reason
 
 
+@pytest.mark.mpi2("0-Newton")
 @pytest.mark.parametrize("solver", [Newton, WorkNewton])
 @pytest.mark.parametrize("good", [0, 1, 2, 3])
 def test_a_linear_system_without_solution_is_a_result(

@@ -63,6 +63,7 @@ def halves(tops: list[float]) -> Floats:
     return np.column_stack([np.convolve([0.0, *tops], [0.5, 0.5], "valid"), tops]).ravel()
 
 
+@pytest.mark.mpi2("body0")
 @pytest.mark.parametrize("body", [STEEL, ISOTROPIC, KINEMATIC])
 def test_a_given_strain_goes_forth_and_back(body: VonMises | Hardening) -> None:
     """±2ε_y by a support; its force is on file by its name."""

@@ -86,6 +86,7 @@ def by_hand(body: Hardening, stresses: Floats) -> Floats:
     return np.array(found)
 
 
+@pytest.mark.mpi2("body0-1")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("body", [ISOTROPIC, KINEMATIC, Hardening(YOUNG, 0.3, YIELD, 3e3, 7e3)])
 def test_cycles_by_hand(body: Hardening, degree: int) -> None:
@@ -176,6 +177,7 @@ def test_ground_in_an_oedometer(ground: DruckerPrager | MohrCoulomb) -> None:
         assert level.report.works["push"] == pytest.approx(-down, rel=1e-9)
 
 
+@pytest.mark.mpi2
 def test_contact_is_relieved_and_pushed_again() -> None:
     """No pair pushes where nothing is loaded, but they are where the next level begins."""
     contacts = [Contact("lower_top", "upper_bottom")]

@@ -15,7 +15,7 @@ from tests.contact.blocks_apart import blocks_apart
 from tests.models import STEEL
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["friction0-1"])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("friction", [{"coulomb": 0.3}, {"tresca": 5.0}, {}])
 def test_elastic_bodies_are_unloaded(friction: dict[str, Any], degree: int) -> None:

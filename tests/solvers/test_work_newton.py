@@ -61,6 +61,7 @@ def test_a_block_held_by_contact_alone(method: type[WorkNewton]) -> None:
     assert level.state.zeta == pytest.approx(200.0, rel=1e-9)
 
 
+@pytest.mark.mpi2
 def test_both_work_methods_solve_the_same_program_with_contact() -> None:
     """Against dense linear algebra: KKT conditions of ALG3's program, and ALG4's two solves."""
     problem = two_blocks_problem(2, comm=MPI.COMM_SELF)

@@ -73,8 +73,8 @@ def stress(problem: Problem, state: State) -> fem.Function:
     return fields.stress
 
 
-@pytest.mark.costly
-@pytest.mark.mpi3
+@pytest.mark.long(but=["True-2-1-elastic"])
+@pytest.mark.mpi3("True-2-1-elastic")
 @pytest.mark.parametrize("seat", SEATS)
 @pytest.mark.parametrize(("dim", "degree"), [(2, 1), (3, 2)])
 @pytest.mark.parametrize("gather", [True, False])

@@ -15,6 +15,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from tests.models import STEEL
 
 
+@pytest.mark.mpi2("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_dissipation(comm: MPI.Intracomm, degree: int) -> None:
     tagged_mesh = build(comm, "two_blocks", n=1)

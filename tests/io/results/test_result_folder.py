@@ -150,6 +150,7 @@ def test_a_folder_that_cannot_be_made(comm: MPI.Intracomm, shared_tmp_path: Path
         assert "no right to write" in refused(comm, locked / "results")
 
 
+@pytest.mark.mpi2
 def test_writing_that_fails_later(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     folder = ResultFolder(comm, shared_tmp_path / "results")
     folder.create()

@@ -11,7 +11,7 @@ from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, Linear
 from tests.models import two_blocks_problem
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("None")
 @pytest.mark.parametrize("work", [None, 0.02])
 def test_it_finds_the_active_set_of_the_whole_program(work: float | None) -> None:
     """All pairs undecided, then those that are right left out."""

@@ -35,6 +35,7 @@ def case(request: pytest.FixtureRequest) -> Case:
     return Case(two_blocks_problem(3), request.param)
 
 
+@pytest.mark.mpi2("load")
 def test_the_conditions_of_optimality_hold(case: Case) -> None:
     problem, index = case.problem, case.problem.basis.index
     step = case.program.solve(case.r, case.room, case.first, RTOL, work=case.work)

@@ -22,7 +22,7 @@ def loads(problem: Problem) -> PETSc.Vec:
     return border
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["mg-None"])
 @pytest.mark.parametrize("work", [None, 0.02])
 @pytest.mark.parametrize("kind", ["mg", "cholesky"])
 def test_a_correction_is_as_good_as_a_solution(kind: str, work: float | None) -> None:

@@ -64,6 +64,7 @@ def test_a_solution_is_left_as_it_is(case: Case) -> None:
     assert before.norm() < 1e-14 * solution.delta.norm()
 
 
+@pytest.mark.mpi2("load")
 def test_it_goes_on_from_a_wrong_set(case: Case) -> None:
     wrong = ~case.expected if case.expected.any() else np.ones_like(case.expected)
     start = case.solved_with(wrong | case.active)

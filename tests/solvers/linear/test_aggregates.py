@@ -50,7 +50,7 @@ def levels(problem: Problem) -> list[Aggregates]:
         PETSc.Options().delValue(FEW)
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("space")
 def test_each_level_is_coarser(problem: Problem, levels: list[Aggregates]) -> None:
     sizes = [COMM.allreduce(len(level.members)) for level in levels]
     sizes.append(COMM.allreduce(levels[-1].count))

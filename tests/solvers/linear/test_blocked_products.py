@@ -53,7 +53,7 @@ def interpolation(comm: MPI.Intracomm, sizes: tuple[int, int], seed: int) -> PET
     return P
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("2-float32")
 @pytest.mark.parametrize("precision", ROUNDING)
 @pytest.mark.parametrize("size", known_sizes())
 def test_products_are_those_of_petsc(size: int, precision: type[np.floating]) -> None:
@@ -92,7 +92,7 @@ def test_no_block_has_to_be_of_this_rank_or_of_others() -> None:
     np.testing.assert_allclose(y.array, 1.0 + np.arange(first, last), rtol=1e-14)
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("sizes0")
 @pytest.mark.parametrize("sizes", [(2, 3), (2, 4), (3, 3), (3, 6), (3, 7), (4, 4), (6, 6), (7, 7)])
 def test_interpolations_are_those_of_petsc(sizes: tuple[int, int]) -> None:
     transfer = None

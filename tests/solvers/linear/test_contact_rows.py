@@ -9,7 +9,7 @@ from tests.models import two_blocks_problem
 from tests.solvers.linear.systems import corner_problem, elastic_operator, quadratic_problem
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi3("two blocks")
 @pytest.mark.parametrize(
     "make",
     [lambda: two_blocks_problem(3), corner_problem, quadratic_problem],

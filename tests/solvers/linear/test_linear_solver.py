@@ -90,6 +90,7 @@ def residual(solver: LinearSolver, b: PETSc.Vec, x: PETSc.Vec) -> float:
     return float(image.norm() / b.norm())
 
 
+@pytest.mark.mpi2("0-True-ways0")
 @pytest.mark.parametrize(
     ("failures", "kept", "ways"),
     [

@@ -23,7 +23,8 @@ from tests.solvers.linear.systems import (
 TIGHT = NewtonOptions(tolerance=1e-10)
 
 
-@pytest.mark.costly
+@pytest.mark.mpi2("two blocks")
+@pytest.mark.long(but=["two blocks"])
 @pytest.mark.parametrize(
     ("make", "levels", "most"),
     [

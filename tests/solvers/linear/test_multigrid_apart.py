@@ -35,7 +35,7 @@ def iterations(gdim: int, which: str, tresca: float | None) -> float:
     return level.report.linear_iterations / level.report.linear_solves
 
 
-@pytest.mark.costly
+@pytest.mark.long(but=["2"])
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_as_few_iterations_as_where_nodes_match(gdim: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """At most 1.3 times as many; at most twice as many where surfaces stick or slip in part.

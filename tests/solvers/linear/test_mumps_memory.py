@@ -8,6 +8,7 @@ from tests.checks import assert_refused
 from tests.models import punch_problem
 
 
+@pytest.mark.mpi2
 def test_a_factorisation_that_does_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = punch_problem(4)
     monkeypatch.setattr(machine_memory, "physical_memory", lambda: 2**10)

@@ -10,6 +10,7 @@ from perfplast_fenicsx.solvers.tfeti.smalbe import DualProgram, Smalbe
 SIZE, EQUALITIES = 60, 8
 
 
+@pytest.mark.mpi2("1e-06-0")
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("scale", [1e-6, 1.0])
 def test_optimality(seed: int, scale: float) -> None:

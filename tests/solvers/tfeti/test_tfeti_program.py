@@ -66,8 +66,8 @@ CASES: dict[str, tuple[Callable[[], Problem], float]] = {
 }
 
 
-@pytest.mark.costly
-@pytest.mark.mpi3
+@pytest.mark.long(but=["space"])
+@pytest.mark.mpi3("space")
 @pytest.mark.parametrize(("make", "zeta"), CASES.values(), ids=CASES.keys())
 def test_as_with_active_sets(make: Callable[[], Problem], zeta: float) -> None:
     problem = make()
@@ -119,6 +119,7 @@ def test_optimality_of_the_dual() -> None:
     assert slack[dual.contact].min(initial=0) >= -1e-10 * size
 
 
+@pytest.mark.mpi2
 def test_prescribed_work() -> None:
     problem = two_blocks_problem(2)
     levels = []
