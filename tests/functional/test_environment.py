@@ -3,6 +3,7 @@
 import os
 import re
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,89 @@ def test_only_two_suites(suite: str) -> None:
     assert run.returncode == 125
     assert run.stderr == f"fenicsx: FENICSX_SUITE must be trixie or sid, not {suite}\n"
     assert not run.stdout
+
+
+@pytest.mark.parametrize("way", ["Pip", "conda", "native "])
+def test_only_three_ways(way: str) -> None:
+    run = fenicsx("true", PERFPLAST_WAY=way)
+    assert run.returncode == 125
+    assert run.stderr == f"fenicsx: PERFPLAST_WAY must be native, pip or rootfs, not {way}\n"
+
+
+def test_the_way_is_shown() -> None:
+    run = fenicsx("--way", PERFPLAST_WAY="native")
+    assert run.returncode == 0
+    assert re.fullmatch(r"fenicsx: native: /\S+ \(\d+ s\)\n", run.stderr)
+
+
+@pytest.mark.parametrize(
+    ("says", "reason"),
+    [
+        ("Python 3.11.2 (/usr/bin/python3) is older than 3.12", "is older than 3.12"),
+        ("there are no wheels of DOLFINx for Linux on aarch64", "for Linux on aarch64"),
+        ("", "python3 does not run"),
+    ],
+)
+def test_why_not_by_pip(tmp_path: Path, says: str, reason: str) -> None:
+    """A Python that the wheels are not for is named with its reason."""
+    for name in ("python3", "python3.12", "python3.13", "python3.14"):
+        (tmp_path / name).write_text(f"#!/bin/sh\necho '{says}'; exit 1\n", encoding="utf-8")
+        (tmp_path / name).chmod(0o755)
+    path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
+    run = fenicsx("true", PERFPLAST_WAY="pip", PATH=path, FENICSX_SUITE="")
+    assert run.returncode == 125
+    assert reason in run.stderr
+    assert run.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("pip_says", "reason"),
+    [
+        ("ERROR: [Errno 28] No space left on device", "is full"),
+        ("WARNING: ProxyError('Cannot connect to proxy.')", "the proxy http://nowhere:1"),
+        ("NewConnectionError: Failed to establish a new connection", "is there a network"),
+        ("ERROR: something else", "see the end of"),
+    ],
+)
+def test_why_pip_failed(tmp_path: Path, pip_says: str, reason: str) -> None:
+    """One sentence for a full disk, a proxy and a missing network, and the log for the rest."""
+    text = SCRIPT.read_text(encoding="utf-8")
+    found = re.search(r"^install_by_pip\(\) \{.*?^\}", text, re.M | re.S)
+    assert found is not None
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "python3").write_text(f'#!/bin/sh\necho "{pip_says}"; exit 1\n')
+    (tmp_path / "bin" / "python3").chmod(0o755)
+    run = subprocess.run(
+        [
+            "bash",
+            "-uc",
+            f'requirements() {{ :; }}\n{found[0]}\ninstall_by_pip "$1" "$1/log" all',
+            "-",
+        ]
+        + [str(tmp_path)],
+        env=os.environ
+        | {"https_proxy": "http://nowhere:1", "base": str(tmp_path), "repo": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert run.returncode == 1
+    assert reason in run.stdout
+    assert run.stdout.count("\n") == 1
+
+
+def test_the_locked_versions_are_those_that_the_extras_ask_for() -> None:
+    """Each requirement of pyproject.toml that ./fenicsx installs has a version."""
+    lines = (ROOT / "share/pip/constraints.txt").read_text(encoding="utf-8").splitlines()
+    locked = {re.split("==", line)[0].replace("_", "-").lower() for line in lines if "==" in line}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    asked = [*project["dependencies"], *extras["test"]]
+    for name in ("solver", "meshes", "pictures", "shell"):
+        asked += extras[name]
+        assert name in extras["all"][0]
+    names = {re.split(r"[\[<>=; ]", text)[0].replace("_", "-").lower() for text in asked}
+    assert names <= locked
 
 
 def test_empty_suite_is_none() -> None:
