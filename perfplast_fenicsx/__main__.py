@@ -11,6 +11,7 @@ import traceback
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from perfplast_fenicsx.cli.launch import launched_first, prepare
 from perfplast_fenicsx.cli.parser import BAD_INPUT, FAULT, read_arguments
 from perfplast_fenicsx.errors import InputError
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line. Collective, but for help and the version.
+    """Run the command line. Collective, but for help, the version and the doctor.
 
     Args:
         argv: Arguments; those of the process by default.
@@ -31,7 +32,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        chosen = read_arguments(list(sys.argv[1:] if argv is None else argv))
+        arguments = list(sys.argv[1:] if argv is None else argv)
+        chosen = read_arguments(arguments)
+        if chosen.command == "doctor":
+            from perfplast_fenicsx.cli.doctor import doctor
+
+            return doctor()
+        fault = prepare(chosen, arguments)
+        if fault is not None:  # MPI may be what is wrong
+            if launched_first():
+                print(f"perfplast: {fault}", file=sys.stderr, flush=True)
+            return BAD_INPUT
 
         from perfplast_fenicsx.cli.commands import execute
 

@@ -131,6 +131,13 @@ def _add_results(command: argparse.ArgumentParser) -> None:
     where.add_argument(
         "--restart", metavar="DIR", help="go on from the last level that is solved in this folder"
     )
+    command.add_argument(
+        "-n",
+        "--ranks",
+        metavar="N",
+        type=int,
+        help="start so many ranks, by the mpirun of the MPI that is in use",
+    )
     command.add_argument("--force", action="store_true", help="replace results in DIR")
     command.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
     command.add_argument(
@@ -168,7 +175,7 @@ def make_parser() -> _Parser:
         "run",
         parents=[scripts],
         help="solve a case",
-        description="Solve a case on any number of ranks, e.g. mpirun -n 2 perfplast run ...",
+        description="Solve a case on any number of ranks, e.g. perfplast run -n 2 ...",
         epilog="PETSc options follow two dashes: -- -perfplast_ksp_rtol 1e-10 for the linear"
         " solver, -perfplast_vi_... for the contact set.",
     )
@@ -309,6 +316,14 @@ def make_parser() -> _Parser:
         " reports.",
     )
     info.add_argument("case", metavar="CASE.toml", nargs="?", help="what to tell of")
+
+    commands.add_parser(
+        "doctor",
+        help="try whatever a run needs, and say what is wrong",
+        description="Try the C compiler, DOLFINx, two ranks, one factorisation, gmsh and pictures,"
+        " each in a process of its own, and show a line each, with the remedy. Exit status: 0 if"
+        " all that is installed works, 2 otherwise.",
+    )
 
     schema = commands.add_parser(
         "schema",

@@ -18,6 +18,7 @@ from perfplast_fenicsx.geometry.geometry_file import check_file, check_trust
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.progress import last_of
 from perfplast_fenicsx.geometry.survey import Survey
+from perfplast_fenicsx.mesh.gmsh_subprocess import NO_GMSH
 
 
 def mesh_geometry(
@@ -74,6 +75,8 @@ def mesh_geometry(
                 " simplify the geometry in the CAD system."
             ) from error
         if done.returncode:
+            if "    import gmsh\n" in done.stderr:  # the line at which it ended
+                raise InputError(NO_GMSH)
             if done.returncode > 0 and done.returncode != REFUSED:
                 raise RuntimeError(f"a fault of the meshing program:\n{done.stderr}")
             raise InputError(_cause(str(source), done.returncode, done.stderr))

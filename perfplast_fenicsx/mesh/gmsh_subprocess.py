@@ -15,7 +15,10 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.child_process import environment_for_gmsh
 from perfplast_fenicsx.errors import InputError
 
-NO_GMSH = "gmsh's Python module cannot be loaded; install it (Debian package python3-gmsh)"
+NO_GMSH = (
+    "gmsh's Python module cannot be loaded; install it (pip install gmsh, or Debian's"
+    " python3-gmsh), and see perfplast doctor"
+)
 
 
 CONVERT = "convert it by meshio, as docs/howto/mesh.md shows under 'Other formats'"

@@ -117,7 +117,7 @@ def _run(
     """Run :mod:`perfplast_fenicsx.pictures.__main__`, and pass on what it says."""
     program = [sys.executable, "-P", "-m", "perfplast_fenicsx.pictures", command, str(folder)]
     program += [str(output)] if output else []
-    with _display() as environment, tempfile.TemporaryFile("w+", encoding="utf-8") as complaints:
+    with display() as environment, tempfile.TemporaryFile("w+", encoding="utf-8") as complaints:
         try:
             child = subprocess.Popen(
                 program,
@@ -148,11 +148,11 @@ def _run(
             timer.cancel()
         if child.returncode:
             waited = PATIENCE[command] if late.is_set() else None
-            display = "DISPLAY" in environment
-            raise InputError(_cause(child.returncode, complaints, waited, display))
+            screen = "DISPLAY" in environment
+            raise InputError(_cause(child.returncode, complaints, waited, screen))
 
 
-def _cause(status: int, complaints: IO[str], waited: float | None, display: bool) -> str:
+def _cause(status: int, complaints: IO[str], waited: float | None, screen: bool) -> str:
     """What was wrong, by the last words of the program."""
     complaints.seek(0)
     last = (complaints.read().strip().splitlines() or [f"exit status {status}"])[-1]
@@ -160,16 +160,16 @@ def _cause(status: int, complaints: IO[str], waited: float | None, display: bool
         return last
     if waited is not None:
         last = f"the drawing program was ended after {waited:g} s"
-    elif not display and "Error" not in last:
+    elif not screen and "Error" not in last:
         last = (
-            "there is no X server to draw with; install Xvfb (Debian's package xvfb), or set"
-            " DISPLAY"
+            "there is no X server to draw with; install Xvfb (Debian's package xvfb; for PyPI's VTK"
+            " libosmesa6 does too), or set DISPLAY"
         )
     return f"not all pictures were drawn: {last}."
 
 
 @contextmanager
-def _display() -> Iterator[dict[str, str]]:
+def display() -> Iterator[dict[str, str]]:
     """An environment to draw in: with an X server of its own where Xvfb is installed.
 
     The variables of MPI launchers are left out, so that the child is no rank.

@@ -14,6 +14,7 @@ pytestmark = pytest.mark.serial
 
 LINES = {
     "perfplast ": {
+        "doctor",
         "run",
         "mesh",
         "check",

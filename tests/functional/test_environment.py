@@ -84,8 +84,8 @@ def test_why_pip_failed(tmp_path: Path, pip_says: str, reason: str) -> None:
             "-uc",
             f'requirements() {{ :; }}\n{found[0]}\ninstall_by_pip "$1" "$1/log" all',
             "-",
-        ]
-        + [str(tmp_path)],
+            str(tmp_path),
+        ],
         env=os.environ
         | {"https_proxy": "http://nowhere:1", "base": str(tmp_path), "repo": str(ROOT)},
         capture_output=True,

@@ -1,0 +1,302 @@
+"""``perfplast doctor``: try all that a run needs, and print a line for each trial.
+
+Each trial is a process of its own, as what is broken may end it or never end.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from pathlib import Path
+
+from perfplast_fenicsx import environment
+from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.child_process import environment_apart, environment_with_package
+from perfplast_fenicsx.cli.launch import find_launcher
+
+SOUND, FAULTY = 0, 2
+"""Exit status."""
+
+PATIENCE = 180.0
+"""Longest time for a trial (s)."""
+
+SLOW = 2e9
+"""A BLAS that does fewer operations a second of one core is the reference one (1/s)."""
+
+SCARCE = 1e9
+"""With less memory than this no case of interest is solved (bytes)."""
+
+ORDERINGS = {0: "AMD", 2: "AMF", 3: "Scotch", 4: "PORD", 5: "METIS", 6: "QAMD"}
+"""Orderings by MUMPS's number for them, INFOG(7) in its users' guide."""
+
+LINKED = "libgl1 libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1"
+"""Debian's packages of what PyPI's gmsh is linked with."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The result of a trial.
+
+    Attributes:
+        verdict: "ok", "none" of what is optional and not installed, or "FAULT".
+        text: What was found, or what is wrong and the remedy.
+    """
+
+    verdict: str
+    text: str
+
+
+def doctor() -> int:
+    """Return the exit status: 0 if all that is installed works, 2 otherwise. Not collective."""
+    print(
+        f"perfplast {__version__}, Python {sys.version.split()[0]} ({sys.executable})", flush=True
+    )
+    findings = []
+    for name, trial in TRIALS.items():
+        finding = trial()
+        findings.append(finding)
+        print(f"{name:<14}  {finding.verdict:<5}  {finding.text}", flush=True)
+    faults = sum(finding.verdict == "FAULT" for finding in findings)
+    print(f"{faults} {'fault' if faults == 1 else 'faults'} found." if faults else "All is well.")
+    return FAULTY if faults else SOUND
+
+
+def compiler() -> Finding:
+    """Return whether C becomes a Python module."""
+    fault = environment.compiler_fault()
+    if fault is not None:
+        return Finding("FAULT", fault)
+    name = environment.c_compiler()
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "a.c"
+        source.write_text("#include <Python.h>\n#include <math.h>\n", encoding="utf-8")
+        include = ["-I", sysconfig.get_path("include")]
+        command = [name, "-fsyntax-only", *include, str(source)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        lines = done.stderr.strip().splitlines() or [f"exit status {done.returncode}"]
+        return Finding(
+            "FAULT",
+            f"{name} fails ({lines[0]}); install C's headers (Debian: libc6-dev python3-dev).",
+        )
+    return Finding("ok", name)
+
+
+def cache() -> Finding:
+    """Return whether compiled forms can be kept."""
+    fault = environment.forms_fault()
+    ours = fault is not None and fault != environment.compiler_fault()
+    return Finding("FAULT", str(fault)) if ours else Finding("ok", str(environment.forms_folder()))
+
+
+def libraries() -> Finding:
+    """Return the versions of what solves, or why it cannot be loaded."""
+    fault = environment.surroundings().fault()
+    return Finding("FAULT", fault) if fault is not None else _apart("solving")
+
+
+def launcher() -> Finding:
+    """Return whether two ranks can be started."""
+    try:
+        found = find_launcher()
+    except (LookupError, subprocess.TimeoutExpired) as error:
+        return Finding("FAULT", str(error))
+    question = "from mpi4py import MPI; print(MPI.COMM_WORLD.allreduce(1))"
+    own = dict(os.environ)  # with what it says to launchers
+    done = _run([found.program, "-n", "2", sys.executable, "-c", question], own)
+    if done is None:
+        return Finding("FAULT", f"{found} has not started two ranks in {PATIENCE:g} s.")
+    if done.stdout.split() != ["2", "2"]:
+        lines = [line for line in done.stderr.splitlines() if line.strip("-= ")]
+        reason = lines[0].strip() if lines else f"they said {done.stdout.split()}"
+        if found.family == "Open MPI" and os.getuid() == 0:
+            allow = "OMPI_ALLOW_RUN_AS_ROOT"
+            reason += f"; for root set {allow}=1 and {allow}_CONFIRM=1"
+        return Finding("FAULT", f"{found} does not start two ranks: {reason}.")
+    return Finding("ok", f"two ranks by {found}")
+
+
+def memory() -> Finding:
+    """Return how much memory is free."""
+    lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()
+    kilobytes = {line.split(":")[0]: float(line.split()[1]) for line in lines}
+    free, whole = (1024 * kilobytes[name] for name in ("MemAvailable", "MemTotal"))
+    text = f"{free / 1e9:.1f} of {whole / 1e9:.1f} GB are free"
+    if free < SCARCE:
+        return Finding("FAULT", f"{text}; {SCARCE / 1e9:g} GB is needed: end other programs.")
+    return Finding("ok", text)
+
+
+def factors() -> Finding:
+    """Return MUMPS's ordering and the speed of one factorisation."""
+    return _apart("factorising")
+
+
+def meshes() -> Finding:
+    """Return whether gmsh meshes a box."""
+    return _apart("meshing")
+
+
+def pictures() -> Finding:
+    """Return whether a picture is drawn."""
+    return _apart("drawing")
+
+
+def _solving() -> Finding:
+    """Compile a form and assemble it."""
+    from mpi4py import MPI
+    from petsc4py import PETSc
+
+    import dolfinx
+    import numpy as np
+    import ufl
+    from dolfinx import fem, mesh
+
+    if np.issubdtype(PETSc.ScalarType, np.complexfloating):
+        return Finding("FAULT", "PETSc has complex numbers; install one with real numbers.")
+    square = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
+    area = fem.assemble_scalar(fem.form(1.0 * ufl.dx(domain=square)))
+    petsc = ".".join(map(str, PETSc.Sys.getVersion()))
+    vendor, version = MPI.get_vendor()
+    found = f"{dolfinx.__version__}, PETSc {petsc}, {vendor} {'.'.join(map(str, version))}"
+    if abs(area - 1.0) > 1e-12:
+        return Finding("FAULT", f"DOLFINx {found} takes a unit square for {area:g}.")
+    return Finding("ok", f"{found}, NumPy {np.__version__}")
+
+
+def _factorising() -> Finding:
+    """Factorise the mass matrix of a cube of 29³ hexahedra by MUMPS on one core."""
+    from mpi4py import MPI
+    from petsc4py import PETSc
+
+    import scipy.sparse as sparse
+
+    if not PETSc.Sys.hasExternalPackage("mumps"):
+        return Finding("FAULT", "PETSc has no MUMPS; take DOLFINx from PyPI, Debian or conda.")
+    line = sparse.diags_array([1.0, 4.0, 1.0], offsets=[-1, 0, 1], shape=(30, 30))
+    cube = sparse.csr_array(sparse.kron(line, sparse.kron(line, line)))
+    indices = (cube.indptr.astype(PETSc.IntType), cube.indices.astype(PETSc.IntType))
+    matrix = PETSc.Mat().createAIJ(cube.shape, csr=(*indices, cube.data), comm=MPI.COMM_SELF)
+    matrix.setOption(PETSc.Mat.Option.SPD, True)
+    factor = PETSc.PC().create(MPI.COMM_SELF)
+    factor.setType(PETSc.PC.Type.CHOLESKY)
+    factor.setFactorSolverType("mumps")
+    factor.setOperators(matrix)
+    begin = time.process_time()
+    factor.setUp()
+    seconds = time.process_time() - begin
+    factors = factor.getFactorMatrix()
+    ordering = ORDERINGS.get(factors.getMumpsInfog(7), "an unknown one")
+    speed = factors.getMumpsRinfog(3) / seconds
+    text = (
+        f"MUMPS, ordering {ordering}: {cube.shape[0]} unknowns in {seconds:.1f} s of one core,"
+        f" {speed / 1e9:.1f} GFLOP/s"
+    )
+    if speed < SLOW:
+        remedy = "install OpenBLAS (Debian's package libopenblas0-pthread)"
+        return Finding("FAULT", f"{text}, which is slow; {remedy}.")
+    return Finding("ok", text)
+
+
+def _meshing() -> Finding:
+    """Mesh a box by gmsh."""
+    try:
+        import gmsh
+    except ModuleNotFoundError:
+        return Finding("none", "gmsh is not installed; pip install gmsh to mesh CAD files.")
+    except OSError as error:
+        return Finding("FAULT", f"gmsh: {error}; apt-get install {LINKED}.")
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.occ.addBox(0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
+    gmsh.model.occ.synchronize()
+    gmsh.model.mesh.generate(3)
+    gmsh.finalize()
+    return Finding("ok", f"gmsh {metadata.version('gmsh')} has meshed a box")
+
+
+def _drawing() -> Finding:
+    """Draw a box as the drawing program does: with an X server of its own where Xvfb is."""
+    versions = {name: environment.version_of(name) for name in ("pyvista", "matplotlib")}
+    missing = [name for name, version in versions.items() if version is None]
+    if missing:
+        text = (
+            f"{' and '.join(missing)} not installed; pip install pyvista matplotlib for pictures."
+        )
+        return Finding("none", text)
+    from perfplast_fenicsx.pictures.drawing_process import display
+
+    drawn = (
+        "import pyvista; p = pyvista.Plotter(off_screen=True, window_size=[40, 40])\n"
+        "p.add_mesh(pyvista.Cube(), color='black')\n"
+        "assert p.screenshot(return_img=True).min() < 100\n"
+        "print(type(p.render_window).__name__)"
+    )
+    with display() as variables:
+        done = _run([sys.executable, "-P", "-c", drawn], variables)
+    if done is None or done.returncode:
+        return Finding(
+            "FAULT",
+            f"pyvista {versions['pyvista']} cannot draw; install Debian's libosmesa6, libegl1 or"
+            " xvfb, or set pictures = false in [output].",
+        )
+    return Finding(
+        "ok", f"pyvista {versions['pyvista']} has drawn a box ({done.stdout.split()[-1]})"
+    )
+
+
+TRIALS: dict[str, Callable[[], Finding]] = {
+    "C compiler": compiler,
+    "compiled forms": cache,
+    "DOLFINx": libraries,
+    "MPI": launcher,
+    "factorisation": factors,
+    "memory": memory,
+    "gmsh": meshes,
+    "pictures": pictures,
+}
+"""The trials by the name of their line. The C compiler is first, as forms need it."""
+
+APART: dict[str, Callable[[], Finding]] = {
+    "solving": _solving,
+    "factorising": _factorising,
+    "meshing": _meshing,
+    "drawing": _drawing,
+}
+"""Trials that may end their process."""
+
+
+def _apart(trial: str) -> Finding:
+    """Return what comes of a trial of :data:`APART` in a process of its own."""
+    program = [sys.executable, "-P", "-m", "perfplast_fenicsx.cli.doctor", trial]
+    done = _run(program)
+    if done is None:
+        return Finding("FAULT", f"{trial} has not ended in {PATIENCE:g} s.")
+    try:
+        return Finding(**json.loads(done.stdout.splitlines()[-1]))
+    except (IndexError, ValueError, TypeError):
+        lines = done.stderr.strip().splitlines() or [f"exit status {done.returncode}"]
+        return Finding("FAULT", f"{trial} ended with: {lines[-1].strip()}")
+
+
+def _run(
+    command: list[str], variables: dict[str, str] | None = None
+) -> subprocess.CompletedProcess[str] | None:
+    """Run a command that is no rank; return None where it does not end in time."""
+    variables = environment_with_package(environment_apart() if variables is None else variables)
+    try:
+        return subprocess.run(
+            command, env=variables, capture_output=True, text=True, timeout=PATIENCE, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return None
+
+
+if __name__ == "__main__":
+    print(json.dumps(asdict(APART[sys.argv[1]]())))

@@ -1,0 +1,190 @@
+"""Before a command: check the environment, and start the ranks.
+
+Nothing that starts MPI is imported before the environment is known to be sound.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from perfplast_fenicsx import environment
+from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.environment import WHEEL, version_of
+
+COMPILING = ("run", "sweep", "check")
+"""Commands that compile forms."""
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+"""One thread each, if nothing else is said: the ranks are the parallelism."""
+
+OVERSUBSCRIBE = "PRTE_MCA_rmaps_default_mapping_policy"
+"""Open MPI 5 starts more ranks than there are cores where this is ":oversubscribe"."""
+
+
+def prepare(chosen: argparse.Namespace, arguments: Sequence[str]) -> str | None:
+    """Return what keeps a command from being executed, in one sentence; None if nothing does.
+
+    Where the command asks for ranks, this process becomes their launcher.
+
+    Args:
+        chosen: The command and its arguments, of :func:`~.parser.read_arguments`.
+        arguments: The same as they were given.
+    """
+    fault = environment.surroundings().fault()
+    if fault is None and chosen.command in COMPILING:
+        # forms that are there already may be all that are needed
+        compiled = any(environment.forms_folder().glob("*.so"))
+        fault = None if compiled else environment.forms_fault()
+    if fault is not None:
+        return fault
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+    launched = launched_ranks(os.environ)
+    wanted = getattr(chosen, "ranks", None)
+    if wanted is not None and wanted < 1:
+        return f"-n {wanted} is less than 1; give the number of ranks, as in -n 2."
+    if launched is not None:
+        return _launcher_fault(wanted, *launched)
+    if wanted is None or wanted == 1:
+        return None
+    try:
+        launcher = find_launcher()
+    except (LookupError, subprocess.TimeoutExpired) as error:
+        return str(error)
+    _start(launcher, wanted, arguments)
+
+
+def launched_first() -> bool:
+    """Return whether this process is the first of those that a launcher has started, or alone."""
+    launched = launched_ranks(os.environ)
+    return launched is None or launched[1] == 0
+
+
+@dataclass(frozen=True)
+class Launcher:
+    """A program that starts the ranks of a run.
+
+    Attributes:
+        program: Its path.
+        family: "MPICH" or "Open MPI".
+        version: Its version.
+    """
+
+    program: str
+    family: str
+    version: str
+
+    def __str__(self) -> str:
+        """Return path, family and version."""
+        return f"{self.program} ({self.family} {self.version})"
+
+
+def find_launcher() -> Launcher:
+    """Return the ``mpirun`` of the MPI that mpi4py uses.
+
+    Raises:
+        LookupError: If it is not installed, in one sentence with the remedy.
+    """
+    family = mpi_family()
+    beside = Path(sys.executable).parent
+    others = []
+    for name in ("mpirun", "mpiexec", "mpirun.openmpi", "mpirun.mpich"):
+        for program in (beside / name, shutil.which(name)):
+            if program is None or not os.access(program, os.X_OK):
+                continue
+            launcher = _launcher(str(program))
+            if launcher is not None and launcher.family == family:
+                return launcher
+            others.append(f"{program} is {launcher.family}'s" if launcher else str(program))
+    package = {"MPICH": "mpich", "Open MPI": "openmpi-bin"}.get(family, family)
+    found = f"; {others[0]}" if others else ""
+    raise LookupError(
+        f"there is no mpirun of {family}, which mpi4py uses{found}; install it (Debian's or PyPI's"
+        f" package {package}), or run on one rank."
+    )
+
+
+def mpi_family() -> str:
+    """Return the name of the MPI that mpi4py uses: "MPICH", "Open MPI" or another."""
+    if version_of(WHEEL):
+        return "MPICH"
+    question = "from mpi4py import MPI; print(MPI.get_vendor()[0])"
+    done = subprocess.run(
+        [sys.executable, "-c", question],
+        env=environment_apart(),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
+        raise LookupError(f"mpi4py cannot start MPI ({last}); reinstall mpi4py and its MPI.")
+    return done.stdout.strip()
+
+
+def launched_ranks(environ: Mapping[str, str]) -> tuple[str, int, int] | None:
+    """Return whose launcher has started this process, its rank and their number; None if none has.
+
+    Args:
+        environ: The variables of the process.
+    """
+    for family, rank, size in (
+        ("Open MPI", "OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"),
+        ("MPICH", "PMI_RANK", "PMI_SIZE"),
+    ):
+        if environ.get(size, "").isdigit():
+            return family, int(environ.get(rank) or 0), int(environ[size])
+    return None
+
+
+def _launcher(program: str) -> Launcher | None:
+    """Return what a program says of itself; None if it is no launcher that is known."""
+    try:
+        done = subprocess.run(
+            [program, "--version"],
+            env=environment_apart(),
+            capture_output=True,
+            text=True,
+            timeout=30,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    words = done.stdout.split()
+    if "HYDRA" in words:
+        number = words[words.index("Version:") + 1] if "Version:" in words else "of unknown version"
+        return Launcher(program, "MPICH", number)
+    if "(Open MPI)" in done.stdout:
+        return Launcher(program, "Open MPI", words[words.index("MPI)") + 1])
+    return None
+
+
+def _start(launcher: Launcher, ranks: int, arguments: Sequence[str]) -> NoReturn:
+    """Become the launcher of the ranks."""
+    print(f"perfplast: {ranks} ranks by {launcher}", file=sys.stderr, flush=True)
+    os.environ.setdefault(OVERSUBSCRIBE, ":oversubscribe")
+    program = [sys.executable, "-P", "-m", "perfplast_fenicsx", *arguments]
+    os.execv(launcher.program, [launcher.program, "-n", str(ranks), *program])
+
+
+def _launcher_fault(wanted: int | None, family: str, rank: int, number: int) -> str | None:
+    """Return a sentence if ranks do not know of each other, or are not as many as asked for."""
+    if wanted is not None and wanted != number:
+        return f"-n {wanted} is said inside of mpirun -n {number}; leave out one of them."
+    if number == 1:
+        return None
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.size == number:
+        return None
+    ours = MPI.get_vendor()[0]
+    return (
+        f"mpirun of {family} has started {number} processes, and mpi4py, which uses {ours}, takes"
+        f" each for a run of its own; use perfplast run -n {number}, which finds the right mpirun."
+    )

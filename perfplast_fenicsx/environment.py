@@ -1,0 +1,188 @@
+"""Faults of the environment, found before anything compiled is imported.
+
+DOLFINx, PETSc and MPI each live once in a process. What is mixed up there ends in a crash or a hang
+far from its cause, so it is looked for first, in the metadata of installed packages. This module
+needs only the standard library.
+"""
+
+import os
+import platform
+import shutil
+import sys
+import sysconfig
+from dataclasses import dataclass
+from importlib import metadata, util
+from pathlib import Path
+
+INSTALL = "docs/howto/install.md"
+
+WHEEL = "dolfinx-solver-real"
+"""DOLFINx with a real PETSc, on PyPI."""
+
+COMPLEX = "dolfinx-solver-complex"
+
+FOREIGN = ("petsc", "petsc4py", "slepc", "slepc4py")
+"""Distributions that overwrite or shadow what is inside of :data:`WHEEL`."""
+
+SPACE = 100e6
+"""Room for compiled forms (bytes)."""
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Parts of an environment that decide whether the program can start.
+
+    Attributes:
+        python: Version of Python.
+        system: Name of the operating system, as :func:`platform.system` gives it.
+        machine: Its processor, as :func:`platform.machine` gives it.
+        libc: Name and version of the C library.
+        distributions: Installed distributions among those that matter.
+        dolfinx: Folder of the package ``dolfinx``; None where it is missing.
+        petsc4py: Folder of the package ``petsc4py``; None where it is missing.
+    """
+
+    python: tuple[int, int]
+    system: str
+    machine: str
+    libc: tuple[str, str]
+    distributions: frozenset[str]
+    dolfinx: Path | None
+    petsc4py: Path | None
+
+    def fault(self) -> str | None:
+        """Return what keeps the program from starting, in one sentence; None if nothing does."""
+        if {WHEEL, COMPLEX} <= self.distributions:
+            return (
+                f"{WHEEL} and {COMPLEX} are both installed and overwrite each other's files;"
+                f" uninstall both, then pip install {WHEEL}."
+            )
+        if COMPLEX in self.distributions:
+            return (
+                f"{COMPLEX} has a PETSc of complex numbers, and real ones are needed here; pip"
+                f" uninstall {COMPLEX}, then pip install {WHEEL}."
+            )
+        foreign = [name for name in FOREIGN if name in self.distributions]
+        if WHEEL in self.distributions and foreign:
+            return (
+                f"{', '.join(foreign)} and {WHEEL}, which has a PETSc of its own, are in one"
+                f" environment; uninstall the former and reinstall {WHEEL}, or use a virtual"
+                " environment without the system's packages."
+            )
+        if self.dolfinx is None:
+            return self._no_dolfinx()
+        shadowed = self.petsc4py is not None and self.petsc4py.parent != self.dolfinx.parent
+        if WHEEL in self.distributions and shadowed:
+            return (
+                f"petsc4py would be imported from {self.petsc4py}, and not from {WHEEL}; take that"
+                " folder out of PYTHONPATH."
+            )
+        return None
+
+    def _no_dolfinx(self) -> str:
+        """Return why DOLFINx is missing, and where it can be had."""
+        elsewhere = f"take it from conda-forge or from Debian 13 ({INSTALL})"
+        if self.system != "Linux" or self.machine != "x86_64":
+            where = f"{self.system} on {self.machine}"
+            return f"DOLFINx is missing, and PyPI has none for {where}; {elsewhere}."
+        name, version = self.libc
+        if name != "glibc":
+            return (
+                "DOLFINx is missing, and PyPI's needs glibc, which this system does not have (musl,"
+                f" as in Alpine?); {elsewhere}."
+            )
+        if _numbers(version) < [2, 34]:
+            return f"DOLFINx is missing, and PyPI's needs glibc ≥ 2.34, not {version}; {elsewhere}."
+        if self.python < (3, 12):
+            return (
+                f"DOLFINx is missing, and PyPI's needs Python ≥ 3.12, not {self.python[0]}."
+                f"{self.python[1]} ({sys.executable}); make the virtual environment with a newer"
+                " Python."
+            )
+        return "DOLFINx is missing; pip install 'perfplast-fenicsx[all]'."
+
+
+def surroundings() -> Surroundings:
+    """Return those of this process."""
+    known = (WHEEL, COMPLEX, *FOREIGN)
+    return Surroundings(
+        python=sys.version_info[:2],
+        system=platform.system(),
+        machine=platform.machine(),
+        libc=platform.libc_ver(),
+        distributions=frozenset(name for name in known if version_of(name)),
+        dolfinx=_folder("dolfinx"),
+        petsc4py=_folder("petsc4py"),
+    )
+
+
+def version_of(distribution: str) -> str | None:
+    """Return the version of an installed distribution; None where it is not installed."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def forms_folder() -> Path:
+    """Return the folder in which DOLFINx keeps compiled forms."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fenics"
+
+
+def forms_fault() -> str | None:
+    """Return what keeps forms from being compiled and kept, in one sentence; else None."""
+    folder = forms_folder()
+    existing = folder
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir() or not os.access(existing, os.W_OK):
+        return (
+            f"compiled forms cannot be kept in {folder}, as {existing} cannot be written; set"
+            " XDG_CACHE_HOME to a folder that can."
+        )
+    free = shutil.disk_usage(existing).free
+    if free < SPACE:
+        return (
+            f"the disk of {existing} has {free / 1e6:.0f} MB left, too few for compiled forms; free"
+            f" {SPACE / 1e6:.0f} MB, or set XDG_CACHE_HOME to a folder on another disk."
+        )
+    return compiler_fault()
+
+
+def compiler_fault() -> str | None:
+    """Return what keeps C from being compiled, in one sentence; None if nothing does."""
+    compiler = c_compiler()
+    if shutil.which(compiler) is None:
+        return (
+            f"there is no C compiler {compiler}, which forms are compiled with; install gcc"
+            " (Debian: apt-get install gcc libc6-dev), or set CC to another one."
+        )
+    places = [sysconfig.get_path("include")]
+    for name in ("CPATH", "C_INCLUDE_PATH"):
+        places += filter(None, os.environ.get(name, "").split(os.pathsep))
+    if not any(Path(place, "Python.h").exists() for place in places):
+        return (
+            f"Python.h is missing in {places[0]}, and forms are compiled with it; install Python's"
+            " headers (Debian: apt-get install python3-dev)."
+        )
+    return None
+
+
+def c_compiler() -> str:
+    """Return the C compiler that forms are compiled with: that of ``CC``, or Python's own."""
+    given = os.environ.get("CC", "").split()
+    return (given or (sysconfig.get_config_var("CC") or "cc").split())[0]
+
+
+def _folder(package: str) -> Path | None:
+    """Return the folder that a package would be imported from; None if it is not installed."""
+    try:
+        found = util.find_spec(package)
+    except (ImportError, ValueError):
+        return None
+    return Path(found.origin).resolve().parent if found and found.origin else None
+
+
+def _numbers(version: str) -> list[int]:
+    """Return the numbers of a version."""
+    return [int(part) for part in version.split(".") if part.isdigit()]
