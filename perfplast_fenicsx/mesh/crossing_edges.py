@@ -6,6 +6,7 @@ what a mesh generator has written, it nearly does, and no factorisation tells wh
 """
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import la
 from dolfinx.mesh import exterior_facet_indices
 
@@ -14,13 +15,14 @@ from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
-def bend_crossings(tagged_mesh: TaggedMesh) -> int:
+def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None = None) -> int:
     """Move such vertices a little, in the mesh itself. Collective.
 
     Surfaces and the shapes of bodies stay: what is on one of them is not moved.
 
     Args:
         tagged_mesh: Of straight triangles.
+        stays: Which local vertices are not moved, as lines that loads depend on run through them.
 
     Returns:
         How many were moved, on all ranks together.
@@ -60,6 +62,7 @@ def bend_crossings(tagged_mesh: TaggedMesh) -> int:
     clear = 1e-3  # the same sum where edges are no lines for the computer either, at least
     nearly = (cells == 4) & alike & (table[:, 6] == 0) & (rounding < bend) & (bend < clear)
     shifted = 0.05  # way of a vertex, over the harmonic mean of the lengths of its edges
+    nearly &= True if stays is None else ~stays
     step = np.where(nearly, shifted * 8 / np.maximum(table[:, 2], 1e-300), 0.0)
     nodes = entity_nodes(mesh, 0, np.arange(count, dtype=np.int32)).reshape(-1)
     # Direction of the way; whichever it is, it bends one of the lines.

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import pytest
 
 from demos.verification.ground import COHESION
+from meshes.slope import write_slope
 from perfplast_fenicsx import (
     BodyForce,
     DruckerPrager,
@@ -21,11 +22,12 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.problem.declared.load import Load
 from perfplast_fenicsx.proof import check
 from tests.limit_analysis.test_linear_tractions import SQUARE, cube
 from tests.limit_analysis.test_static_bound import rectangle
-from tests.models import touching_blocks
+from tests.models import Read, touching_blocks
 
 ANGLE = 25.0
 N = math.tan(math.radians(45 + ANGLE / 2)) ** 2
@@ -151,3 +153,38 @@ def test_a_pressure_that_is_not_linear_is_refused() -> None:
     problem = square(Pressure("top", 1.0), PorePressure("lower", "x**2"))
     with pytest.raises(InputError, match="'lower' is a formula that is not linear in each cell"):
         limit_bounds(problem)
+
+
+KINKED = "0.6*maximum(0, 0.55 + 0.3*abs(x - 0.7) - y)"
+
+
+def wet_slope(read: Read, *more: Load) -> Problem:
+    ground = DruckerPrager(1e4, 0.3, 0.1, 25.0, "plane-strain")
+    weight = BodyForce("soil", (0.0, -1.0), constant=True)
+    supports = [Support("bottom"), Support("left", "x")]
+    mesh = read(write_slope, size=0.5)
+    return Problem(mesh, {"soil": ground}, supports, [weight, *more], degree=2)
+
+
+def test_kinks_in_cells_leave_bounds_strict(read: Read, shared_tmp_path: Path) -> None:
+    """The lower bound takes it from above, the upper one from below; refused before."""
+    problem = wet_slope(read, PorePressure("soil", KINKED))
+    bounds = limit_bounds(problem, 1e-3)
+    assert bounds.strict, (bounds.lower.why_not, bounds.upper.why_not)
+    assert "is taken from above" in bounds.in_words()
+    below, above = weaker_and_stronger(problem)
+    assert [it.given.loads[1].side for it in (below, above)] == ["above", "below"]  # type: ignore[attr-defined]
+    lower, upper = bounds.lower.value, bounds.upper.value
+    assert lower is not None and upper is not None and lower < upper
+    for it in (below, above):  # what each is a bound of, as if it were the user's
+        own = limit_bounds(it, 1e-3)
+        assert own.strict
+    dry = limit_bounds(wet_slope(read), 1e-3)
+    assert lower < (dry.lower.value or 0.0)
+    folder = ResultFolder(MPI.COMM_WORLD, shared_tmp_path)
+    stress, velocity = proofs(bounds, bounds)
+    for kind, pair in (("lower", (stress, None)), ("upper", (None, velocity))):
+        write_proof(folder, folder.file(f"{kind}.h5"), *pair)
+        half = check(folder.file(f"{kind}.h5"))[kind]
+        assert not half.faults
+        assert half.claimed == pytest.approx((lower if kind == "lower" else upper), rel=1e-8)

@@ -13,7 +13,8 @@ from dolfinx.mesh import (
     meshtags,
 )
 
-from perfplast_fenicsx import TaggedMesh
+from perfplast_fenicsx import PorePressure, TaggedMesh
+from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import on_kinks
 from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
 
 SIZE = 4
@@ -71,3 +72,14 @@ def test_what_crosses_exactly_or_clearly_not_stays(shift: float) -> None:
 def test_the_seam_of_two_bodies_stays() -> None:
     """Along the diagonal the centres of four squares are on it."""
     assert bend_crossings(crossed(1e-9, bodies=2)) == SIZE**2 - SIZE
+
+
+def test_lines_at_which_the_slope_of_a_pore_pressure_changes_stay() -> None:
+    """It is linear in each cell, and would not be any more if they were moved."""
+    tagged_mesh = crossed(1e-9)
+    stays = on_kinks(tagged_mesh, [PorePressure("below", "10*abs(x - y)")])
+    assert bend_crossings(tagged_mesh, stays) == SIZE**2 - SIZE
+    smooth = on_kinks(
+        crossed(1e-9), [PorePressure("below", "10*(x - y)"), PorePressure("below", 2)]
+    )
+    assert not smooth.any()

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
+from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import pores_in_words
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.statements.standing import Standing
@@ -78,5 +79,9 @@ def least_words(carried: float | None, none_below: float | None, lower: float | 
 
 
 def taken_as(problem: Problem) -> tuple[str, ...]:
-    """What bodies are taken as, in clauses: associated ground, surfaces that are one polygon."""
-    return (*flow_words(problem.given.materials), *problem.tagged_mesh.taken)
+    """What bodies and loads are taken as, in clauses. Collective.
+
+    Ground that is associated, surfaces that are one polygon, pressures in pores with kinks.
+    """
+    told = flow_words(problem.given.materials), problem.tagged_mesh.taken, pores_in_words(problem)
+    return tuple(clause for clauses in told for clause in clauses)

@@ -1,5 +1,9 @@
-"""Bodies between whose limit loads those of ground lie that dilates by less than its friction."""
+"""Bodies between whose limit loads those of the declared ones lie.
 
+Ground may dilate by less than its friction, and pressures in pores may have kinks in cells.
+"""
+
+from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import with_enclosed_pores
 from perfplast_fenicsx.materials.nonassociated_flow import pair_of
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
@@ -17,7 +21,7 @@ def weaker_and_stronger(problem: Problem) -> tuple[Problem, Problem]:
         The problem twice, where each limit load is that of the bodies themselves.
     """
     pair = pair_of(problem.given.materials)
-    if pair is None:
-        return problem, problem
-    below, above = (variant(problem, materials=materials) for materials in pair)
-    return below, above
+    below = above = problem
+    if pair is not None:
+        below, above = (variant(problem, materials=materials) for materials in pair)
+    return with_enclosed_pores(below, "above"), with_enclosed_pores(above, "below")

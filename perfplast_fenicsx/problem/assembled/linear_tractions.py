@@ -15,6 +15,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.problem.declared.loads import (
     CosinePressure,
+    EnclosedPores,
     Load,
     PorePressure,
     Pressure,
@@ -59,8 +60,14 @@ def linear_pores(load: PorePressure, corners: Floats) -> tuple[Floats, Floats]:
 
     Raises:
         InputError: If the formula is not finite there.
+        TypeError: If there is no linear function to take in its place.
     """
     place = f"the load on '{load.on}'"
+    if isinstance(load, EnclosedPores):
+        values = load.at_corners(corners)
+        if values is None:
+            raise TypeError(f"{place} has no linear functions around it")
+        return values, np.zeros(len(corners))
     at_ends, at_middles = (
         evaluate(load.value, _points(x), place).reshape(x.shape[:2])
         for x in (corners, _middles(corners))

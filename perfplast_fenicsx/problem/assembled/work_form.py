@@ -10,8 +10,10 @@ from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.declared.loads import Formula, SpreadLoad, kind_of
+from perfplast_fenicsx.problem.assembled.linear_tractions import linear_pores
+from perfplast_fenicsx.problem.declared.loads import EnclosedPores, Formula, SpreadLoad, kind_of
 
 
 def work_form(tagged_mesh: TaggedMesh, loads: Sequence[SpreadLoad], v: ufl.Argument) -> ufl.Form:
@@ -62,6 +64,14 @@ def _field(
     mesh = tagged_mesh.mesh
     if not isinstance(value, str):
         return fem.Constant(mesh, default_scalar_type(value))
+    if isinstance(load, EnclosedPores):
+        linear = fem.Function(fem.functionspace(mesh, ("Discontinuous Lagrange", 1)))
+        vertices, points = corners(mesh)
+        owned = entities[entities < len(vertices)]
+        values, _ = linear_pores(load, points[vertices[owned]])
+        linear.x.array[linear.function_space.dofmap.list[owned]] = values
+        linear.x.scatter_forward()
+        return linear
     W = fem.functionspace(mesh, ("Lagrange", 2))
     field, message = fem.Function(W), None
     if dim == mesh.topology.dim:

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.enclosures import enclosed
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.declared.load import Formula as Formula
 from perfplast_fenicsx.problem.declared.load import Load as Load
@@ -145,6 +147,32 @@ class PorePressure(SpreadLoad):
 
 
 @dataclass(frozen=True)
+class EnclosedPores(PorePressure):
+    """The same by a function that is linear in each cell, and not below the formula or not above.
+
+    Args:
+        on: Physical volume.
+        value: The formula.
+        name: What messages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        side: "above" or "below", where the function is.
+    """
+
+    side: str = "above"
+
+    def at_corners(self, corners: Floats) -> Floats | None:
+        """Return it at the vertices of cells, shape (n, d + 1). Not collective.
+
+        None where it has no such function.
+
+        Args:
+            corners: Vertices of the cells, shape (n, d + 1, d).
+        """
+        found = enclosed(self.value, corners, f"the load on '{self.on}'")
+        return None if found is None else found[self.side == "above"]
+
+
+@dataclass(frozen=True)
 class Force(Load):
     """Force and moment on a surface: spread over it, or on a rigid one that is free to move.
 
@@ -252,7 +280,7 @@ def kind_of(load: Load) -> str:
 
 def is_known(load: Load) -> bool:
     """Whether a load is of the program's own kinds, and none of a user's."""
-    return type(load) in (*LOADS.values(), *ON_SURFACES)
+    return type(load) in (*LOADS.values(), *ON_SURFACES, EnclosedPores)
 
 
 def is_uniform(load: Load) -> bool:
@@ -262,7 +290,7 @@ def is_uniform(load: Load) -> bool:
 
 def is_bounded(load: Load) -> bool:
     """Whether strict bounds know a load: all but forces per volume that are formulas."""
-    return type(load) in (*ON_SURFACES, PorePressure, Force) or (
+    return type(load) in (*ON_SURFACES, PorePressure, EnclosedPores, Force) or (
         type(load) is BodyForce and is_uniform(load)
     )
 

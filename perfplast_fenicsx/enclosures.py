@@ -1,0 +1,181 @@
+"""Linear functions below and above a formula, in each of some simplices.
+
+Each part of a formula is enclosed by a pair of functions that are linear in the simplex and given
+at its vertices. The chord of the larger one of two linear functions is above it, as it is convex,
+and each of both is below it. A product of two linear functions differs from its chord by
+Σ (fᵢ − fⱼ)(gᵢ − gⱼ) λᵢλⱼ, and λᵢλⱼ is at most a quarter. A formula that is linear in a simplex is
+enclosed by itself.
+"""
+
+import ast
+import operator
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.formulas import OPERATORS, check
+
+ROUNDING = 1e-12
+"""What is next to no difference of two sides of a comparison, relative to the larger one: of
+simplices whose vertices lie where it changes."""
+
+Pair = tuple[Floats, Floats]
+"""Values at the vertices of a linear function that is not above, and of one that is not below."""
+
+TRUE, SOMETIMES, FALSE = 1.0, 0.5, 0.0
+
+
+class _UnknownFormula(Exception):
+    """A part that has no enclosure."""
+
+
+def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
+    """Return linear functions below and above a formula in each simplex. Not collective.
+
+    Args:
+        formula: A number, or a formula in x, y and z.
+        corners: Vertices of the simplices, shape (n, k, d).
+        place: What has the formula, for the message.
+
+    Returns:
+        Values at the vertices, each of shape (n, k); None where the formula has parts other than
+        sums, products, ``abs``, ``minimum``, ``maximum``, and ``where`` with comparisons.
+
+    Raises:
+        InputError: If the formula has what no formula may have.
+    """
+    shape = corners.shape[:2]
+    found: Any = float(formula) if not isinstance(formula, str) else None
+    if found is None:
+        text = " ".join(str(formula).split())
+        check(text, place)
+        none = np.zeros(shape)
+        at = [corners[..., i] if i < corners.shape[2] else none for i in range(3)]
+        names = {name: (x, x) for name, x in zip("xyz", at, strict=True)} | {"pi": np.pi}
+        try:
+            found = _value(ast.parse(text, mode="eval").body, names)
+        except _UnknownFormula:
+            return None
+    low, high = found if isinstance(found, tuple) else (found, found)
+    low, high = np.broadcast_to(low, shape), np.broadcast_to(high, shape)
+    return (low, high) if np.isfinite(low).all() and np.isfinite(high).all() else None
+
+
+def _value(node: ast.AST, names: dict[str, Any]) -> Any:
+    """Return a number of what is constant, and a pair of what is not."""
+    match node:
+        case ast.Constant(value=number):
+            return float(number)
+        case ast.Name(id=name):
+            return names[name]
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return _negative(_value(operand, names))
+        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+            return _value(operand, names)
+        case ast.BinOp(left=left, op=sign, right=right):
+            return _combined(sign, _value(left, names), _value(right, names))
+        case ast.Call(func=ast.Name(id="where"), args=[condition, one, other]):
+            return _chosen(_holds(condition, names), _value(one, names), _value(other, names))
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            return _function(name, [_value(it, names) for it in arguments])
+    raise _UnknownFormula
+
+
+def _function(name: str, values: list[Any]) -> Any:
+    """Return a function of numbers and pairs."""
+    if not any(isinstance(it, tuple) for it in values):
+        with np.errstate(all="ignore"):
+            return float(getattr(np, name)(*values))
+    if name == "maximum":
+        return _larger(*values)
+    if name == "minimum":
+        return _negative(_larger(*map(_negative, values)))
+    if name == "abs":
+        return _larger(values[0], _negative(values[0]))
+    raise _UnknownFormula
+
+
+def _combined(sign: ast.operator, one: Any, other: Any) -> Any:
+    """Return a sum, difference, product, quotient or power."""
+    numbers = not isinstance(one, tuple) and not isinstance(other, tuple)
+    if numbers and type(sign) in OPERATORS:
+        with np.errstate(all="ignore"):
+            return float(OPERATORS[type(sign)][1](np.float64(one), np.float64(other)))
+    if isinstance(sign, ast.Add):
+        return tuple(map(operator.add, _pair(one), _pair(other)))
+    if isinstance(sign, ast.Sub):
+        return _combined(ast.Add(), one, _negative(other))
+    if isinstance(sign, ast.Mult):
+        return _product(one, other)
+    if isinstance(sign, ast.Div) and not isinstance(other, tuple) and other:
+        return _product(one, 1 / other)
+    if isinstance(sign, ast.Pow) and other == 2:
+        return _product(one, one)
+    raise _UnknownFormula
+
+
+def _pair(value: Any) -> Any:
+    return value if isinstance(value, tuple) else (value, value)
+
+
+def _negative(value: Any) -> Any:
+    return (-value[1], -value[0]) if isinstance(value, tuple) else -value
+
+
+def _larger(one: Any, other: Any) -> Any:
+    """Return an enclosure of the larger one of two, one of which at least is a pair."""
+    (a, b), (c, d) = _pair(one), _pair(other)
+    high = np.maximum(b, d)
+    a, c = np.broadcast_to(a, high.shape), np.broadcast_to(c, high.shape)
+    first = a.mean(axis=1, keepdims=True) >= c.mean(axis=1, keepdims=True)
+    return np.where(first, a, c), high
+
+
+def _product(one: Any, other: Any) -> Any:
+    """Return an enclosure of a product."""
+    if not isinstance(one, tuple):
+        one, other = other, one
+    if not isinstance(other, tuple):
+        low, high = one[0] * other, one[1] * other
+        return (low, high) if other >= 0 else (high, low)
+    if one[0] is not one[1] or other[0] is not other[1]:
+        raise _UnknownFormula
+    f, g = one[0], other[0]
+    low, high = f * g, f * g
+    for i, j in combinations(range(f.shape[1]), 2):
+        bent = (f[:, i] - f[:, j]) * (g[:, i] - g[:, j]) / 4
+        low = low - np.maximum(bent, 0.0)[:, None]
+        high = high + np.maximum(-bent, 0.0)[:, None]
+    return low, high
+
+
+def _holds(node: ast.AST, names: dict[str, Any]) -> Any:
+    """Return where a condition is true in a whole simplex, in a part of it, or nowhere."""
+    match node:
+        case ast.Compare(left=left, ops=[sign], comparators=[right]):
+            one, other = _value(left, names), _value(right, names)
+            if isinstance(sign, (ast.Gt, ast.GtE)):
+                one, other = other, one
+            elif not isinstance(sign, (ast.Lt, ast.LtE)):
+                raise _UnknownFormula
+            (a, b), (c, d) = _pair(one), _pair(other)
+            sizes = [np.abs(it).max(initial=0.0) for it in (a, b, c, d)]
+            little = ROUNDING * max(sizes)
+            never, always = np.atleast_2d(a - d) >= -little, np.atleast_2d(b - c) <= little
+            return np.where(always.all(axis=1), TRUE, np.where(never.all(axis=1), FALSE, SOMETIMES))
+        case ast.BinOp(left=left, op=ast.BitAnd(), right=right):
+            return np.minimum(_holds(left, names), _holds(right, names))
+        case ast.BinOp(left=left, op=ast.BitOr(), right=right):
+            return np.maximum(_holds(left, names), _holds(right, names))
+    raise _UnknownFormula
+
+
+def _chosen(holds: Floats, one: Any, other: Any) -> Pair:
+    """Return an enclosure of the one where a condition holds, and of the other elsewhere."""
+    (a, b), (c, d) = _pair(one), _pair(other)
+    told = holds[:, None]
+    low = np.where(told == TRUE, a, np.where(told == FALSE, c, np.minimum(a, c)))
+    high = np.where(told == TRUE, b, np.where(told == FALSE, d, np.maximum(b, d)))
+    return low, high

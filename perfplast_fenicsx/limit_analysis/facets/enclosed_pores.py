@@ -1,0 +1,128 @@
+"""Pressures in pores that are not linear in each cell, between functions that are.
+
+A stress in equilibrium whose effective part σ + uδ is within yield shows that the loads are carried
+with any smaller pressure too, as pressing on ground takes it no nearer to yield. In a mechanism the
+pressure does the work ∫ u tr ε, tr ε ≥ 0, and any smaller one does no more. So a lower bound takes
+the pressure from above, an upper one from below, and both are strict.
+"""
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import la
+
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.enclosures import ROUNDING
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
+from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb, Tresca
+from perfplast_fenicsx.materials.drucker_prager import DruckerPrager
+from perfplast_fenicsx.materials.elastic import Elastic
+from perfplast_fenicsx.materials.von_mises import VonMises
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.declared.loads import EnclosedPores, Load, PorePressure
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.variant import variant
+
+PRESSED = (Elastic, VonMises, Tresca, DruckerPrager, MohrCoulomb)
+"""Laws whose stresses stay within yield when a pressure is added to them."""
+
+
+def with_enclosed_pores(problem: Problem, side: str) -> Problem:
+    """Return the problem with such pressures from one side; itself where all are linear.
+
+    Collective. Where loads grow nothing is changed, as one proof then has both bounds, and so the
+    same loads.
+
+    Args:
+        problem: The bodies and their loads.
+        side: "above" or "below", where the linear functions are.
+    """
+    bent = _bent(problem)
+    if not bent:
+        return problem
+    loads = [_enclosed(load, side) if load in bent else load for load in problem.given.loads]
+    return variant(problem, loads=loads)
+
+
+def pores_in_words(problem: Problem) -> tuple[str, ...]:
+    """Return what such pressures are taken as, in clauses. Collective."""
+    return tuple(
+        f"the pore pressure in '{load.on}', which is not linear in each cell, is taken from above"
+        " for the lower bound and from below for the upper one; so both are strict"
+        for load in _bent(problem)
+    )
+
+
+def on_kinks(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> npt.NDArray[np.bool_]:
+    """Return at which local vertices the slope of a pressure in pores changes. Collective.
+
+    Args:
+        tagged_mesh: Of straight cells.
+        loads: Of any kind.
+    """
+    mesh = tagged_mesh.mesh
+    index_map = mesh.topology.index_map(0)
+    count = index_map.size_local + index_map.num_ghosts
+    found = np.zeros(count, dtype=bool)
+    for load in loads:
+        if not isinstance(load, PorePressure) or not isinstance(load.value, str):
+            continue
+        cells, vertices, places = _cells(tagged_mesh, load.on)
+        values = _enclosed(load, "below").at_corners(places)
+        if values is None:
+            continue
+        d = places.shape[2]
+        slopes = np.einsum("cv,cvi->ci", values, gradients(places)[0])
+        sums = la.vector(index_map, 1 + 2 * d, dtype=np.float64)
+        table = sums.array.reshape(count, 1 + 2 * d)
+        rows = np.hstack([np.ones((len(cells), 1)), slopes, slopes**2])
+        np.add.at(table, vertices.ravel(), np.repeat(rows, d + 1, axis=0))
+        sums.scatter_reverse(la.InsertMode.add)
+        sums.scatter_forward()
+        spread = table[:, :1] * table[:, 1 + d :] - table[:, 1 : 1 + d] ** 2
+        largest = tagged_mesh.mesh.comm.allreduce(np.abs(slopes).max(initial=0.0), MPI.MAX)
+        noticed = 1e-6  # of the largest slope, far above what rounding leaves of small cells
+        found |= (spread > (noticed * largest) ** 2 * table[:, :1] ** 2).any(axis=1)
+    return found
+
+
+def _bent(problem: Problem) -> list[Load]:
+    """Return the pressures in pores that are enclosed and not linear in each cell. Collective."""
+    given, tagged_mesh = problem.given, problem.tagged_mesh
+    pores = [it for it in given.loads if type(it) is PorePressure and isinstance(it.value, str)]
+    if not pores or not all(load.constant for load in given.loads):
+        return []
+    if tagged_mesh.axisymmetric or has_curved_cells(tagged_mesh.mesh):
+        return []
+    found: list[Load] = []
+    for load in pores:
+        _, _, places = _cells(tagged_mesh, load.on)
+        low, high = (_enclosed(load, side).at_corners(places) for side in ("below", "above"))
+        known = isinstance(given.materials[load.on], PRESSED) and low is not None
+        apart = np.zeros(2)
+        if low is not None and high is not None:
+            apart[:] = (high - low).max(initial=0.0), np.abs(high).max(initial=0.0)
+        problem.comm.Allreduce(MPI.IN_PLACE, apart, MPI.MAX)
+        if problem.comm.allreduce(known, MPI.LAND) and apart[0] > ROUNDING * apart[1]:
+            found.append(load)
+    return found
+
+
+def _cells(tagged_mesh: TaggedMesh, name: str) -> tuple[Ints, Ints, Floats]:
+    """Return a volume's owned cells, their local vertices and their coordinates."""
+    vertices, points = corners(tagged_mesh.mesh)
+    cells = tagged_mesh.cells(name)
+    cells = cells[cells < len(vertices)]
+    return cells, vertices[cells], points[vertices[cells]]
+
+
+def _enclosed(load: Load, side: str) -> EnclosedPores:
+    told: dict[str, Any] = {it.name: getattr(load, it.name) for it in fields(PorePressure)}
+    return EnclosedPores(**told, side=side)
