@@ -13,7 +13,7 @@ from perfplast_fenicsx.cli.model_command import is_model, mesh_model
 from perfplast_fenicsx.cli.parser import SOLVED, set_petsc_options
 from perfplast_fenicsx.cli.refined_run import run_refined
 from perfplast_fenicsx.cli.result_commands import draw, export_results, follow, report
-from perfplast_fenicsx.cli.run import run, warn_of
+from perfplast_fenicsx.cli.run import admitted_solver, on_bodies, run, warn_of
 from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.signals import leave_pipes_to_python
 from perfplast_fenicsx.cli.sweep_command import sweep
@@ -26,8 +26,6 @@ from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.io.case.code_templates import TEMPLATES, templates_in_words
 from perfplast_fenicsx.io.case.load_words import meaning
-from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
-from perfplast_fenicsx.problem.judged.slip import check_slip_is_true
 
 
 def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
@@ -111,8 +109,12 @@ def check(comm: MPI.Intracomm, path: str, trust: bool = False, picture: str | No
     case.history(problem)
     warn_of(comm, case, problem)
     method = case.method_on(problem)
-    if method != LimitMethod.INTERIOR_POINT:
-        check_slip_is_true(problem)
+    each = [(case, problem)]
+    if case.combinations:
+        combined = [case.combined(combination) for combination in case.combinations]
+        each = [(one, on_bodies(problem, one)) for one in combined]
+    for one, on in each:
+        admitted_solver(one, on, one.method_on(on))
     text = describe(case.title, method, problem, case.options)
     found = understood(case, problem)
     lines = found.lines if found else []

@@ -39,6 +39,7 @@ from perfplast_fenicsx.materials.nonassociated_flow import flow_words
 from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.problem.halved import halved
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
+from perfplast_fenicsx.problem.judged.slip import check_slip_is_true
 from perfplast_fenicsx.problem.left_out import left_out
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
@@ -97,7 +98,7 @@ def run(
         if restart:
             check_case(folder, case.table, case.path.name)
         terminal.status("setting up the problem")
-        problem = case.problem(comm) if bodies is None else _on(bodies, case)
+        problem = case.problem(comm) if bodies is None else on_bodies(bodies, case)
         if finer:
             with at(f"{case.path.name}, --refine"):
                 problem = halved(problem)
@@ -105,7 +106,7 @@ def run(
         stages = case.history(problem)
         saved = checkpoints.read(stages) if restart else Saved()
         method = case.method if saved.reports else case.method_on(problem)
-        solver = None if method == LimitMethod.INTERIOR_POINT else case.solver(problem)
+        solver = admitted_solver(case, problem, method)
         if not restart:
             folder.create()
             checkpoints.write(saved)
@@ -158,8 +159,33 @@ def run(
             return status
 
 
-def _on(bodies: Problem, case: Case) -> Problem:
-    """The problem of a case on bodies that are there already. Collective."""
+def admitted_solver(case: Case, problem: Problem, method: str) -> Any:
+    """Return what solves a problem, once all tests are made that need no solution. Collective.
+
+    ``check`` and ``run`` both call it, so that a run refuses nothing later that could be known.
+
+    Args:
+        case: What is asked.
+        problem: Of the case.
+        method: What solves it, as results name it.
+
+    Returns:
+        The algorithm of ``[solve]``; None where the interior point method is to answer.
+
+    Raises:
+        InputError: If the control does not know the problem.
+    """
+    direct = method == LimitMethod.INTERIOR_POINT
+    with at(case.path.name):
+        if not direct:
+            check_slip_is_true(problem)
+        solver = None if direct else case.solver(problem)
+        case.loading.admit(problem, solver)
+    return solver
+
+
+def on_bodies(bodies: Problem, case: Case) -> Problem:
+    """Return the problem of a case on bodies that are there already. Collective."""
     with at(f"{case.path.name}, {case.remarks[-1]}"):
         return variant(bodies, loads=case.loads)
 

@@ -1,7 +1,7 @@
 """Bounds of the limit load that hold for the bodies."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
@@ -13,11 +13,12 @@ from perfplast_fenicsx.limit_analysis.body.least_load import (
     least_load,
     zero_is_outside,
 )
-from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import check_bounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.design_factor import check_design
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.problem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,10 @@ class BoundsControl(OfBody):
         given.refuse_moves()
         if self.direction == "both":
             check_turns(given.loads)
+
+    def admit(self, problem: Problem, solver: Any) -> None:
+        """Refuse what bounds of the body do not know. Collective."""
+        check_bounds(problem, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
         """Find the bounds, of the mesh or of several that are adapted. Collective."""

@@ -163,6 +163,17 @@ class Control(Protocol):
     def remarks(self, problem: Problem) -> Sequence[str]:
         """What is to be said of a problem before the interior point method begins. Collective."""
 
+    def admit(self, problem: Problem, solver: Any) -> None:
+        """Refuse what :meth:`find` would refuse of a problem before it solves. Collective.
+
+        Args:
+            problem: The bodies, their loads, supports and contacts.
+            solver: The algorithm of ``[solve]``; None where the interior point method is to answer.
+
+        Raises:
+            InputError: Naming what does not fit.
+        """
+
     def find(self, run: Run) -> LimitLoad | None:
         """Find the answer, and hand it on. Collective.
 
@@ -191,6 +202,9 @@ class OfLevels:
     def remarks(self, problem: Problem) -> Sequence[str]:
         """None."""
         return ()
+
+    def admit(self, problem: Problem, solver: Any) -> None:
+        """Refuse nothing: what levels need is seen when the solver is made."""
 
 
 class OfBody:

@@ -1,16 +1,18 @@
 """Which multiples of two or three loads are carried."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.controls.interim import of_other_loads
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.limit_analysis.body.interaction import envelope
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import check_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.problem.declared.stage import called
+from perfplast_fenicsx.problem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,10 @@ class EnvelopeControl(OfBody):
                     f"the load '{name}' is {said}; give it in one of {keys}, or constant = true to"
                     " a load that stays."
                 )
+
+    def admit(self, problem: Problem, solver: Any) -> None:
+        """Refuse what bounds of the body do not know. Collective."""
+        check_bounds(problem, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
         """Bound the limit load in one direction after the other. Collective."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
@@ -14,7 +14,10 @@ from perfplast_fenicsx.limit_analysis.shakedown.diagram import (
 )
 from perfplast_fenicsx.limit_analysis.shakedown.elastic_stresses import check_names
 from perfplast_fenicsx.limit_analysis.shakedown.load_domain import LoadDomain
-from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import shakedown_load
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import (
+    check_shakedown,
+    shakedown_load,
+)
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.problem.declared.initial import Temperature
 from perfplast_fenicsx.problem.declared.stage import called
@@ -95,6 +98,10 @@ class ShakedownControl(OfBody):
         return [
             "preloads of bolts are residual stress: they change no shakedown load, and are ignored"
         ]
+
+    def admit(self, problem: Problem, solver: Any) -> None:
+        """Refuse laws without a cone, and what does not stay closed. Collective."""
+        check_shakedown(problem, self.domain, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
         """Find the load, and those of a diagram. Collective."""

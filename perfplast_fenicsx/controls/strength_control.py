@@ -1,16 +1,18 @@
 """Bounds of a factor of safety on strengths."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.controls.interim import of_other_loads
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import check_bounds
 from perfplast_fenicsx.limit_analysis.body.safety_factor import factor_of_safety
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_stands
+from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_stands, weakened
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.limit_analysis.strength_search import check_curve, strength_path
+from perfplast_fenicsx.problem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -45,10 +47,14 @@ class StrengthControl(OfBody):
         given.refuse_moves()
         check_stands(given.loads, given.elastic)
 
+    def admit(self, problem: Problem, solver: Any) -> None:
+        """Refuse what has no reduced strength, and what bounds do not know. Collective."""
+        if self.path:
+            check_curve(problem)
+        check_bounds(weakened(problem, 1.0), self.limit_tolerance)
+
     def find(self, run: Run) -> LimitLoad:
         """Find both factors, and then the curve if it is asked for. Collective."""
-        if self.path:
-            check_curve(run.problem)
         told = (run.adapt, run.record.factor, run.record.interior)
         with of_other_loads():  # and strengths
             safety = factor_of_safety(run.problem, self.limit_tolerance, *told)

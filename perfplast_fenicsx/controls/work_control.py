@@ -11,7 +11,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import bounds_of_mesh
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import TOLERANCE
-from perfplast_fenicsx.limit_analysis.limit_search import limit_load
+from perfplast_fenicsx.limit_analysis.limit_search import check_limit_load, limit_load
 from perfplast_fenicsx.limit_analysis.statements.design_factor import check_design
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance, ignored
 from perfplast_fenicsx.problem.declared.initial import Initial
@@ -94,6 +94,11 @@ class WorkControl:
                 " constant = true from one of them, or give control = 'load', or 'bounds', which"
                 " tells how many times they are carried."
             )
+
+    def admit(self, problem: Problem, solver: Any) -> None:
+        """Refuse what has no limit load, or none that the method can find. Collective."""
+        if self.limit_tolerance is not None:
+            check_limit_load(problem, self.limit_tolerance, solver)
 
     def find(self, run: Run) -> LimitLoad | None:
         """Solve for each work, or find the limit load of the mesh. Collective."""

@@ -38,6 +38,24 @@ OnLevel = Callable[[Level, Search], None]
 log = logging.getLogger(__name__)
 
 
+def check_resolution(rtol: float, solver: WorkNewton) -> None:
+    """Refuse a tolerance that does not tell sliding from rest.
+
+    Args:
+        rtol: What both loads may differ by, relative.
+        solver: Which follows the path.
+
+    Raises:
+        InputError: Naming the finest one.
+    """
+    finest = 10 * max(SLIDES, solver.options.tolerance)
+    if rtol < finest:
+        raise InputError(
+            f"limit_tolerance = {rtol:g} is finer than what tells bodies that slide from those at"
+            f" rest with Coulomb's friction; give {finest:g} or more."
+        )
+
+
 def coulomb_limit(
     problem: Problem,
     rtol: float,
@@ -62,12 +80,7 @@ def coulomb_limit(
     Raises:
         InputError: If the tolerance is finer than what tells a body that slides from one at rest.
     """
-    finest = 10 * max(SLIDES, solver.options.tolerance)
-    if rtol < finest:
-        raise InputError(
-            f"limit_tolerance = {rtol:g} is finer than what tells bodies that slide from those at"
-            f" rest with Coulomb's friction; give {finest:g} or more."
-        )
+    check_resolution(rtol, solver)
     direct = method_for(problem) is LimitMethod.INTERIOR_POINT and not problem.loads.has_dead()
     drucker = drucker_bounds(problem) if direct else None
     search = search or Search()

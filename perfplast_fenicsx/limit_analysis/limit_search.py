@@ -11,7 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError, nearest
-from perfplast_fenicsx.limit_analysis.coulomb_search import coulomb_limit
+from perfplast_fenicsx.limit_analysis.coulomb_search import check_resolution, coulomb_limit
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import TOLERANCE, method_for, resisted
@@ -19,6 +20,7 @@ from perfplast_fenicsx.limit_analysis.path.limit_judge import Judge, Search, col
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_friction_has_limits,
+    check_loads,
     check_tolerance,
 )
 from perfplast_fenicsx.problem.judged.state import Level
@@ -123,6 +125,28 @@ def limit_load(
         mechanism=judge.mechanism or collapse_mechanism(problem, before, last),
         levels=levels,
     )
+
+
+def check_limit_load(problem: Problem, rtol: float, solver: WorkNewton | None) -> None:
+    """Refuse what :func:`limit_load` would refuse before it solves. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        rtol: What the bounds may differ by, relative.
+        solver: What follows a path; None where the interior point method is to answer.
+
+    Raises:
+        InputError: As :func:`limit_load`, but for loads that no stress can carry.
+    """
+    check_tolerance(rtol)
+    check_bodies_have_limits(problem)
+    if solver is not None and problem.friction.follows_pressure:
+        check_resolution(rtol, solver)
+        return
+    check_friction_has_limits(problem)
+    if solver is None:
+        check_loads(problem)
+        body_cones(problem)
 
 
 def _chosen(method: str | None, problem: Problem, follows: bool) -> LimitMethod:

@@ -1,11 +1,15 @@
-"""A browser for pages."""
+"""A browser for pages, and what holds check and run together."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 
+from perfplast_fenicsx.cli import run as cli_run
+from perfplast_fenicsx.cli.recorder import Recorder, RunContext
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.results.result_files import KNOWN
 from tests.functional.browser_page import PATIENCE
 
 FLAGS = (
@@ -32,3 +36,35 @@ def browser() -> Iterator[Any]:
         window.set_script_timeout(PATIENCE)
         window.set_window_size(1000, 1000)
         yield window
+
+
+@pytest.fixture(autouse=True)
+def run_refuses_nothing_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fail where ``run`` refuses a case before its first solve that ``check`` would let pass.
+
+    ``check`` and ``run`` make the same tests (:func:`perfplast_fenicsx.cli.run.admitted_solver`).
+    What a control refuses afterwards must have taken a step of an algorithm to be known.
+    """
+    steps: list[object] = []
+    solve = cli_run._solve
+
+    def counted(context: RunContext, *how: Any) -> int:
+        steps.clear()
+        try:
+            return solve(context, *how)
+        except InputError as error:
+            goes_on = context.saved.reports or context.folder.file(KNOWN).exists()
+            if not steps and not goes_on:  # of files of an earlier run check knows nothing
+                pytest.fail(f"run refuses what check has not seen: {error}")
+            raise
+
+    def noticed(record: Callable[..., None]) -> Callable[..., None]:
+        def notice(recorder: Recorder, step: Any) -> None:
+            steps.append(step)
+            record(recorder, step)
+
+        return notice
+
+    monkeypatch.setattr(cli_run, "_solve", counted)
+    for name in ("iteration", "interior"):
+        monkeypatch.setattr(Recorder, name, noticed(getattr(Recorder, name)))

@@ -20,6 +20,8 @@ BLOCKS = case_text({"builder": "stacked_blocks", "n": 1}, {"lower": STEEL, "uppe
 CONTACT = '\n[[contact]]\nprimary = "lower_top"\nsecondary = "upper_bottom"\n'
 LOADING = "[loading]\nvalues = [1.0]\n"
 LIMIT = '[loading]\ncontrol = "work"\nuntil = "limit"\n'
+BOUNDS = '[loading]\ncontrol = "bounds"\n'
+BENDING_WEIGHT = '[[load]]\non = "upper"\nbody_force = ["0.0", "0.0", "-x"]\n'
 PLANE = (
     '[[obstacle]]\nshape = "plane"\non = "top"\npoint = [0.0, 0.0, 2.0]\n'
     "normal = [0.0, 0.0, -1.0]\nmove = [0.0, 0.0, -1.0]\n"
@@ -107,7 +109,37 @@ REFUSED = {
         + LIMIT,
         "hardens, so that bodies carry any load",
     ),
+    "bounds with a body force by formula": (
+        BLOCKS + BENDING_WEIGHT + CONTACT + BOUNDS,
+        "is a force per volume that is a formula, and strict bounds are for",
+    ),
+    "bounds with a pressure bent on facets": (
+        BLOCKS.replace("pressure = 1.0", 'pressure = "1 + x*x"') + CONTACT + BOUNDS,
+        "strict bounds are for tractions and pressures that are linear on each facet",
+    ),
+    "a factor of safety with such a pressure": (
+        BLOCKS.replace("pressure = 1.0", 'pressure = "1 + x*x"\nconstant = true')
+        + CONTACT
+        + BOUNDS.replace("bounds", "strength"),
+        "strict bounds are for tractions and pressures that are linear on each facet",
+    ),
+    "a method that knows no hardening": (
+        BLOCKS.replace('law = "von-mises"', 'law = "von-mises-hardening"\nisotropic = 1.0')
+        + CONTACT
+        + LOADING
+        + '[solve]\nmethod = "augmented-lagrangian"\n',
+        "is no projection on a yield set",
+    ),
+    "subdomains and friction": (
+        BLOCKS + CONTACT + "tresca = 1.0\n" + LOADING + '[solve]\ncontact_solver = "tfeti"\n',
+        'contact_solver = "tfeti" knows no friction',
+    ),
+    "a tolerance finer than slip": (
+        BLOCKS + CONTACT + "coulomb = 0.3\n" + LIMIT + "limit_tolerance = 1e-12\n",
+        "is finer than what tells bodies that slide",
+    ),
 }
+"""Files whose refusal ``check`` and ``run`` share: none of them is solved to be refused."""
 
 
 @pytest.mark.parametrize("fault", REFUSED)

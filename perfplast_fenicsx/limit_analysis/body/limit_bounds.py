@@ -44,6 +44,7 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.stress.standing_stress import bound_by_stress
 from perfplast_fenicsx.limit_analysis.stress.static_bound import (
+    check_straight,
     form_that_fits,
 )
 from perfplast_fenicsx.limit_analysis.stress.static_certificate import beside_mechanism
@@ -88,6 +89,23 @@ def limit_bounds(
     problem = admitted(problem, rtol)
     bounds = _bounds(*weaker_and_stronger(problem), rtol, monitor)
     return replace(bounds, taken=taken_as(problem))
+
+
+def check_bounds(problem: Problem, rtol: float = 1e-4) -> None:
+    """Refuse what :func:`limit_bounds` would refuse before it solves. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        rtol: How near each bound comes to the best of its kind on this mesh, relative.
+
+    Raises:
+        InputError: As :func:`limit_bounds`, but for loads that no stress can carry, and for want of
+            memory, which another machine may have.
+    """
+    below, above = weaker_and_stronger(admitted(problem, rtol))
+    if above.tagged_mesh.axisymmetric:
+        flow_problem(above)
+    check_straight(below)
 
 
 def admitted(problem: Problem, rtol: float) -> Problem:

@@ -54,11 +54,7 @@ def shakedown_load(
     Raises:
         InputError: If bodies touch, names do not fit, supports move, or a law has no such cone.
     """
-    check_tolerance(rtol)
-    check_bodies_have_limits(problem)
-    _check_bonds(problem)
-    warmed = [called(a) for a in problem.given.initial if isinstance(a, Temperature)]
-    check_names(problem.given.loads, warmed, domain.names)
+    _check(problem, domain, rtol)
     with ExitStack() as made:
         points = stress_points(problem)
         operator = PointOperator(points.working)
@@ -76,6 +72,29 @@ def shakedown_load(
         made.callback(iteration.destroy)
         steps, converged, reason = _iterate(iteration, rtol, monitor)
         return _found(points, domain, operator, iteration, (steps, converged, reason))
+
+
+def check_shakedown(problem: Problem, domain: LoadDomain, rtol: float = 1e-4) -> None:
+    """Refuse what :func:`shakedown_load` would refuse before it solves. Collective.
+
+    Args:
+        problem: The bodies.
+        domain: Factors of what varies.
+        rtol: Difference of both values, relative.
+
+    Raises:
+        InputError: As :func:`shakedown_load`, but for loads that stress no body which may yield.
+    """
+    _check(problem, domain, rtol)
+    PointLaws.of(stress_points(problem).known)
+
+
+def _check(problem: Problem, domain: LoadDomain, rtol: float) -> None:
+    check_tolerance(rtol)
+    check_bodies_have_limits(problem)
+    _check_bonds(problem)
+    warmed = [called(a) for a in problem.given.initial if isinstance(a, Temperature)]
+    check_names(problem.given.loads, warmed, domain.names)
 
 
 def _check_bonds(problem: Problem) -> None:

@@ -188,6 +188,17 @@ def _carried_by_none(problem: Problem) -> str:
     )
 
 
+def check_straight(problem: Problem) -> None:
+    """Refuse loads that no stress which is linear in the cells can balance. Collective.
+
+    Raises:
+        InputError: If a traction is not linear on each facet, or the like.
+    """
+    prevents = bound_body(problem).prevents
+    if prevents is not None and BENT in prevents:
+        raise InputError(f"{prevents}, and {BOUNDED}")
+
+
 def form_that_fits(problem: Problem) -> StaticForm | None:
     """The form of lower bounds, or a refusal where they do not fit into memory. Collective.
 
@@ -200,10 +211,8 @@ def form_that_fits(problem: Problem) -> StaticForm | None:
         TooLarge: With what is needed and what there is.
         InputError: If a traction is not linear on each facet, and as :func:`strict_lower_bound`.
     """
-    prevents = bound_body(problem).prevents
-    if prevents is not None:
-        if BENT in prevents:
-            raise InputError(f"{prevents}, and {BOUNDED}")
+    check_straight(problem)
+    if bound_body(problem).prevents is not None:
         return None
     form = static_form(problem)
     try:
