@@ -224,7 +224,7 @@ def _asked(
     context: RunContext, solver: Any, stages: LoadingHistory | None, recorder: Recorder
 ) -> Run:
     """What the control of a case works with."""
-    saved, directions = context.saved, read_proven(context.folder)
+    saved, directions = context.saved, read_proven(context.folder, again=True)
     if directions:
         context.terminal.say(f"Directions on file: {len(directions)}; the last is looked at anew.")
     return Run(

@@ -78,7 +78,7 @@ def read_keywords(path: Path) -> list[Keyword]:
 
 @dataclass
 class _Included:
-    """What was read so far.
+    """Record which files were read so far.
 
     Attributes:
         folder: Where all files have to be.

@@ -13,6 +13,7 @@ from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
 from perfplast_fenicsx.report.page import asset
 from perfplast_fenicsx.report.page_file import write_page
+from perfplast_fenicsx.report.proof_section import proofs_of
 from perfplast_fenicsx.report.quantities import QUANTITIES, bolts, last_load
 from perfplast_fenicsx.report.stored_summary import check_summary
 from perfplast_fenicsx.report.tables import pairs, table
@@ -70,6 +71,8 @@ def beside(readers: Sequence[ResultReader]) -> str:
     Raises:
         InputError: If a file of the results cannot be read.
     """
+    for reader in readers:
+        proofs_of(reader)
     titles = [reader.scene.title or "A run" for reader in readers]
     title = titles[0] if titles[0] == titles[1] else " beside ".join(titles)
     rows = [

@@ -11,7 +11,7 @@ from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
 from perfplast_fenicsx.report.curve import NARROW, curve_of, to_svg
-from perfplast_fenicsx.report.proof_section import proofs_of
+from perfplast_fenicsx.report.proof_section import proof_section, proofs_of
 from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import (
     GRADES,
@@ -42,9 +42,10 @@ def page_of(reader: ResultReader, view: View) -> str:
         view: What is shown of the bodies.
 
     Raises:
-        InputError: If a file of the results cannot be read.
+        InputError: If a file of the results cannot be read, or claims what is not proven.
     """
     summary, scene = reader.summary, reader.scene
+    proofs = proofs_of(reader)
     found = summary.limit or {}
     several = bool(found.get("envelope") or found.get("shakedown"))
     staged = any(step.get("stage") for step in summary.steps)
@@ -61,7 +62,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         curve=_curve(reader),
         levels=_levels(reader),
         reactions=_limit_forces(reader) + _reactions(reader) + _bolts(reader),
-        proof=_section("proof", "The proof", proofs_of(reader.path)),
+        proof=_section("proof", "The proof", proof_section(reader.path, proofs)),
         case=_case(summary, words),
         again=_again(summary),
         version=escape(summary.version),

@@ -1,45 +1,80 @@
-"""What of a page says where the proof is, and how it is checked."""
+"""Say on a page what the proof files prove, and how they are checked."""
 
 import hashlib
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
+from perfplast_fenicsx.io.results.claims import Proofs, check_claims, proofs_in
 from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, LEAST, PROOF, STANDS
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.proof.verdict import Checked
 from perfplast_fenicsx.report.tables import pairs
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
-def proofs_of(folder: Path) -> str:
-    """The proof files of a result folder, with their fingerprints and the command that checks one.
+def proofs_of(reader: ResultReader) -> Proofs:
+    """Return what the proof files of a result folder prove, checked again.
+
+    Raises:
+        InputError: If a file cannot be read, or ``summary.json`` claims what no file proves.
+    """
+    proofs = proofs_in(reader.path)
+    if reader.summary.limit is not None:
+        check_claims(reader.summary.limit, proofs)
+    return proofs
+
+
+def proof_section(folder: Path, proofs: Proofs) -> str:
+    """Return what the proof files prove, with their fingerprints and the command that checks one.
 
     Args:
         folder: The results.
+        proofs: What its files prove.
 
     Returns:
-        HTML; nothing where there is no such file.
+        HTML; empty where there is no such file.
     """
+    if not proofs:
+        return ""
     holds = {  # as far as there is a bound
         PROOF: "a stress that proves the lower bound, and a mechanism that proves the upper one",
         LEAST: "the same of the smallest load factor that is carried",
         STANDS: "a stress within the strengths of the smaller factor of safety",
         FALLS: "a mechanism with the strengths of the larger factor of safety",
     }
-    told = [(folder / name, what) for name, what in holds.items() if (folder / name).is_file()]
-    ways = sorted(folder.glob(f"{DIRECTIONS}*.h5"))
-    files = [path for path, _ in told] + ways
-    if not files:
-        return ""
-    rows = [(path.name, f"{what}; SHA-256 {fingerprint([path])}") for path, what in told]
+    rows = []
+    for name, what in holds.items():
+        if name in proofs:
+            found = _in_words(proofs[name])
+            rows.append((name, f"{what}: {found}; SHA-256 {fingerprint([folder / name])}"))
+    ways = [folder / name for name in proofs if name not in holds]
     if ways:
-        what = f"bounds along {len(ways)} directions; SHA-256 of all {fingerprint(ways)}"
+        faults = sum(any(half.faults for half in proofs[path.name].values()) for path in ways)
+        found = f"{faults} of them prove less than they claim" if faults else "all are proven"
+        what = f"bounds along {len(ways)} directions: {found}; SHA-256 of all {fingerprint(ways)}"
         rows.append((f"{DIRECTIONS}*.h5", what))
-    command = shlex.join(["python3", "-m", "perfplast_fenicsx.proof", str(files[0])])
+    command = shlex.join(
+        ["python3", "-m", "perfplast_fenicsx.proof", str(folder / next(iter(proofs)))]
+    )
     return (
-        "<p>Bounds of the bodies are proven by numbers that are on file. They are checked by NumPy"
-        " and h5py alone, and by nothing that has found them:</p>"
+        "<p>Numbers on file prove the bounds of the bodies. The checker, which needs NumPy and h5py"
+        " alone, proved them again when this page was made. It also runs by itself:</p>"
         f"<pre><code>{escape(command)}</code></pre>{pairs(rows)}"
     )
+
+
+def _in_words(halves: Mapping[str, Checked]) -> str:
+    """Return what each half of a file proves."""
+    words = []
+    for kind, half in halves.items():
+        if half.proven is None:
+            words.append(f"the {kind} bound {half.claimed:.6g} is not proven")
+        else:
+            rounded = rounded_down if kind == "lower" else rounded_up
+            words.append(f"{kind} bound {rounded(half.proven)} proven")
+    return ", ".join(words)
 
 
 def fingerprint(paths: Sequence[Path]) -> str:

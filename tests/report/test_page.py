@@ -14,11 +14,12 @@ import pytest
 from perfplast_fenicsx.force_rows import force_rows
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.stored_limit import StoredLimit
+from perfplast_fenicsx.proof.verdict import Checked
 from perfplast_fenicsx.report.case_words import CaseWords, folded
 from perfplast_fenicsx.report.curve import NARROW, curve_of, far_ticks, ticks, to_svg
 from perfplast_fenicsx.report.field_words import words_of
 from perfplast_fenicsx.report.page import _warnings, head_of, mesh_in_words
-from perfplast_fenicsx.report.proof_section import proofs_of
+from perfplast_fenicsx.report.proof_section import proof_section
 from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import (
     bolt_table,
@@ -219,13 +220,16 @@ def test_how_to_run_it_again() -> None:
 
 
 def test_where_the_proof_is(tmp_path: Path) -> None:
-    assert proofs_of(tmp_path) == ""
+    assert proof_section(tmp_path, {}) == ""
+    proofs = {}
     for name in ("direction_0.h5", "direction_45.h5", "bounds.h5"):
         (tmp_path / name).write_bytes(name.encode())
-    page = proofs_of(tmp_path)
+        proofs[name] = {"lower": Checked("lower", 1.25, 1.25, {}, ())}
+    page = proof_section(tmp_path, dict(sorted(proofs.items())))
+    assert "lower bound 1.25 proven" in page
     assert f"python3 -m perfplast_fenicsx.proof {tmp_path / 'bounds.h5'}" in page
     assert hashlib.sha256(b"bounds.h5").hexdigest() in page
-    assert "2 directions" in page
+    assert "2 directions: all are proven" in page
     assert hashlib.sha256(b"direction_0.h5direction_45.h5").hexdigest() in page
 
 

@@ -11,6 +11,7 @@ from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.io.case.scene import Scene, write_scene
 from perfplast_fenicsx.io.results.bound_fields import bound_fields
 from perfplast_fenicsx.io.results.checkpoints import Saved
+from perfplast_fenicsx.io.results.claims import direction_file
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
 from perfplast_fenicsx.io.results.proof_file import (
@@ -19,7 +20,7 @@ from perfplast_fenicsx.io.results.proof_file import (
     proofs,
     write_proof,
 )
-from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, LEAST, PROOF, STANDS
+from perfplast_fenicsx.io.results.result_files import FALLS, LEAST, PROOF, STANDS
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.io.results.resultant_tables import ResultantTables
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
@@ -206,8 +207,7 @@ class ResultWriter:
             InputError: On every rank, if the system refuses.
         """
         with self.results.timed("output"):
-            name = "_".join([DIRECTIONS, *(f"{angle:06.2f}" for angle in angles)])
-            self._prove(f"{name}.h5", *proofs(low, high))
+            self._prove(direction_file(angles), *proofs(low, high))
 
     def write_envelope(self, found: Envelope, names: Sequence[str]) -> None:
         """Write which multiples of loads are carried, and the last mechanism. Collective.

@@ -1,0 +1,132 @@
+"""Compare what a result folder claims with what its proof files prove, checked again."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, LEAST, PROOF, STANDS
+from perfplast_fenicsx.limit_analysis.body.proven_polytopes import rays_at
+from perfplast_fenicsx.proof.checker import check
+from perfplast_fenicsx.proof.plain_arrays import ProofError
+from perfplast_fenicsx.proof.verdict import Checked
+
+Proofs = dict[str, dict[str, Checked]]
+"""By the name of a file what its halves prove."""
+
+SAME = 1e-9
+"""Bounds that differ by less, relative to their size, are the same."""
+
+
+def direction_file(angles: tuple[float, ...]) -> str:
+    """Return the name of the proof of a direction (degrees) of an envelope."""
+    return "_".join([DIRECTIONS, *(f"{angle:06.2f}" for angle in angles)]) + ".h5"
+
+
+def proofs_in(folder: Path) -> Proofs:
+    """Return what the proof files of a folder prove.
+
+    Raises:
+        InputError: If one cannot be read.
+    """
+    names = [name for name in (PROOF, LEAST, STANDS, FALLS) if (folder / name).exists()]
+    names += [path.name for path in sorted(folder.glob(f"{DIRECTIONS}_*.h5"))]
+    return {name: proven_by(folder / name) for name in names}
+
+
+def proven_by(path: Path) -> dict[str, Checked]:
+    """Return what a file proves.
+
+    Raises:
+        InputError: If it cannot be read.
+    """
+    if path.is_symlink():
+        raise InputError(f"'{path}' is a link, which may lead out of the results; run again.")
+    try:
+        return check(path)
+    except ProofError as error:
+        raise InputError(f"{error} Run the case again.") from error
+
+
+def check_claims(limit: Mapping[str, Any], proofs: Proofs) -> None:
+    """Make sure that files prove the bounds that ``summary.json`` says are strict.
+
+    Args:
+        limit: Its table of the limit load.
+        proofs: What the files prove.
+
+    Raises:
+        InputError: If a bound has no proof, or another one than it says.
+    """
+    for name, kind, claimed in _claims(limit):
+        check_claim("summary.json", name, kind, claimed, proofs.get(name, {}))
+
+
+def check_claim(
+    source: str, name: str, kind: str, claimed: float, halves: Mapping[str, Checked]
+) -> None:
+    """Make sure that a file proves a bound.
+
+    Args:
+        source: The file that claims it.
+        name: That of the proof.
+        kind: "lower" or "upper".
+        claimed: The bound.
+        halves: What the proof proves.
+
+    Raises:
+        InputError: If it does not.
+    """
+    said = f"{source} says that the {kind} bound {claimed:.9g} is proven, but {name}"
+    again = "run the case again"
+    half = halves.get(kind)
+    if half is None:
+        raise InputError(f"{said} with its proof is missing; {again}.")
+    if half.proven is None:
+        raise InputError(f"{said} does not prove it ({'; '.join(half.faults)}); {again}.")
+    excess = claimed - half.claimed if kind == "lower" else half.claimed - claimed
+    if not excess <= SAME * abs(half.claimed):
+        raise InputError(f"{said} proves {half.proven:.9g}; {again}.")
+
+
+def _claims(limit: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
+    """Yield the file, the kind and the value of each bound that is claimed.
+
+    Of a factor of safety the smaller strengths carry the loads once at least, and the larger
+    factor's do not carry them.
+    """
+    body, strength = limit.get("body") or {}, limit.get("strength") or {}
+    if strength:
+        for kind, name in (("lower", STANDS), ("upper", FALLS)):
+            if strength.get(kind) is not None:
+                yield name, kind, 1.0
+        return
+    bounds = body.get("standing") or [body.get("lower"), body.get("upper")]
+    for kind, value in zip(("lower", "upper"), bounds, strict=True):
+        if value is not None:
+            yield PROOF, kind, float(value)
+    least = body.get("least") or {}  # of the loads turned round
+    for kind, key in (("lower", "carried"), ("upper", "none_below")):
+        if least.get(key) is not None:
+            yield LEAST, kind, -float(least[key])
+    if envelope := limit.get("envelope"):
+        yield from _in_directions(envelope)
+
+
+def _in_directions(envelope: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
+    """Yield the same of an envelope: each point is λ times the ray of one of its directions.
+
+    Half-spaces are not among them, as a proof has the loads of one direction alone.
+    """
+    directions = [tuple(map(float, angles)) for angles in envelope["directions"]]
+    rays = rays_at(np.array(directions))
+    parallel = 1e-9  # what a unit vector across a ray has less
+    for point in np.array(envelope["carried"], dtype=np.float64):
+        if point.any():
+            along = rays @ point
+            best = int(np.argmax(np.abs(along)))
+            if not abs(along[best]) >= (1 - parallel) * np.linalg.norm(point):
+                raise InputError("summary.json has a point of no direction; run the case again.")
+            yield direction_file(directions[best]), "lower", float(along[best])
