@@ -33,6 +33,7 @@ from .materials.coulomb_ground import MohrCoulomb as MohrCoulomb
 from .materials.coulomb_ground import Tresca as Tresca
 from .materials.drucker_prager import DruckerPrager as DruckerPrager
 from .materials.elastic import Elastic as Elastic
+from .materials.elastic import Rigid as Rigid
 from .materials.hardening import Hardening as Hardening
 from .materials.hill import Hill as Hill
 from .materials.plastic_flow import Flow as Flow

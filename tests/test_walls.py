@@ -53,14 +53,18 @@ BELOW: dict[str, set[str]] = {
         *("mesh", "problem", "limit_analysis.conic", "limit_analysis.discrete"),
         *("limit_analysis.facets", "limit_analysis.statements"),
     },
+    "limit_analysis.blocks": {
+        *("contact", "mesh", "problem", "limit_analysis.facets", "limit_analysis.statements"),
+    },
     "limit_analysis.shakedown": {
         *("materials", "mesh", "problem", "solvers.linear", "limit_analysis.conic"),
         *("limit_analysis.discrete", "limit_analysis.facets", "limit_analysis.statements"),
     },
     "limit_analysis.body": {
         *("contact", "materials", "mesh", "problem", "solvers.linear"),
-        *("limit_analysis.conic", "limit_analysis.discrete", "limit_analysis.facets"),
-        *("limit_analysis.statements", "limit_analysis.stress", "limit_analysis.velocity"),
+        *("limit_analysis.blocks", "limit_analysis.conic", "limit_analysis.discrete"),
+        *("limit_analysis.facets", "limit_analysis.statements", "limit_analysis.stress"),
+        "limit_analysis.velocity",
     },
     "limit_analysis": {
         *("problem", "solvers", "limit_analysis.discrete", "limit_analysis.path"),

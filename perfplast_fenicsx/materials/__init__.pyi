@@ -7,6 +7,7 @@ from .drucker_prager import DruckerPragerLaw as DruckerPragerLaw
 from .drucker_prager import DruckerPragerSet as DruckerPragerSet
 from .elastic import Elastic as Elastic
 from .elastic import ElasticLaw as ElasticLaw
+from .elastic import Rigid as Rigid
 from .hardening import Hardening as Hardening
 from .hardening_flow import HardeningFlowLaw as HardeningFlowLaw
 from .hardening_law import HardeningLaw as HardeningLaw

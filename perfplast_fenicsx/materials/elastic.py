@@ -136,6 +136,47 @@ class ElasticSheet(Elastic):
     law: ClassVar[type[ElasticSheetLaw]] = ElasticSheetLaw
 
 
+@dataclass(frozen=True)
+class Rigid:
+    """A rigid block, as of masonry: it moves as a whole, and bears any stress.
+
+    Bounds of the limit load alone know it. Where no body can yield, joints alone limit the load.
+    """
+
+    law: ClassVar[type[ElasticLaw]] = ElasticLaw
+
+    def reduced(self, factor: float) -> "Rigid":
+        """Return itself, whatever the factor: it has no strength."""
+        return self
+
+    def remembering(self) -> "Rigid":
+        """Return itself: nothing flows."""
+        return self
+
+    def in_plane_stress(self) -> "Rigid":
+        """Return itself: it has no strain."""
+        return self
+
+    def parameters(self) -> dict[str, float]:
+        """Return a stiffness of one, of which bounds do not depend."""
+        return {"bulk": 1.0, "shear": 1.0}
+
+
+def check_deforms(materials: Mapping[str, object]) -> None:
+    """Refuse rigid bodies where stresses and strains are sought.
+
+    Raises:
+        InputError: Naming the first one.
+    """
+    for name, material in materials.items():
+        if isinstance(material, Rigid):
+            raise InputError(
+                f"the body '{name}' has law = 'rigid' and no stiffness, of which bounds of the limit"
+                " load alone are known; give control = 'bounds', or law = 'elastic' with young and"
+                " poisson."
+            )
+
+
 def require_not_negative(field: str, value: float) -> None:
     """Refuse a number of a material that is negative.
 
@@ -160,4 +201,4 @@ def require_positive(field: str, value: float) -> None:
 
 def all_elastic(materials: Iterable[object]) -> bool:
     """Whether none of these materials can yield."""
-    return all(isinstance(material, Elastic) for material in materials)
+    return all(isinstance(material, Elastic | Rigid) for material in materials)

@@ -2,7 +2,7 @@
 
 from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb, Tresca
 from perfplast_fenicsx.materials.drucker_prager import DruckerPrager
-from perfplast_fenicsx.materials.elastic import Elastic
+from perfplast_fenicsx.materials.elastic import Elastic, Rigid
 from perfplast_fenicsx.materials.hardening import Hardening
 from perfplast_fenicsx.materials.hill import Hill
 from perfplast_fenicsx.materials.law import Material
@@ -16,5 +16,6 @@ MATERIALS: dict[str, type[Material]] = {
     "mohr-coulomb": MohrCoulomb,
     "tresca": Tresca,
     "elastic": Elastic,
+    "rigid": Rigid,
 }
 """Materials by the name of their law in case files."""

@@ -30,7 +30,8 @@ class Body:
         vertices: Shape (num_vertices, d).
         cells: Their vertices, shape (num_cells, d + 1).
         cone: Number of the cone that bounds the stress of each cell, shape (num_cells,); −1 of
-            elastic ones.
+            elastic and rigid ones, which bear any. Where all are so they are blocks, of which
+            contacts and obstacles alone limit the load (:mod:`blocks`).
         cone_bound: c ≥ 0 of each cone ‖Mσ‖ ≤ c − q·σ (:class:`cones.Cones`), shape (num_cones,).
         cone_slope: q, shape (num_cones, m), m = 3 in the plane and 6 in space.
         cone_matrix: M, shape (num_cones, m, m).
@@ -132,7 +133,7 @@ class Body:
         self._check_tags()
         if len(np.unique(self.rigid)) < rigid or not np.isin(self.rigid, self.surface).all():
             raise ProofError("rigid names a surface twice, or one that there is not.")
-        if not self.plastic.any():
+        if not self.plastic.any() and (self.is_revolved or not (pairs or k)):
             raise ProofError("no cell can yield, so that nothing limits the load.")
         places = self.vertices[self.cells]
         check_cells(places, self.volumes, lambda: self.gradients)

@@ -4,16 +4,18 @@ The file has a group ``lower`` with a stress, ``upper`` with a velocity, or both
 its proof needs, the bodies with their loads included (:class:`body.Body`). On one process.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.proof.blocks import measure_forces
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.halves import differences, pair_of_drucker, pair_of_radenkovic
-from perfplast_fenicsx.proof.lower import measure_stress
+from perfplast_fenicsx.proof.load_kinds import Loads
+from perfplast_fenicsx.proof.lower import Left, measure_stress
 from perfplast_fenicsx.proof.overlap import overlapping
 from perfplast_fenicsx.proof.plain_arrays import (
     ProofError,
@@ -98,7 +100,9 @@ def check(path: str | Path) -> dict[str, Checked]:
 def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:
     """Check a stress: ``stress`` (num_cells, d + 1, d, d), ``bound``, and those of the bodies.
 
-    Of bodies of revolution the coefficients of rσ (:mod:`rings`), shape (num_cells, 6, 2, 2).
+    Of bodies of revolution the coefficients of rσ (:mod:`rings`), shape (num_cells, 6, 2, 2). Where
+    no cell can yield ``joint_force`` (num_facets, d, d) is in its place, and where joints adhere
+    ``joint_traction`` of the same shape beside it (:mod:`blocks`).
 
     Raises:
         ProofError: If the arrays do not fit together.
@@ -118,14 +122,10 @@ def check_upper(arrays: Mapping[str, npt.NDArray]) -> Checked:
 
 
 def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
-    stress = checked(arrays, ("stress",))["stress"]
     body, overlaps = _body(arrays, before)
     claimed = bound_of(arrays["bound"], bool(body.constant))
     other = number_of("any_factor", arrays.get("any_factor", 0.0))
-    places = 6 if body.is_revolved else body.dim + 1
-    if stress.shape != (len(body.cells), places, body.dim, body.dim):
-        raise ProofError("the stress does not fit the cells.")
-    left = measure_stress(body, stress, (claimed * body.sought, body.constant, other * body.others))
+    left = _left(body, arrays, (claimed * body.sought, body.constant, other * body.others))
     faults = (*_reasons(overlaps, left.reason), *faults_of(left.measured))
     over = max(left.measured.get(name, 0.0) for name in RATIOS)
     if (body.constant or body.loose) and not over <= 1:  # such a stress cannot be made smaller
@@ -138,6 +138,28 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     words = (taken_as_written(body), sums)
     found = Checked("lower", claimed, proven, left.measured, faults, words)
     return _Half(found, body, overlaps, forces=left.forces)
+
+
+def _left(body: Body, arrays: Mapping[str, npt.NDArray], kinds: Sequence[Loads]) -> Left:
+    """What a stress leaves of its conditions; of blocks that cannot yield forces on their joints.
+
+    Args:
+        body: The bodies.
+        arrays: Of the half.
+        kinds: All loads at the bound, each kind by itself.
+    """
+    d = body.dim
+    if not body.plastic.any():
+        none = np.zeros((len(body.facets), d, d))
+        names = ("joint_force", "joint_traction")
+        forces, tractions = checked({names[1]: none, **arrays}, names).values()
+        if forces.shape != none.shape or tractions.shape != none.shape:
+            raise ProofError("forces on joints do not fit the facets.")
+        return measure_forces(body, forces, tractions, kinds)
+    stress = checked(arrays, ("stress",))["stress"]
+    if stress.shape != (len(body.cells), 6 if body.is_revolved else d + 1, d, d):
+        raise ProofError("the stress does not fit the cells.")
+    return measure_stress(body, stress, kinds)
 
 
 def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:

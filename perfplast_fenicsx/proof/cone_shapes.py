@@ -90,7 +90,7 @@ def strengths_of(*bodies: Body) -> list[Strengths]:
 def _shape(matrices: Floats) -> Floats:
     """MᵀM of matrices of size 1, in rows."""
     unit = matrices / np.linalg.norm(matrices, axis=(1, 2), keepdims=True)
-    return np.asarray((unit.transpose(0, 2, 1) @ unit).reshape(len(unit), -1))
+    return np.asarray((unit.transpose(0, 2, 1) @ unit).reshape(len(unit), unit.shape[2] ** 2))
 
 
 def _alike_rows(rows: Floats) -> Longs:

@@ -110,7 +110,10 @@ class Cones:
         check_principal(bound, sine, tension, (RANK, STEEPEST))
         if self.slope[principal].any() or self.matrix[principal].any():
             raise ProofError("a cone of principal stresses has a slope or a matrix.")
-        sizes = [np.abs(part).reshape(n, -1).max(axis=1) for part in (self.slope, self.matrix)]
+        sizes = [
+            np.abs(part).max(axis=tuple(range(1, part.ndim)), initial=0.0)
+            for part in (self.slope, self.matrix)
+        ]
         check_sizes("a cone", np.max([self.bound, *sizes], axis=0))
         Cones(*(part[~principal] for part in vars(self).values()))._check_quadratic()
 

@@ -14,7 +14,7 @@ FLOATS = (
     *("obstacle_normals", "guided"),
     *EVERY,
     *("contact_adhesion", "contact_friction", "obstacle_adhesion", "obstacle_friction"),
-    *("stress", "velocity"),
+    *("stress", "velocity", "joint_force", "joint_traction"),
 )
 LONGS = ("cells", "cone", "facets", "surface", "contacts", "obstacles", "nodes", "rigid")
 FLAGS = ("held", "rigid_held", "revolved")

@@ -50,6 +50,8 @@ def _cuts(body: Body) -> list[str]:
 
 
 def _strengths(body: Body) -> str:
+    if not body.plastic.any():
+        return "blocks that bear any stress"
     weights = body.volumes * around(body)
     volumes = np.bincount(body.cone + 1, weights=weights, minlength=len(body.cone_bound) + 1)
     words = ["elastic cells"] if volumes[0] else []

@@ -14,6 +14,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.errors import check_finite
+from perfplast_fenicsx.materials.elastic import check_deforms
 from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.report import Iteration
@@ -175,8 +176,9 @@ class LevelSolver(Stepper, ABC):
 
         Raises:
             InputError: If Total FETI, which a subdivision asks for, does not go with the problem,
-                friction is associated, or ground is of a kind of which bounds alone are known.
+                friction is associated, or ground is of a kind of which bounds alone are known, or bodies are rigid.
         """
+        check_deforms(problem.given.materials)
         check_slip_is_true(problem)
         check_flows(problem.given.materials)
         self.problem = problem

@@ -35,7 +35,7 @@ from perfplast_fenicsx.io.case.tables import (
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
-from perfplast_fenicsx.materials.elastic import all_elastic
+from perfplast_fenicsx.materials.elastic import all_elastic, check_deforms
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.bolt import Bolt
@@ -133,6 +133,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
     with at(place):
         if not loading.of_body:
             check_flows(materials)
+            check_deforms(materials)
         elastic = all_elastic(materials.values())
         given = Given(loads, [*held, *rigid], obstacles, touching, strained, initial, elastic)
         loading.check(given)

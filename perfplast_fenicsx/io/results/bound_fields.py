@@ -1,13 +1,16 @@
 """Fields of bounds of a body: the stress of the lower one, and where the gap between them is."""
 
 import basix.ufl
-from dolfinx import fem
+import numpy as np
+from dolfinx import fem, la
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
+from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.problem.problem import Problem
 
 
 def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
@@ -16,8 +19,11 @@ def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
     Returns:
         ``lower_bound_stress``, the mean of each cell (3×3), where there is a lower bound, and
         ``gap_share``, what each cell that was given has of the gap, in its parts if it was split.
+        Of rigid blocks ``contact_pressure`` of the forces on joints, and ``yield_ratio``, 0.
     """
     fields = {}
+    if body.joints is not None:
+        fields |= _of_joints(body.problem, body.joints)
     tagged_mesh = body.problem.tagged_mesh
     if body.stress is not None:
         means = body.stress.mean(axis=1)
@@ -37,6 +43,27 @@ def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
         shares.x.scatter_forward()
         fields["gap_share"] = shares
     return fields
+
+
+def _of_joints(problem: Problem, joints: JointProof) -> dict[str, fem.Function]:
+    """Return the pressure of forces at vertices over the area that these stand for. Collective."""
+    mesh, body = problem.tagged_mesh.mesh, bound_body(problem)
+    space = fem.functionspace(mesh, ("Lagrange", 1))
+    pressure, areas = fem.Function(space, name="contact_pressure"), fem.Function(space)
+    chosen = np.flatnonzero(np.isin(body.geometry.exterior, body.facets.in_contact))
+    outer = body.geometry.exterior[chosen]
+    d = body.vertices.shape[2]
+    around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
+    nodes = space.dofmap.list[body.geometry.cell[outer][:, None], around[body.geometry.side[outer]]]
+    shares = np.broadcast_to(body.geometry.areas(outer)[:, None] / d, nodes.shape)
+    pushes = -np.einsum("fvi,fi->fv", joints.forces[chosen], body.geometry.normals(outer))
+    for field, values in ((pressure, pushes), (areas, shares)):
+        np.add.at(field.x.array, nodes, values)
+        field.x.scatter_reverse(la.InsertMode.add)
+        field.x.scatter_forward()
+    pressure.x.array[:] /= np.where(areas.x.array > 0, areas.x.array, 1.0)
+    ratio = fem.Function(fem.functionspace(mesh, ("DG", 0)), name="yield_ratio")
+    return {"contact_pressure": pressure, "yield_ratio": ratio}
 
 
 def _tensors(body: BodyBounds, mandel: Floats) -> fem.Function:

@@ -25,7 +25,7 @@ from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_array
 from perfplast_fenicsx.io.results.proof_cones import cones_on_file, table_of
 from perfplast_fenicsx.io.results.proof_loads import Places, loads_on_file
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
 from perfplast_fenicsx.limit_analysis.statements.question import Question
@@ -59,6 +59,28 @@ class StressProof:
 
 
 @dataclass(frozen=True)
+class ForceProof:
+    """Forces on the joints of rigid blocks that prove a lower bound.
+
+    Attributes:
+        problem: On straight cells, none of which can yield.
+        bound: λ.
+        joints: The forces.
+        question: Of which loads λ is the factor.
+    """
+
+    problem: Problem
+    bound: float
+    joints: JointProof
+    question: Question = Question.LIMIT
+
+    @property
+    def aside(self) -> float:
+        """Factor of the loads of any factor."""
+        return self.joints.aside
+
+
+@dataclass(frozen=True)
 class VelocityProof:
     """A velocity that proves an upper bound.
 
@@ -75,15 +97,22 @@ class VelocityProof:
     question: Question = Question.LIMIT
 
 
-def proofs(low: BodyBounds, high: BodyBounds) -> tuple[StressProof | None, VelocityProof | None]:
+LowerProof = StressProof | ForceProof
+"""What proves a lower bound."""
+
+
+def proofs(low: BodyBounds, high: BodyBounds) -> tuple[LowerProof | None, VelocityProof | None]:
     """What proves a lower and an upper bound; None of one that is not strict, or has no proof.
 
     Args:
         low: What was found on the mesh of the lower bound.
         high: What was found on that of the upper one.
     """
-    stress = velocity = None
-    if low.lower.strict and low.lower.value is not None and low.stress is not None:
+    stress: LowerProof | None = None
+    velocity = None
+    if low.lower.strict and low.lower.value is not None and low.joints is not None:
+        stress = ForceProof(low.problem, low.lower.value, low.joints, low.question)
+    elif low.lower.strict and low.lower.value is not None and low.stress is not None:
         aside = 0.0 if low.static is None else low.static.aside
         of = low.weaker or low.problem
         stress = StressProof(of, low.lower.value, low.stress, low.question, aside)
@@ -94,7 +123,7 @@ def proofs(low: BodyBounds, high: BodyBounds) -> tuple[StressProof | None, Veloc
 
 
 def write_proof(
-    folder: ResultFolder, path: Path, lower: StressProof | None, upper: VelocityProof | None
+    folder: ResultFolder, path: Path, lower: LowerProof | None, upper: VelocityProof | None
 ) -> None:
     """Write what proves bounds. Collective.
 
@@ -114,7 +143,8 @@ def write_proof(
         if half is not None:
             _check(half.problem)
     if lower is not None:
-        blocks |= _named("lower", _body(lower.problem, lower.question, False) | _stress(lower))
+        proof = _stress(lower) if isinstance(lower, StressProof) else _forces(lower)
+        blocks |= _named("lower", _body(lower.problem, lower.question, False) | proof)
         numbers["lower"] = {"bound": lower.bound}
         if lower.question is Question.STANDS:
             numbers["lower"]["any_factor"] = lower.aside
@@ -160,6 +190,16 @@ def _stress(proof: StressProof) -> Blocks:
     return {"stress": block(cell_ordering(mesh), stress.copy())}
 
 
+def _forces(proof: ForceProof) -> Blocks:
+    """The forces at the vertices of outer facets, and adhesive tractions if any. Collective."""
+    places = _places(proof.problem)
+    forces, tractions = proof.joints.forces, proof.joints.tractions
+    found = {"joint_force": block(places.of_facets, forces)}
+    if proof.problem.comm.allreduce(bool(tractions.any())):
+        found["joint_traction"] = block(places.of_facets, tractions)
+    return found
+
+
 def _velocity(proof: VelocityProof) -> Blocks:
     """The velocity at its nodes, and the nodes of the cells. Collective."""
     V, mesh = proof.problem.V, proof.problem.tagged_mesh.mesh
@@ -186,6 +226,15 @@ def _velocity(proof: VelocityProof) -> Blocks:
     }
 
 
+def _places(problem: Problem) -> Places:
+    """Where cells and outer facets are on file. Collective."""
+    mesh, geometry = problem.tagged_mesh.mesh, bound_body(problem).geometry
+    topology, outer = mesh.topology, geometry.exterior
+    keys = np.asarray(topology.original_cell_index, dtype=np.int64)[geometry.cell[outer]]
+    keys = (topology.dim + 1) * keys + geometry.side[outer]
+    return Places(cell_ordering(mesh), Ordering(problem.comm, keys))
+
+
 def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
     """The bodies with loads, supports and contact. Collective.
 
@@ -203,8 +252,7 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
     numbers = with_ghosts(topology.index_map(0), vertices.numbers())
     outer = body.geometry.exterior
     of_cells, sides = body.geometry.cell[outer], body.geometry.side[outer]
-    keys = (d + 1) * np.asarray(topology.original_cell_index, dtype=np.int64)[of_cells]
-    places = Places(cell_ordering(mesh), Ordering(problem.comm, keys + sides))
+    places = _places(problem)
     around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
     facets = np.take_along_axis(cells[of_cells], around[sides], axis=1)
 

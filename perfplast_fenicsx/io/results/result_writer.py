@@ -15,7 +15,7 @@ from perfplast_fenicsx.io.results.claims import direction_file
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
 from perfplast_fenicsx.io.results.proof_file import (
-    StressProof,
+    LowerProof,
     VelocityProof,
     proofs,
     write_proof,
@@ -251,7 +251,7 @@ class ResultWriter:
             self.results.summary.limit = table | {"next_steps": []}
             self.results.write()
 
-    def _prove(self, name: str, lower: StressProof | None, upper: VelocityProof | None) -> None:
+    def _prove(self, name: str, lower: LowerProof | None, upper: VelocityProof | None) -> None:
         """Write what proves bounds, if anything does. Collective."""
         if lower is not None or upper is not None:
             folder = self.results.folder

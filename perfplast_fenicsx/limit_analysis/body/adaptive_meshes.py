@@ -13,6 +13,7 @@ import numpy as np
 
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
+from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh, number_of_cells
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
@@ -136,7 +137,7 @@ def adaptive_bounds(
     adaptation = adaptation or Adaptation()
     adaptation.check(problem.tagged_mesh)
     adaptation.check_design(design)
-    problem = with_room_for_stress(problem)
+    problem = problem if are_blocks(problem) else with_room_for_stress(problem)
     began, rounds = time.perf_counter(), list[Round]()
     found = limit_bounds(problem, rtol, steps)
     low = high = found
@@ -159,6 +160,9 @@ def adaptive_bounds(
             stands = 1.0 if low.question is Question.STANDS else None
             if ends := adaptation.ends(low.lower, high.upper, stands or design):
                 reason = ends
+                break
+            if found.joints is not None:
+                reason = "finer meshes say no more of rigid blocks"
                 break
             finer = finer_mesh(problem, found, gap, adaptation)
             if isinstance(finer, str):

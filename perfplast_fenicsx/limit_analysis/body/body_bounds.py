@@ -59,6 +59,22 @@ class LeastLoad:
         return {"carried": self.carried, "none_below": self.none_below}
 
 
+@dataclass(frozen=True, eq=False)
+class JointProof:
+    """What proves a lower bound of rigid blocks.
+
+    Attributes:
+        forces: On the blocks at the vertices of owned outer facets in the order of their cells, per
+            thickness in the plane, shape (num_outer, d, d).
+        tractions: By adhesion, at the same places, linear between (stress).
+        aside: Factor of the loads of any factor, where there are any.
+    """
+
+    forces: Floats
+    tractions: Floats
+    aside: float
+
+
 @dataclass(frozen=True)
 class BodyBounds:
     """What is known of the limit load of a body.
@@ -83,6 +99,7 @@ class BodyBounds:
         weaker: The bodies of the lower bound, where they are not those of ``problem``.
         taken: What bodies are taken as, in clauses: ground that dilates by less than its friction,
             and surfaces whose chords differ.
+        joints: Of bodies of which none can yield: forces on their joints, in the place of a stress.
         question: Of which loads the factor is bounded: of the growing ones, or, where the constant
             ones were found to be too much on the mesh, of these (:class:`question.Question`).
     """
@@ -103,6 +120,7 @@ class BodyBounds:
     by_flux: VelocityOf | None = None
     weaker: Problem | None = None
     taken: tuple[str, ...] = ()
+    joints: JointProof | None = None
     least: LeastLoad | None = None
 
     @property

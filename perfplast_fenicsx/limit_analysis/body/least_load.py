@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
+from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks, block_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, LeastLoad
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import admitted, limit_bounds
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
@@ -71,7 +72,11 @@ def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = No
         return False
     if body.upper.strict and body.upper.value is not None and body.upper.value < 0:
         return True
-    below, _ = weaker_and_stronger(admitted(_turned(problem), roughly))
+    turned = admitted(_turned(problem), roughly)
+    if are_blocks(turned):
+        value = block_bounds(turned, roughly).lower.value
+        return value is None or value < 0
+    below, _ = weaker_and_stronger(turned)
     found = strict_lower_bound(below, roughly, steps).bound
     return found.value is None or found.value < 0
 

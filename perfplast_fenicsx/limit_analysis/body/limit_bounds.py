@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
+from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks, block_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_words import taken_as
 from perfplast_fenicsx.limit_analysis.body.flow_problem import (
@@ -87,6 +88,8 @@ def limit_bounds(
             computed).
     """
     problem = admitted(problem, rtol)
+    if are_blocks(problem):
+        return replace(block_bounds(problem, rtol), taken=taken_as(problem))
     bounds = _bounds(*weaker_and_stronger(problem), rtol, monitor)
     return replace(bounds, taken=taken_as(problem))
 
@@ -125,6 +128,8 @@ def admitted(problem: Problem, rtol: float) -> Problem:
         problem = without_pores(problem, body_cones(above).dilates)
     check_loads(problem)
     check_cohesion(below)
+    if are_blocks(problem):
+        return problem
     return with_room_for_stress(problem)
 
 

@@ -1,0 +1,1 @@
+"""Limit loads of rigid blocks, which collapse by their joints alone."""

@@ -1,0 +1,271 @@
+"""The limit load of rigid blocks, with the forces and the mechanism that prove it."""
+
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.errors import on_rank0
+from perfplast_fenicsx.limit_analysis.blocks.joint_program import (
+    JointProgram,
+    Outcome,
+    Places,
+    best_of_joints,
+)
+from perfplast_fenicsx.limit_analysis.blocks.rigid_blocks import (
+    Frames,
+    JointFacets,
+    RigidBlocks,
+    held_directions,
+)
+from perfplast_fenicsx.limit_analysis.facets.contact_strength import ContactStrength
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+
+NOTHING = 1e-9
+"""Load factors, in units in which loads are one, that are those of no forces at all."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlockLimit:
+    """What was found, the same on all ranks but for arrays of facets.
+
+    Attributes:
+        lower: Of the forces: whether there are any, and λ.
+        upper: Of the motion.
+        aside: Factor of the loads of any factor beside the forces.
+        forces: On the blocks at the vertices of owned outer facets, shape (num_outer, d, d).
+        tractions: By adhesion, at the same places, linear between.
+        motion: Of each block, shape (num_blocks · modes,), with L₁(v) = 1.
+        programs: Number of linear programs.
+        resists: Whether λ is more than nothing, where no load stays.
+    """
+
+    lower: tuple[Outcome, float]
+    upper: tuple[Outcome, float]
+    aside: float
+    forces: Floats
+    tractions: Floats
+    motion: Floats
+    programs: int
+    resists: bool
+
+
+def block_limit(
+    comm: MPI.Intracomm, blocks: RigidBlocks, question: Question, rtol: float
+) -> BlockLimit:
+    """Find the best forces on joints and the best mechanism of blocks. Collective.
+
+    Args:
+        comm: The ranks.
+        blocks: The blocks.
+        question: Of which loads the factor is sought.
+        rtol: How near each bound comes to the best one, relative.
+    """
+    solved = on_rank0(comm, lambda: _solve(blocks, question, rtol))
+    rows = comm.scatter(None if solved is None else solved.by_rank(comm.size), root=0)
+    motion, reactions, limits = comm.bcast(None if solved is None else solved.shared, root=0)
+    d = blocks.corners.shape[2]
+    forces, tractions = np.zeros((2, *blocks.corners.shape))
+    places, on_joints, along_joints = rows
+    np.add.at(forces, places, on_joints)
+    np.add.at(tractions, places, along_joints)
+    held = held_directions(blocks.body)
+    for vertex in range(d):
+        moved = (
+            blocks.frames.at(blocks.of_outer, blocks.corners[:, vertex])
+            @ reactions.reshape(blocks.count, -1)[blocks.of_outer][..., None]
+        )
+        forces[:, vertex] += np.einsum("fki,fkj,fjl->fi", held, held, moved)
+    return BlockLimit(*limits[:3], forces, tractions, motion, *limits[3:])
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """What rank 0 knows.
+
+    Attributes:
+        facets: Of joints.
+        forces: At their vertices on the first side, shape (n, d, d).
+        tractions: The same by adhesion.
+        shared: Motion and reactions of blocks, and what else all ranks are told.
+    """
+
+    facets: JointFacets
+    forces: Floats
+    tractions: Floats
+    shared: tuple[Floats, Floats, tuple]
+
+    def by_rank(self, count: int) -> list[tuple[Longs, Floats, Floats]]:
+        """Return places and values of the facets of each rank, of both sides."""
+        facets, back = self.facets, np.argsort(self.facets.order, axis=1)[..., None]
+        opposite = [-np.take_along_axis(of, back, axis=1) for of in (self.forces, self.tractions)]
+        two = ~facets.alone
+        rank, place = (
+            np.append(facets.rows[name], facets.others[name][two]) for name in ("rank", "place")
+        )
+        forces = np.append(self.forces, opposite[0][two], axis=0)
+        tractions = np.append(self.tractions, opposite[1][two], axis=0)
+        return [
+            (place[mine], forces[mine], tractions[mine])
+            for mine in (np.flatnonzero(rank == number) for number in range(count))
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Jumps:
+    """The vertices of joints, and which of them are the same.
+
+    Attributes:
+        axes: Of each facet, the normal first, shape (n, d, d).
+        vertices: Rows of jumps along these at all vertices, shape (n · d · d, blocks · modes).
+        middles: The same where adhesive tractions act.
+        kept: Vertices that stand for all others in their places.
+    """
+
+    axes: Floats
+    vertices: csr_array
+    middles: csr_array
+    kept: Longs
+
+
+def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
+    """Make and solve the programs, on rank 0."""
+    facets = blocks.facets
+    assert facets is not None
+    none = np.zeros_like(blocks.live)
+    limit = question is Question.LIMIT
+    every = (blocks.live, blocks.dead, none) if limit else (blocks.dead, none, blocks.live)
+    sought, constant, others = every
+    strengths = [it.strength for it in blocks.body.interfaces]
+    number, d = facets.rows["interface"], blocks.corners.shape[2]
+    adhesion = np.array([it.adhesion for it in strengths])[number]
+    radius = np.repeat(adhesion * facets.rows["area"] / d, d)
+    most = [float(np.abs(of).max(initial=0.0)) for of in every]
+    unit = max(most[1], float(radius.sum())) or most[0] or 1.0
+    scales = [most[0] or 1.0, unit, most[2] or 1.0]
+    loads = [blocks.free.T @ of / by for of, by in zip(every, scales, strict=True)]
+    jumps, free = _jumps(facets, blocks.frames, blocks.count), csr_array(blocks.free)
+    sticky = np.flatnonzero(radius > 0)
+    kept = 1 - 1e-9  # share of the adhesion that forces may use, for tolerances of the program
+    discs = [
+        Places(
+            jump=_some(of, sticky, d)[_across(len(sticky), d)] @ free,
+            size=share * radius[sticky] / unit,
+            cone=False,
+            components=d - 1,
+        )
+        for of, share in ((jumps.middles, kept), (jumps.vertices, 1.0))
+    ]
+    cones = _some(jumps.vertices, jumps.kept, d)
+    programs = [
+        JointProgram(
+            Places(cones @ free, np.repeat(frictions[number], d)[jumps.kept], True, d),
+            *discs,
+            *loads,
+        )
+        for frictions in (_frictions(strengths, False), _frictions(strengths, True))
+    ]
+    low, high, count = best_of_joints(programs[0], programs[1], rtol)
+    if low.outcome is Outcome.FOUND and not most[1] and low.value <= NOTHING:
+        low = replace(low, value=0.0, aside=0.0, cones=0 * low.cones, discs=0 * low.discs)
+    times = unit / scales[0]
+    motion = blocks.free @ high.motion / scales[0]
+    forces = np.zeros((len(number) * d, d))
+    tractions = np.zeros_like(forces)
+    aside = low.aside * unit / scales[2]
+    reactions = np.zeros(len(blocks.free))
+    if low.outcome is Outcome.FOUND:
+        forces[jumps.kept] = low.cones * unit
+        along = low.discs * unit
+        axes = np.repeat(jumps.axes, d, axis=0)
+        acts = cones.T @ low.cones.ravel() * unit
+        if len(sticky):
+            rows = _some(jumps.middles, sticky, d)[_across(len(sticky), d)]
+            acts = acts + rows.T @ along.ravel()
+        share = np.repeat(facets.rows["area"], d)[sticky, None] / d
+        tractions[sticky] = np.einsum("nk,nki->ni", along / share, axes[sticky, 1:])
+        forces = np.einsum("nk,nki->ni", forces, axes)
+        whole = acts + low.value * times * sought + constant + aside * others
+        reactions = _reactions(blocks.gram, whole)
+    limits = (
+        (low.outcome, low.value * times),
+        (high.outcome, high.value * times),
+        aside,
+        count,
+        bool(most[1] or radius.any() or not low.value <= NOTHING),
+    )
+    shape = (len(number), d, d)
+    shared = (motion, reactions, limits)
+    return _Solution(facets, forces.reshape(shape), tractions.reshape(shape), shared)
+
+
+def _frictions(strengths: list[ContactStrength], follows: bool) -> Floats:
+    """Return μ of interfaces: of all, or of those whose slip follows the normal of the cone."""
+    return np.array([it.friction if follows or it.associated else 0.0 for it in strengths])
+
+
+def _some(rows: csr_array, places: Longs, d: int) -> csr_array:
+    """Return the d rows of each of some places."""
+    return rows[(places[:, None] * d + np.arange(d)).ravel()]
+
+
+def _across(count: int, d: int) -> Longs:
+    """Return the rows across the normal of so many places."""
+    return (np.arange(count)[:, None] * d + np.arange(1, d)).ravel()
+
+
+def _reactions(gram: Floats, forces: Floats) -> Floats:
+    """Return motions of blocks whose products with what supports hold balance forces."""
+    count, modes = gram.shape[:2]
+    inverse = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
+    return -np.einsum("bij,bj->bi", inverse, forces.reshape(count, modes)).ravel()
+
+
+def _jumps(facets: JointFacets, frames: Frames, count: int) -> _Jumps:
+    """Return jumps of rigid motions at the vertices of joints."""
+    d, n, modes = facets.into.shape[1], len(facets.rows), frames.modes
+    axes = _axes(facets.into)
+    one = facets.rows["corners"]
+    other = np.take_along_axis(facets.others["corners"], facets.order[..., None], axis=1)
+    found = []
+    for middle in (False, True):
+        parts = []
+        for sign, x, rows in ((1.0, one, facets.rows), (-1.0, other, facets.others)):
+            at = (x + x.sum(axis=1, keepdims=True)) / (d + 1) if middle else x
+            block = np.repeat(rows["block"], d)
+            values = frames.at(block, at.reshape(-1, d))
+            values = np.einsum("nki,nim->nkm", np.repeat(axes, d, axis=0), values)
+            values = sign * values * (~np.repeat(facets.alone, d) | (sign > 0))[:, None, None]
+            row = np.broadcast_to(np.arange(n * d * d).reshape(-1, d, 1), values.shape)
+            column = (block[:, None] * modes + np.arange(modes))[:, None]
+            column = np.broadcast_to(column, values.shape)
+            parts.append((values.ravel(), row.ravel(), column.ravel()))
+        value, row, column = (np.concatenate(of) for of in zip(*parts, strict=True))
+        shape = (n * d * d, count * modes)
+        found.append(coo_array((value, (row, column)), shape=shape).tocsr())
+    opposite = np.take_along_axis(facets.others["vertices"], facets.order, axis=1)
+    same = 1e-9  # normals whose components differ by less are the same
+    keys = np.column_stack(
+        [
+            np.repeat(facets.rows["interface"], d),
+            facets.rows["vertices"].ravel(),
+            opposite.ravel(),
+            np.repeat(np.round(facets.into / same), d, axis=0).astype(np.int64),
+        ]
+    )
+    kept = np.sort(np.unique(keys, axis=0, return_index=True)[1])
+    return _Jumps(axes, *found, kept)
+
+
+def _axes(normals: Floats) -> Floats:
+    """Return orthonormal axes with the normal first, shape (n, d, d)."""
+    d = normals.shape[1]
+    if d == 2:
+        return np.stack([normals, np.column_stack([-normals[:, 1], normals[:, 0]])], axis=1)
+    least = np.eye(3)[np.abs(normals).argmin(axis=1)]
+    first = np.cross(normals, least)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([normals, first, np.cross(normals, first)], axis=1)

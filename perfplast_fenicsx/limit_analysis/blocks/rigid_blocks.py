@@ -1,0 +1,335 @@
+"""Bodies that cannot yield as rigid blocks: their motions, the loads on them, and their joints."""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import Interface
+from perfplast_fenicsx.limit_analysis.facets.bound_body import HELD, BoundBody, bound_body
+from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
+from perfplast_fenicsx.limit_analysis.facets.facing_vertices import REACH, facing_vertices
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
+from perfplast_fenicsx.mesh.connected_bodies import components
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.problem.problem import Problem
+
+CURVED = "cells are curved; use first-order cells"
+
+HINGED = "parts of a body hang together at a vertex or an edge alone; part them, or join them"
+
+PLATES = "blocks do not know rigid surfaces; leave these out, as blocks are rigid by themselves"
+
+ROUND = "an obstacle is curved, and blocks know planes"
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """What rigid motions of blocks refer to: they turn about the middle, over the extent.
+
+    Attributes:
+        middle: Shape (num_blocks, d).
+        extent: Shape (num_blocks,).
+    """
+
+    middle: Floats
+    extent: Floats
+
+    @property
+    def modes(self) -> int:
+        """Motions of a block: 3 in the plane and 6 in space."""
+        return 3 * (self.middle.shape[1] - 1)
+
+    def at(self, block: Longs, x: Floats) -> Floats:
+        """Return velocities of points in the motions of their blocks, shape (n, d, modes)."""
+        return modes_at((x - self.middle[block]) / self.extent[block][:, None])
+
+
+def modes_at(arms: Floats) -> Floats:
+    """Return velocities of arms in rigid motions, shape (n, d, 3 or 6)."""
+    count, d = arms.shape
+    found = np.zeros((count, d, 3 * (d - 1)))
+    found[:, :, :d] = np.eye(d)
+    if d == 2:
+        found[:, 0, 2], found[:, 1, 2] = -arms[:, 1], arms[:, 0]
+    else:
+        for turn, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+            found[:, i, d + turn], found[:, j, d + turn] = -arms[:, j], arms[:, i]
+    return found
+
+
+def _row_type(d: int) -> np.dtype:
+    """Return the type of a facet of a joint, in the form that matching wants."""
+    return np.dtype(
+        [
+            ("x", np.float64, 3),
+            ("normal", np.float64, d),
+            ("corners", np.float64, (d, d)),
+            ("vertices", np.int64, d),
+            ("area", np.float64),
+            ("block", np.int64),
+            ("interface", np.int64),
+            ("side", np.int64),
+            ("key", np.int64),
+            ("rank", np.int64),
+            ("place", np.int64),
+        ]
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class JointFacets:
+    """Facets of joints on rank 0, and beside each the one opposite.
+
+    Attributes:
+        rows: Facets of first sides, rows of the type of this module.
+        others: Those opposite, of the same number; beside obstacles the facets themselves.
+        order: Which vertex of the other is opposite each, shape (n, d).
+        into: Unit normals out of the first side, shape (n, d).
+        alone: Whether it touches an obstacle and not a block, shape (n,).
+    """
+
+    rows: npt.NDArray[np.void]
+    others: npt.NDArray[np.void]
+    order: Longs
+    into: Floats
+    alone: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBlocks:
+    """The blocks of a problem.
+
+    Attributes:
+        count: How many there are.
+        body: What bounds know of their cells and facets.
+        of_node: Block of each local node of the displacements.
+        of_outer: Block of each owned outer facet.
+        corners: Vertices of these in the order of their cells, shape (num_outer, d, d).
+        frames: Of their motions, the same on all ranks.
+        free: Orthonormal motions that supports leave free, shape (num_blocks · modes, num_motions).
+        gram: Sums of products of what supports hold, shape (num_blocks, modes, modes).
+        live: Forces and moments over extents of loads that grow, shape (num_blocks · modes,).
+        dead: The same of loads that stay.
+        facets: Those of joints; None on ranks but the first.
+    """
+
+    count: int
+    body: BoundBody
+    of_node: Longs
+    of_outer: Longs
+    corners: Floats
+    frames: Frames
+    free: Floats
+    gram: Floats
+    live: Floats
+    dead: Floats
+    facets: JointFacets | None
+
+
+def why_no_blocks(problem: Problem) -> str | None:
+    """Return why bodies are no blocks that the program knows, or None. Collective."""
+    body = bound_body(problem)
+    tdim = problem.bodies.gdim
+    topology = problem.tagged_mesh.mesh.topology
+    in_contact = body.facets.in_contact
+    held = body.supported | body.guided.any(axis=1)[:, None]
+    touched = bool(held[in_contact].any())
+    topology.create_connectivity(tdim, tdim - 1)
+    sides = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
+    pieces, _ = components(problem.comm, topology.index_map(tdim - 1), sides)
+    faults = {
+        PLATES: bool(body.rigid.names),
+        ROUND: any(it.obstacle is not None and it.into is None for it in body.interfaces),
+        HELD: touched,
+        HINGED: pieces != problem.bodies.count,
+    }
+    if has_curved_cells(problem.tagged_mesh.mesh):
+        return CURVED
+    if body.prevents is not None:
+        return body.prevents
+    return next((words for words, so in faults.items() if problem.comm.allreduce(so)), None)
+
+
+def rigid_blocks(problem: Problem) -> RigidBlocks:
+    """Read the blocks off a problem for which nothing prevents it. Collective."""
+    comm, body, d = problem.comm, bound_body(problem), problem.bodies.gdim
+    mesh = problem.tagged_mesh.mesh
+    topology = mesh.topology
+    owned = topology.index_map(d).size_local
+    count = problem.bodies.count
+    keys = np.asarray(topology.original_cell_index, dtype=np.int64)[:owned]
+    of_cell = problem.bodies.of_node[problem.V.dofmap.list[:owned, 0]]
+    first = np.full(count, np.iinfo(np.int64).max)
+    np.minimum.at(first, of_cell, keys)
+    comm.Allreduce(MPI.IN_PLACE, first, MPI.MIN)
+    number = np.argsort(np.argsort(first))  # by their first cells, whatever the ranks
+    of_cell, of_node = number[of_cell], number[problem.bodies.of_node]
+    middle, extent = _sizes(comm, body.vertices, of_cell, count)
+    outer = body.geometry.exterior
+    cell, side = body.geometry.cell[outer], body.geometry.side[outer]
+    around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
+    corners = body.vertices[cell[:, None], around[side]]
+    of_outer = of_cell[cell]
+    frames = Frames(middle, extent)
+    gram = _held(comm, body, frames, of_outer, corners)
+    loads = [
+        _loads(comm, body, frames, of, (of_cell, of_outer, corners))
+        for of in (body.live, body.dead)
+    ]
+    nodes = geometry_dofmap(mesh)[:owned, : d + 1]
+    vertices = mesh.geometry.index_map().local_to_global(
+        np.take_along_axis(nodes[cell], around[side], axis=1).ravel().astype(np.int32)
+    )
+    rows = np.zeros(len(outer), dtype=_row_type(d))
+    rows["corners"], rows["vertices"] = corners, vertices.reshape(-1, d)
+    rows["x"][:, :d] = corners.mean(axis=1)
+    rows["normal"], rows["area"] = body.geometry.normals(outer), body.geometry.areas(outer)
+    rows["block"], rows["key"] = of_outer, (d + 1) * keys[cell] + side
+    rows["rank"], rows["place"] = comm.rank, np.arange(len(outer))
+    mine = []
+    for at, interface in enumerate(body.interfaces):
+        for side_of, surface in enumerate(interface.surfaces):
+            on = np.flatnonzero(np.isin(outer, body.geometry.of(problem, surface)))
+            chosen = rows[on]
+            chosen["interface"], chosen["side"] = at, side_of
+            mine.append(chosen)
+    gathered = comm.gather(np.concatenate([rows[:0], *mine]), root=0)
+    facets = None if gathered is None else _joined(np.concatenate(gathered), body.interfaces)
+    return RigidBlocks(
+        count=count,
+        body=body,
+        of_node=of_node,
+        of_outer=of_outer,
+        corners=corners,
+        frames=frames,
+        free=_left_free(gram),
+        gram=gram,
+        live=loads[0],
+        dead=loads[1],
+        facets=facets,
+    )
+
+
+def _sizes(
+    comm: MPI.Intracomm, vertices: Floats, of_cell: Longs, count: int
+) -> tuple[Floats, Floats]:
+    """Return the middle of the box around each block, and half its diagonal. Collective."""
+    d = vertices.shape[2]
+    low, high = np.full((count, d), np.inf), np.full((count, d), -np.inf)
+    np.minimum.at(low, of_cell, vertices.min(axis=1))
+    np.maximum.at(high, of_cell, vertices.max(axis=1))
+    comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
+    comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    return (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
+
+
+def held_directions(body: BoundBody) -> Floats:
+    """Return directions that supports hold of owned outer facets, 0 for none.
+
+    Returns:
+        Cartesian axes and then that of a guide beside them, shape (num_outer, d + 1, d).
+    """
+    outer = body.geometry.exterior
+    held, guided = body.supported[outer], body.guided[outer]
+    along = np.where(held, 0.0, guided)
+    sizes = np.linalg.norm(along, axis=1, keepdims=True)
+    rounding = 1e-9
+    along = np.where(sizes > rounding, along / np.where(sizes > 0, sizes, 1.0), 0.0)
+    axes = held[:, :, None] * np.eye(held.shape[1])
+    return np.concatenate([axes, along[:, None]], axis=1)
+
+
+def _held(
+    comm: MPI.Intracomm, body: BoundBody, frames: Frames, of_outer: Longs, corners: Floats
+) -> Floats:
+    """Return Σ of products of the rows that supports hold, by block. Collective."""
+    d = corners.shape[2]
+    directions = held_directions(body)
+    found = np.zeros((len(frames.extent), frames.modes, frames.modes))
+    some = np.flatnonzero(directions.any(axis=(1, 2)))
+    for vertex in range(d):
+        rows = directions[some] @ frames.at(of_outer[some], corners[some, vertex])
+        np.add.at(found, of_outer[some], np.einsum("fka,fkb->fab", rows, rows))
+    comm.Allreduce(MPI.IN_PLACE, found, MPI.SUM)
+    return found
+
+
+def _left_free(gram: Floats) -> Floats:
+    """Return orthonormal motions that are left free, shape (num_blocks · modes, num_motions)."""
+    count, modes = gram.shape[:2]
+    values, vectors = np.linalg.eigh(gram)
+    negligible = 1e-12  # squares of what supports hold of a motion, relative to the largest
+    most = np.maximum(values.max(axis=1, initial=0.0), np.finfo(float).tiny)
+    block, number = np.nonzero(values <= negligible * most[:, None])
+    found = np.zeros((count, modes, len(block)))
+    found[block, :, np.arange(len(block))] = vectors[block, :, number]
+    return found.reshape(count * modes, len(block))
+
+
+def _loads(
+    comm: MPI.Intracomm,
+    body: BoundBody,
+    frames: Frames,
+    loads: FacetLoads,
+    places: tuple[Longs, Longs, Floats],
+) -> Floats:
+    """Return forces and moments over extents of loads on each block. Collective."""
+    of_cell, of_outer, corners = places
+    d = corners.shape[2]
+    found = np.zeros((len(frames.extent), frames.modes))
+
+    def act(block: Longs, x: Floats, force: Floats) -> None:
+        np.add.at(found, block, np.einsum("ni,nim->nm", force, frames.at(block, x)))
+
+    volumes = gradients(body.vertices)[1]
+    act(of_cell, body.vertices.mean(axis=1), loads.forces * volumes[:, None])
+    outer = body.geometry.exterior
+    tractions = body.geometry.at_corners(outer, loads.tractions[outer])
+    means = (np.eye(d) + 1) / (d * (d + 1))  # of products of barycentric coordinates
+    spread = np.einsum("f,ab,fbi->fai", body.geometry.areas(outer), means, tractions)
+    for vertex in range(d):
+        act(of_outer, corners[:, vertex], spread[:, vertex])
+    comm.Allreduce(MPI.IN_PLACE, found, MPI.SUM)
+    return found.ravel()
+
+
+def _joined(rows: npt.NDArray[np.void], interfaces: tuple[Interface, ...]) -> JointFacets:
+    """Return facets with those opposite, in an order that does not depend on the ranks."""
+    rows = rows[np.lexsort([rows["key"], rows["side"], rows["interface"]])]
+    d = rows["normal"].shape[1]
+    first, second, orders, into, alone = [rows[:0]], [rows[:0]], [], [], []
+    for number, interface in enumerate(interfaces):
+        here = rows[rows["interface"] == number]
+        if interface.into is not None:
+            first.append(here)
+            second.append(here)
+            orders.append(np.tile(np.arange(d), (len(here), 1)))
+            into.append(np.tile(interface.into, (len(here), 1)))
+            alone.append(np.ones(len(here), dtype=bool))
+            continue
+        one, other = (here[here["side"] == side] for side in (0, 1))
+        corners = here["corners"].reshape(-1, d)
+        size = float(np.linalg.norm(np.ptp(corners, axis=0))) if len(corners) else 0.0
+        found = match_nodes(MPI.COMM_SELF, one, other, REACH * size)
+        a, b = found.primary, found.secondary
+        sorting = np.argsort(a["key"])
+        a, b = a[sorting], b[sorting]
+        order, _ = facing_vertices(a["corners"], b["corners"], a["normal"])
+        first.append(a)
+        second.append(b)
+        orders.append(order)
+        into.append(a["normal"])
+        alone.append(np.zeros(len(a), dtype=bool))
+    return JointFacets(
+        rows=np.concatenate(first),
+        others=np.concatenate(second),
+        order=np.concatenate([np.zeros((0, d), dtype=np.int64), *orders]),
+        into=np.concatenate([np.zeros((0, d)), *into]),
+        alone=np.concatenate([np.zeros(0, dtype=bool), *alone]),
+    )

@@ -1,0 +1,142 @@
+"""Bounds of the limit load of bodies of which none can yield: they collapse by their joints."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.blocks.block_limit import BlockLimit, block_limit
+from perfplast_fenicsx.limit_analysis.blocks.joint_program import Outcome
+from perfplast_fenicsx.limit_analysis.blocks.rigid_blocks import (
+    RigidBlocks,
+    rigid_blocks,
+    why_no_blocks,
+)
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
+from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.standing import Standing
+from perfplast_fenicsx.problem.problem import Problem
+
+log = logging.getLogger(__name__)
+
+ROUNDING = 1e-12
+"""Share of a bound by which the lower one may be above the upper one, which is raised then."""
+
+MET = "forces on the joints and a mechanism of the blocks were found"
+
+WITHOUT_FRICTION = (
+    "no forces without friction, but for adhesion, balance the loads, and friction that is not"
+    " associated has no other theorem; give associated = true for both bounds of joints that dilate"
+)
+
+
+def are_blocks(problem: Problem) -> bool:
+    """Return whether none of the bodies can yield, and some are in contact. Collective."""
+    touch = problem.given.contacts or problem.given.obstacles
+    cones = body_cones(problem).cones
+    return bool(touch) and all(it.plain is None and it.principal is None for it in cones)
+
+
+def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
+    """Find both bounds of blocks. Collective.
+
+    Args:
+        problem: Bodies for which :func:`are_blocks`, with their loads.
+        rtol: How near each bound comes to the best one, relative.
+
+    Raises:
+        InputError: If the joints are none that the program knows, or resist nothing.
+    """
+    if (why := why_no_blocks(problem)) is not None:
+        raise InputError(
+            f"none of the bodies can yield, so that their joints alone limit the load, and {why}."
+        )
+    log.info("bounds of blocks: forces on their joints, and a mechanism")
+    blocks = rigid_blocks(problem)
+    question = Question.LIMIT if problem.loads.grows() else Question.STANDS
+    found = block_limit(problem.comm, blocks, question, rtol)
+    if found.upper[0] is Outcome.INFEASIBLE and question is Question.LIMIT:
+        question = Question.STANDS
+        found = block_limit(problem.comm, blocks, question, rtol)
+    if Outcome.FAILED in (found.lower[0], found.upper[0]):
+        raise InputError(
+            "the linear program of the joints has no solution that can be trusted; give the mesh"
+            " and the loads in units in which their numbers are nearer to one."
+        )
+    if question is Question.LIMIT and not found.resists:
+        raise InputError(
+            "no forces on the joints carry the loads: they move blocks apart or along their joints;"
+            " turn the loads around, hold the blocks there, or give the loads that stay (constant ="
+            " true), such as their weight."
+        )
+    return _told(problem, blocks, found, question)
+
+
+def _told(
+    problem: Problem, blocks: RigidBlocks, found: BlockLimit, question: Question
+) -> BodyBounds:
+    """Return what was found as bounds of the body. Collective."""
+    lower = _bound("lower", *found.lower)
+    upper = _bound("upper", *found.upper)
+    mechanism = _velocity(problem, blocks, found.motion)
+    least, most = (bound.value for bound in (lower, upper))
+    if least is not None and most is not None and 0 < least - most <= ROUNDING * abs(least):
+        upper, most = replace(upper, value=least), least
+    standing = Standing(least, most) if question is Question.STANDS else None
+    limited = question is Question.LIMIT
+    reason = MET if most is not None else upper.why_not[0]
+    mesh = LimitLoad(
+        method=LimitMethod.INTERIOR_POINT,
+        lower=least if limited and least is not None else -np.inf,
+        estimate=most if limited else None,
+        residual=None,
+        upper=most if limited else None,
+        alpha=None,
+        levelled_off=least is not None and most is not None,
+        reason=reason if standing is None else standing.in_words(),
+        iterations=found.programs,
+        linear_solves=0,
+        factorisations=0,
+        mechanism=mechanism,
+        verdict=Verdict.FOUND if most is not None else Verdict.UNBOUNDED,
+        question=question,
+        standing=standing,
+    )
+    return BodyBounds(
+        problem=problem,
+        lower=lower,
+        upper=upper,
+        mechanism=mechanism,
+        mesh=mesh,
+        joints=JointProof(found.forces, found.tractions, found.aside),
+        steps=found.programs,
+        question=question,
+    )
+
+
+def _bound(kind: str, outcome: Outcome, value: float) -> Bound:
+    """Return the bound that a program gives."""
+    if outcome is Outcome.FOUND:
+        return Bound(value, kind, Scope.BODY)
+    why = UNLIMITED if outcome is Outcome.UNBOUNDED else WITHOUT_FRICTION
+    return Bound(None, kind, Scope.MESH, (why,))
+
+
+def _velocity(problem: Problem, blocks: RigidBlocks, motion: Floats) -> fem.Function:
+    """Return the velocity of motions of blocks. Collective."""
+    found = fem.Function(problem.V, name="mechanism")
+    d = problem.bodies.gdim
+    x = problem.V.tabulate_dof_coordinates()[: len(blocks.of_node), :d]
+    of_blocks = motion.reshape(blocks.count, -1)[blocks.of_node]
+    values = np.einsum("nim,nm->ni", blocks.frames.at(blocks.of_node, x), of_blocks)
+    found.x.array[:] = np.where(problem.fixed, 0.0, values).ravel()
+    found.x.scatter_forward()
+    return found

@@ -1,0 +1,244 @@
+"""Rigid blocks: their joints alone limit the load, and both bounds meet in a linear program."""
+
+import math
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    Newton,
+    Plane,
+    Problem,
+    ResultFolder,
+    Rigid,
+    Support,
+    limit_bounds,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import BodyBounds
+from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.proof import check
+from tests.checks import assert_refused
+from tests.stones import box, chain, lune, stones, voussoir, weight_and
+
+COMM = MPI.COMM_WORLD
+
+
+def proven(path: Path, bounds: BodyBounds) -> tuple[float, float]:
+    """Both bounds, which the checker proves too."""
+    assert bounds.strict, bounds.why_not
+    results = ResultFolder(COMM, path, force=True)
+    write_proof(results, results.file("bounds.h5"), *proofs(bounds, bounds))
+    found = check(results.file("bounds.h5"))
+    values = [bounds.lower.value, bounds.upper.value]
+    for (kind, half), value in zip(found.items(), values, strict=True):
+        assert not half.faults, (kind, half.faults)
+        assert half.proven == pytest.approx(value, rel=1e-9, abs=1e-12)
+    return values[0] or 0.0, values[1] or 0.0
+
+
+def pushed(mu: float, wide: float, high: float, c: float = 0.0) -> Problem:
+    """A stone on a held one, with its weight and a growing push to the right."""
+    mesh = stones(COMM, [box([0, -1], [wide, 0]), box([0, 0], [wide, high])], (3, 2))
+    friction = {"coulomb": mu} | ({"tresca": c} if c else {})
+    return Problem(
+        mesh,
+        {"0": Rigid(), "1": Rigid()},
+        [Support("0_y0")],
+        weight_and(mesh, [1.0, 0.0], ["0"]),
+        [Contact("0_y1", "1_y0", associated=True, **friction)],
+        degree=2,
+    )
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize(
+    ("mu", "wide", "high", "c"), [(0.3, 2.0, 1.0, 0.0), (0.7, 1.0, 2.0, 0.0), (0.2, 2.0, 1.0, 0.1)]
+)
+def test_a_stone_slides_or_tips(
+    shared_tmp_path: Path, mu: float, wide: float, high: float, c: float
+) -> None:
+    """It slides at μ + c/h of its weight, and tips at b/h."""
+    exact = min(mu + c / high, wide / high)
+    low, up = proven(shared_tmp_path, limit_bounds(pushed(mu, wide, high, c)))
+    assert low == pytest.approx(exact, rel=1e-8 if c else 1e-11)
+    assert up == pytest.approx(exact, rel=1e-11)
+
+
+def oppenheim(push: bool = True) -> Problem:
+    """Seven stones over 157.5°, the thickness 0.15 of the mean radius, on two held ones."""
+    step = math.radians(157.5) / 7
+    angles = (np.arange(10) - 4.5) * step
+    places = [voussoir(a, b, 0.925, 1.075) for a, b in zip(angles[:-1], angles[1:], strict=True)]
+    mesh = stones(COMM, places, (1, 2))
+    loads = weight_and(mesh, [1.0, 0.0], ["0", "8"])
+    return chain(
+        mesh, [Support("0_x0"), Support("8_x1")], loads[: None if push else 7], coulomb=0.75
+    )
+
+
+def test_arch_of_oppenheim(shared_tmp_path: Path) -> None:
+    """It collapses at 0.37 of gravity (I. J. Oppenheim, doi:10.1002/eqe.4290211103)."""
+    low, up = proven(shared_tmp_path, limit_bounds(oppenheim()))
+    assert low == pytest.approx(up, rel=1e-10)
+    assert round(up, 2) == 0.37
+
+
+def half_circle(thickness: float, stones_of_half: int = 20) -> Problem:
+    """A half circle of the mean radius 1 under its weight, and a push that grows."""
+    count = 2 * stones_of_half
+    angles = np.linspace(-math.pi / 2, math.pi / 2, count + 1)
+    step = angles[1] - angles[0]
+    angles = np.concatenate([[angles[0] - step], angles, [angles[-1] + step]])
+    inner, outer = 1 - thickness / 2, 1 + thickness / 2
+    places = [voussoir(a, b, inner, outer) for a, b in zip(angles[:-1], angles[1:], strict=True)]
+    mesh = stones(COMM, places, (1, 1))
+    loads = weight_and(mesh, [1.0, 0.0], ["0", str(count + 1)])
+    return chain(mesh, [Support("0_x0"), Support(f"{count + 1}_x1")], loads, coulomb=2.0)
+
+
+def test_least_thickness_of_a_half_circle(shared_tmp_path: Path) -> None:
+    """It stands from 0.1075 of the radius on (J. A. Ochsendorf, The masonry arch on spreading
+    supports, Struct. Eng. 84 (2006), 29), and a mechanism shows that it falls below."""
+    stands = limit_bounds(half_circle(0.1085))
+    assert stands.question is Question.LIMIT
+    low, up = proven(shared_tmp_path, stands)
+    assert 0 < low <= up < 0.05
+    falls = limit_bounds(half_circle(0.1065))
+    assert falls.question is Question.STANDS
+    assert falls.upper.strict
+    assert falls.upper.value == pytest.approx(0.0, abs=1e-9)
+    assert "does not stand" in falls.in_words()
+    proven(shared_tmp_path, falls)
+
+
+def wall(courses: int) -> Problem:
+    """Courses of the same thickness on a held one, without bond, pushed with their weight."""
+    places = [box([0, i - 1.0], [1.5, i + 0.0]) for i in range(courses + 1)]
+    mesh = stones(COMM, places, (2, 1))
+    return Problem(
+        mesh,
+        {name: Rigid() for name in mesh.volumes},
+        [Support("0_y0")],
+        weight_and(mesh, [1.0, 0.0], ["0"]),
+        [Contact(f"{i}_y1", f"{i + 1}_y0", coulomb=0.6, associated=True) for i in range(courses)],
+        degree=2,
+    )
+
+
+def test_a_wall_tips_as_a_whole(shared_tmp_path: Path) -> None:
+    low, up = proven(shared_tmp_path, limit_bounds(wall(5)))
+    assert low == pytest.approx(1.5 / 5, rel=1e-10)
+    assert up == pytest.approx(1.5 / 5, rel=1e-10)
+
+
+def test_drucker_without_associated_friction(shared_tmp_path: Path) -> None:
+    """From below frictionless, which carries no push at all; from above the joint that dilates."""
+    problem = pushed(0.3, 2.0, 1.0)
+    contact = Contact("0_y1", "1_y0", coulomb=0.3)
+    other = Problem(
+        problem.tagged_mesh,
+        problem.given.materials,
+        problem.given.supports,
+        problem.given.loads,
+        [contact],
+        degree=2,
+    )
+    bounds = limit_bounds(other)
+    low, up = proven(shared_tmp_path, bounds)
+    assert low == pytest.approx(0.0, abs=1e-12)
+    assert up == pytest.approx(0.3, rel=1e-11)
+    assert "Drucker" in bounds.in_words()
+
+
+def test_a_plane_holds_a_stone(shared_tmp_path: Path) -> None:
+    """An inclined plane: a stone slides where its slope and the push together are the friction."""
+    slope, mu = 0.2, 0.5
+    angle = math.atan(slope)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    mesh = stones(COMM, [lambda share: (share * [4.0, 1.0]) @ turn.T], (2, 1))
+    normal = turn @ [0.0, 1.0]
+    problem = Problem(
+        mesh,
+        {"0": Rigid()},
+        [],
+        weight_and(mesh, [-1.0, 0.0], []),
+        [],
+        [Plane("0_y0", [0.0, 0.0], normal, coulomb=mu, name="floor", associated=True)],
+        degree=2,
+    )
+    exact = (mu - slope) / (1 + mu * slope)
+    low, up = proven(shared_tmp_path, limit_bounds(problem))
+    assert (low, up) == pytest.approx((exact, exact), rel=1e-10)
+
+
+@pytest.mark.mpi3
+@pytest.mark.parametrize(("mu", "c", "exact"), [(0.3, 0.0, 0.3), (2.0, 0.0, 1.25), (0.1, 0.2, 0.3)])
+def test_a_stone_in_space(shared_tmp_path: Path, mu: float, c: float, exact: float) -> None:
+    """It slides in the oblique direction of the push, or tips about the edge x = 1."""
+    mesh = stones(COMM, [box([0, 0, -1], [1, 1, 0]), box([0, 0, 0], [1, 1, 1])], (2, 2, 1))
+    push = np.array([0.8, 0.6, 0.0])
+    problem = Problem(
+        mesh,
+        {"0": Rigid(), "1": Rigid()},
+        [Support("0_z0")],
+        weight_and(mesh, list(push), ["0"]),
+        [Contact("0_z1", "1_z0", coulomb=mu, associated=True, **({"tresca": c} if c else {}))],
+        degree=2,
+    )
+    low, up = proven(shared_tmp_path, limit_bounds(problem))
+    assert low <= up
+    assert (low, up) == pytest.approx((exact, exact), rel=2e-4)
+
+
+def dome(thickness: float, count: int = 20) -> Problem:
+    """Half a slice of a dome of the mean radius 1 at an upright smooth plane, with its weight."""
+    angles = np.linspace(0, math.pi / 2, count + 1)
+    angles = np.append(angles, angles[-1] + angles[1])
+    radii = 1 - thickness / 2, 1 + thickness / 2
+    pairs = zip(angles[:-1], angles[1:], strict=True)
+    mesh = stones(COMM, [lune(a, b, *radii, wide=0.1) for a, b in pairs], (1, 1, 1))
+    loads = weight_and(mesh, [1.0, 0.0, 0.0], [str(count)])
+    crown = Plane("0_x0", [0.01 * radii[0], 0.0, 0.0], [1.0, 0.0, 0.0])
+    return chain(mesh, [Support(f"{count}_x1")], loads, [crown], coulomb=1.0)
+
+
+def test_least_thickness_of_a_dome(shared_tmp_path: Path) -> None:
+    """It stands from 0.042 of the radius on (J. Heyman, On shell solutions for masonry domes,
+    doi:10.1016/0020-7683(67)90072-8), where slices lean against each other alone."""
+    low, up = proven(shared_tmp_path, limit_bounds(dome(0.0435)))
+    assert 0 < low <= up * (1 + 1e-9)
+    falls = limit_bounds(dome(0.0415))
+    assert "does not stand" in falls.in_words()
+    proven(shared_tmp_path, falls)
+
+
+def test_refusals() -> None:
+    problem = pushed(0.3, 2.0, 1.0)
+
+    def other(**changes):  # type: ignore[no-untyped-def]
+        given = problem.given
+        known = {"loads": given.loads, "supports": given.supports} | changes
+        return Problem(
+            problem.tagged_mesh,
+            given.materials,
+            known["supports"],
+            known["loads"],
+            given.contacts,
+            degree=2,
+        )
+
+    push = [load for load in problem.given.loads if not load.constant]
+    assert_refused(lambda: limit_bounds(other(loads=push)), ["no forces on the joints", "weight"])
+    held = [Support("0_y0"), Support("1_y0", "x")]
+    assert_refused(lambda: limit_bounds(other(supports=held)), ["joints alone", "supports hold"])
+    weight = limit_bounds(other(loads=[BodyForce("1", (0.0, -1.0))]))
+    assert weight.lower.value is None
+    assert weight.upper.value is None
+    assert "Nothing limits" in weight.in_words()
+    assert_refused(lambda: Newton(problem), ["'0'", "rigid", "control = 'bounds'"])

@@ -1,0 +1,183 @@
+"""Proofs of rigid blocks are found without faults, and forged ones are refused."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import Contact, Problem, Rigid, Support, limit_bounds
+from tests.limit_analysis.test_rigid_blocks import pushed
+from tests.proof.forging import Halves, said_of, said_of_forged, write, written
+from tests.stones import box, stones, weight_and
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is serial")
+
+
+def in_space() -> Problem:
+    """A stone on a held one, pushed along it, with friction and adhesion."""
+    mesh = stones(
+        MPI.COMM_WORLD, [box([0, 0, -1], [1, 1, 0]), box([0, 0, 0], [1, 1, 1])], (1, 1, 1)
+    )
+    return Problem(
+        mesh,
+        {"0": Rigid(), "1": Rigid()},
+        [Support("0_z0")],
+        weight_and(mesh, [1.0, 0.0, 0.0], ["0"]),
+        [Contact("0_z1", "1_z0", coulomb=0.1, tresca=0.2, associated=True)],
+        degree=2,
+    )
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
+    """The halves of a proof of blocks with friction and adhesion."""
+    problem = pushed(0.2, 2.0, 1.0, 0.1) if request.param == 2 else in_space()
+    return written(tmp_path_factory.mktemp("blocks"), limit_bounds(problem))
+
+
+def lower(change: Callable[[dict], object]) -> Callable[[Halves], None]:
+    """Changes the lower half, and leaves the other out."""
+
+    def forge(halves: Halves) -> None:
+        del halves["upper"]
+        change(halves["lower"])
+
+    return forge
+
+
+def upper(change: Callable[[dict], object]) -> Callable[[Halves], None]:
+    """Changes the upper half, and leaves the other out."""
+
+    def forge(halves: Halves) -> None:
+        del halves["lower"]
+        change(halves["upper"])
+
+    return forge
+
+
+def times(name: str, factor: float) -> Callable[[dict], None]:
+    """Multiplies an array."""
+    return lambda half: half.update({name: half[name] * factor})
+
+
+def elsewhere(half: dict) -> None:
+    """Adds two opposite forces on a facet that touches nothing, so that all is in balance."""
+    free = np.setdiff1d(np.arange(len(half["facets"])), np.flatnonzero(touched(half)))
+    free = free[~half["held"][free].any(axis=1)]
+    half["joint_force"][free[0], 0, 0] += 1.0
+    half["joint_force"][free[0], 1, 0] -= 1.0
+
+
+def touched(half: dict) -> np.ndarray:
+    """Facets in contact."""
+    return np.isin(half["surface"], half["contacts"])
+
+
+def pulled(half: dict) -> None:
+    """Adds a pull at one vertex of the contact and a push at another, on both sides alike."""
+    force, at = half["joint_force"], np.flatnonzero(touched(half))
+    up = np.zeros(force.shape[2])
+    up[-1] = 100.0
+    for sign, below in ((1.0, True), (-1.0, False)):
+        mine = at[(force[at, :, -1].sum(axis=1) < 0) == below]
+        places = half["vertices"][half["facets"][mine]]
+        x = places[..., 0]
+        force[mine] += sign * up * np.where(np.isclose(x, x.min()), 1.0, 0.0)[..., None]
+
+
+def unequal(half: dict) -> None:
+    """Leaves the forces out on one side of the contact, the other being in balance by supports."""
+    half["joint_force"][np.isin(half["surface"], half["contacts"][0, :1])] *= 0.5
+
+
+def rubs_more(half: dict) -> None:
+    """Turns forces of contact along it."""
+    half["joint_force"][touched(half)] = np.roll(half["joint_force"][touched(half)], 1, axis=2)
+
+
+def bent(half: dict) -> None:
+    """Strains a block."""
+    half["velocity"][::2] *= 1.001
+
+
+def turned(half: dict) -> None:
+    """Turns the motion round, so that blocks enter each other or loads do no work."""
+    half["velocity"] *= -1
+
+
+FORGERIES = {
+    "more load": (lower(times("bound", 1.001)), "equilibrium"),
+    "more weight": (lower(times("constant_body_force", 1.01)), "equilibrium"),
+    "no adhesion": (lower(times("contact_adhesion", 0.0)), "shear tractions of contact are"),
+    "less adhesion": (lower(times("contact_adhesion", 0.9)), "shear tractions of contact are"),
+    "less friction": (lower(times("contact_friction", 0.9)), "shear"),
+    "elsewhere": (lower(elsewhere), "outer tractions"),
+    "pulled": (lower(pulled), "tension"),
+    "unequal": (lower(unequal), "unequal pressures"),
+    "rubs more": (lower(rubs_more), "shear"),
+    "no number": (lower(times("joint_force", np.nan)), "equilibrium"),
+    "endless": (lower(times("joint_force", np.inf)), "equilibrium"),
+    "not held": (lower(times("held", 0)), "outer tractions"),
+    "all held": (
+        lower(lambda half: half.update(held=np.ones_like(half["held"]))),
+        "nothing is loaded but supports|supports hold facets in contact",
+    ),
+    "no forces": (lower(lambda half: half.pop("joint_force")), "joint_force is missing"),
+    "a stress in their place": (
+        lower(
+            lambda half: (
+                half.update(
+                    stress=np.zeros((*half["cells"].shape, *half["vertices"].shape[1:] * 2))
+                )
+                or half.pop("joint_force")
+            )
+        ),
+        "joint_force is missing",
+    ),
+    "too few": (
+        lower(lambda half: half.update(joint_force=half["joint_force"][:-1])),
+        "fit the facets",
+    ),
+    "no contact": (
+        lower(
+            lambda half: half.update(
+                contacts=half["contacts"][:0],
+                contact_adhesion=np.zeros(0),
+                contact_friction=np.zeros(0),
+            )
+        ),
+        "no cell can yield",
+    ),
+    "less above": (upper(times("bound", 0.999)), "only"),
+    "bent": (upper(bent), "elastic strain"),
+    "turned": (upper(turned), "do no work"),
+    "more friction": (upper(times("contact_friction", 1.1)), "entering"),
+    "more adhesion": (upper(times("contact_adhesion", 1.1)), "only"),
+    "weaker above": (
+        lambda halves: halves["upper"].update(
+            contact_adhesion=halves["upper"]["contact_adhesion"] * 0.5
+        ),
+        "rubs less",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_forgeries_are_refused(honest: Halves, name: str, tmp_path: Path) -> None:
+    forge, why = FORGERIES[name]
+    said = said_of_forged(honest, forge, tmp_path)
+    assert any(words in said for words in why.split("|")), said
+
+
+def test_forces_that_are_a_share_of_others_hide_nothing(honest: Halves, tmp_path: Path) -> None:
+    """Large forces that are in balance make no room for loads that are not."""
+    halves = {"lower": {name: np.copy(values) for name, values in honest["lower"].items()}}
+    half = halves["lower"]
+    held = np.flatnonzero(half["held"].any(axis=1))
+    half["joint_force"][held[0], 0, 0] += 1e12
+    half["joint_force"][held[0], 1, 0] -= 1e12
+    half["bound"] = half["bound"] * 1.01
+    assert "left of load" in said_of(write(tmp_path / "forged.h5", halves))
