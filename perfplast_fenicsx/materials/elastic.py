@@ -171,9 +171,9 @@ def check_deforms(materials: Mapping[str, object]) -> None:
     for name, material in materials.items():
         if isinstance(material, Rigid):
             raise InputError(
-                f"the body '{name}' has law = 'rigid' and no stiffness, of which bounds of the limit"
-                " load alone are known; give control = 'bounds', or law = 'elastic' with young and"
-                " poisson."
+                f"the body '{name}' has law = 'rigid', which has no stiffness, and only bounds of"
+                " the limit load know it; give control = 'bounds', or law = 'elastic' with young"
+                " and poisson."
             )
 
 

@@ -59,17 +59,17 @@ def panels(
 
     Args:
         frames: One skin with one or more states: with ``displacement``, ``contact_pressure``,
-            ``yield_ratio``, the mark ``contact``, and ``dissipation`` where it is to be shown. All
-            frames have the same scales. Where there are ``slip`` and ``friction_stress``, these are
-            shown beside the displacement. Where the bodies remember, and there is an
-            ``accumulated_plastic_strain``, it is shown and not the displacement.
+            ``yield_ratio`` unless bodies are rigid, the mark ``contact``, and ``dissipation`` where
+            it is to be shown. All frames have the same scales. Where there are ``slip`` and
+            ``friction_stress``, these are shown beside the displacement. Where the bodies remember,
+            and there is an ``accumulated_plastic_strain``, it is shown and not the displacement.
         units: For the legends.
         largest_dissipation: Of all cells, inner ones too; for mechanisms alone.
         middle: Show displacement or dissipation, and not only the other two.
         unique: Whether the stress is that of a level; that of a limit load is arbitrary where
             nothing flows, which is said of the contact pressure.
     """
-    found = [_stress(frames)]
+    found = [_stress(frames)] if "yield_ratio" in frames[0].at_cells else []
     if "accumulated_plastic_strain" in frames[-1].at_cells and largest_dissipation is None:
         found.append(_flow(frames))
     elif not middle:

@@ -188,24 +188,29 @@ class ResultReader:
                 the mechanism has its own, having been found without a level.
 
         Returns:
-            The skin with the velocity as ``displacement`` and the ``dissipation``, and the largest
-            dissipation of all cells; None where there is no mechanism.
+            The skin with the velocity as ``displacement`` and, unless bodies are rigid blocks, the
+            ``dissipation``, and the largest dissipation of all cells; None without a mechanism.
         """
         if self.limit is None or not (self.path / MECHANISM).exists():
             return None
         skin = self.skin
+        yields = self.read(MECHANISM, lambda path: _has(path, DISSIPATION))
         if surface is None:
-            pressure, ratio = self._arrays(MECHANISM, PRESSURE, YIELD_RATIO)
-            surface = dataclasses.replace(
-                skin.surface,
-                at_points={"contact_pressure": pressure[skin.nodes]},
-                at_cells={"yield_ratio": ratio[skin.cells]},
-            )
-        velocity, work = self._arrays(MECHANISM, VELOCITY, DISSIPATION)
-        at_cells = surface.at_cells | {"dissipation": work[skin.cells]}
+            (pressure,) = self._arrays(MECHANISM, PRESSURE)
+            at_cells = {}
+            if yields:
+                (ratio,) = self._arrays(MECHANISM, YIELD_RATIO)
+                at_cells = {"yield_ratio": ratio[skin.cells]}
+            at_points = {"contact_pressure": pressure[skin.nodes]}
+            surface = dataclasses.replace(skin.surface, at_points=at_points, at_cells=at_cells)
+        (velocity,) = self._arrays(MECHANISM, VELOCITY)
+        at_cells, largest = surface.at_cells, 0.0
+        if yields:
+            (work,) = self._arrays(MECHANISM, DISSIPATION)
+            at_cells, largest = at_cells | {"dissipation": work[skin.cells]}, work.max(initial=0.0)
         at_points = surface.at_points | {"displacement": velocity[skin.nodes]}
         found = dataclasses.replace(surface, at_points=at_points, at_cells=at_cells)
-        return found, float(work.max(initial=0.0))
+        return found, float(largest)
 
     @cached_property
     def skin(self) -> Skin:
@@ -253,8 +258,13 @@ class ResultReader:
 
 def _remembers(path: Path) -> bool:
     """Whether a file has a history of plastic flow."""
+    return _has(path, ACCUMULATED)
+
+
+def _has(path: Path, place: str) -> bool:
+    """Return whether a file has an array."""
     with stored_file(path, BESIDE) as file:
-        return ACCUMULATED in file
+        return place in file
 
 
 def _report(row: dict[str, Any]) -> LevelReport:

@@ -49,12 +49,13 @@ def view_of(surface: Surface, axisymmetric: bool) -> View:
     """From where a result is shown: from the front, unless twice as much of it is seen from behind.
 
     Args:
-        surface: With the ``yield_ratio``, of which the stressed skin is to be seen.
+        surface: With the ``yield_ratio``, of which the stressed skin is to be seen, or rigid.
         axisymmetric: Whether a plane one is half a section.
     """
     if surface.plane:
         return REVOLVED if axisymmetric else PLANE
-    weighed = surface.normals * (surface.at_cells["yield_ratio"] ** 4 + 1e-6)[:, None]
+    ratio = surface.at_cells.get("yield_ratio", np.zeros(len(surface.normals)))
+    weighed = surface.normals * (ratio**4 + 1e-6)[:, None]
     weighed = weighed[~surface.marks["contact"]]
     front, back = (np.maximum(weighed @ view.towards, 0).sum() for view in (FRONT, BACK))
     return BACK if back > 2 * front else FRONT

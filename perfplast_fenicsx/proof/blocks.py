@@ -1,15 +1,18 @@
 """Do forces on the joints of rigid blocks prove a lower bound? No cell of them can yield.
 
-A block is what inner facets join, and bears any stress: it asks for no more than balance of force
-and moment. Its outer facets have forces at their vertices, per thickness in the plane, and where
-surfaces adhere also shear tractions that are linear between vertices. λ is a lower bound of the
-limit load where the loads at λ and these are in balance on each block; forces of both sides of a
-contact are opposite; they push with p ≥ 0 and have the shear ‖f_t‖ ≤ μp at most; adhesive tractions
-lie in the facet and are at most c; and all others are where supports hold. For a mechanism of rigid
-motions that is admissible in the joints has the jump w with w_n + μ‖w_t‖ ≤ 0, so that the forces do
-no work of another sign than dissipation, and the tractions at most ∫c‖w_t‖ (static theorem,
-D. C. Drucker, W. Prager, H. J. Greenberg, doi:10.1090/qam/45573; of blocks, J. Heyman,
-doi:10.1016/0020-7683(66)90018-7).
+A block is what inner facets join, and bears any stress: only force and moment on it must balance.
+Its outer facets have forces at their vertices, per thickness in the plane. Where surfaces adhere,
+shear tractions act beside them, linear between vertices. λ is a lower bound of the limit load if
+
+- the loads at λ, the forces and the tractions are in balance on each block;
+- those of both sides of a contact are opposite;
+- the forces of contact push with p ≥ 0, and have the shear ‖f_t‖ ≤ μp at most;
+- the tractions lie in the facet and are at most c;
+- all other forces are where supports hold.
+
+For admissible rigid motions have jumps w with w_n + μ‖w_t‖ ≤ 0 in the joints. There the forces do
+no negative work, and the tractions no less than −∫c‖w_t‖ (static theorem, D. C. Drucker, W. Prager,
+H. J. Greenberg, doi:10.1090/qam/45573; of blocks, J. Heyman, doi:10.1016/0020-7683(66)90018-7).
 """
 
 from collections.abc import Sequence
@@ -27,7 +30,7 @@ from perfplast_fenicsx.proof.verdict import share_of
 
 
 def measure_forces(body: Body, forces: Floats, tractions: Floats, kinds: Sequence[Loads]) -> Left:
-    """Return what is left of each condition, and what forbids to tell it.
+    """Return what is left of each condition, and what forbids to judge it.
 
     Args:
         body: The bodies, none of which can yield.
@@ -49,8 +52,7 @@ def measure_forces(body: Body, forces: Floats, tractions: Floats, kinds: Sequenc
     pulls, pushes = loads.sizes(body.volumes, body.areas)
     acting = np.linalg.norm(forces, axis=2).sum(axis=1)
     acting += body.areas * np.linalg.norm(tractions, axis=2).mean(axis=1) + pushes
-    size = np.bincount(of_facets, weights=acting, minlength=count)
-    size += np.bincount(blocks, weights=pulls, minlength=count)
+    size = _summed(of_facets, acting, count) + _summed(blocks, pulls, count)
     off = _off_balance(body, forces, loads.traction + tractions, loads, blocks)
     lost = np.abs(off).sum(axis=1)
     on_facets = size[of_facets]
@@ -71,7 +73,7 @@ def measure_forces(body: Body, forces: Floats, tractions: Floats, kinds: Sequenc
 
 
 class _Joints:
-    """What forces leave of the conditions of their facets.
+    """The rest that forces leave of the conditions of their facets.
 
     Attributes:
         loose: Forces, and tractions times areas, where nothing holds or touches, (num_facets,).
@@ -79,7 +81,7 @@ class _Joints:
         shear: Forces of contact along it, beyond μ times those across; tractions out of the facet.
         unequal: What forces of both sides differ by.
         ratio: Adhesive tractions over c.
-        reason: Why the conditions cannot be told, or None.
+        reason: Why the conditions cannot be judged, or None.
     """
 
     def __init__(self, body: Body, forces: Floats, tractions: Floats) -> None:
@@ -89,7 +91,7 @@ class _Joints:
         self._times = np.zeros(count, dtype=int)
         self.reason: str | None = None
         rubs = zip(body.contact_adhesion, body.contact_friction, strict=True)
-        for (one, other), (c, mu) in zip(body.contacts, rubs, strict=True):
+        for one, other, (c, mu) in zip(*body.contacts.T, rubs, strict=True):
             pair = touching(body, one, other)
             if pair.apart:
                 self.reason = f"{pair.apart} facets of contact or more match none opposite"
@@ -106,7 +108,7 @@ class _Joints:
             facets = body.on(tag)
             self._judge(facets, np.tile(normal, (len(facets), 1)), c, mu)
         free = self._times == 0
-        held = body.held | body.guided.any(axis=1)[:, None]
+        held = body.held.any(axis=1) | np.asarray(body.guided.any(axis=1))
         rest = left_free(forces, body.held, body.guided)
         self.loose[free] = np.linalg.norm(rest, axis=2).sum(axis=1)[free]
         pulled = body.areas * np.linalg.norm(tractions, axis=2).sum(axis=1)
@@ -140,15 +142,9 @@ def _off_balance(
     """Return forces and moments over the extent of each block, shape (num_blocks, 3 or 6)."""
     d, count = body.dim, int(blocks.max()) + 1
     x = body.vertices[body.cells]
-    weights = np.bincount(blocks, weights=body.volumes, minlength=count)
-    middle = np.stack(
-        [
-            np.bincount(blocks, weights=body.volumes * x[..., i].mean(axis=1), minlength=count)
-            for i in range(d)
-        ],
-        axis=1,
-    )
-    middle /= weights[:, None]
+    weights = _summed(blocks, body.volumes, count)
+    sums = [_summed(blocks, body.volumes * x[..., i].mean(axis=1), count) for i in range(d)]
+    middle = np.stack(sums, axis=1) / weights[:, None]
     extent = np.zeros(count)
     away = np.linalg.norm(x - middle[blocks][:, None], axis=2).max(axis=1)
     np.maximum.at(extent, blocks, away)
@@ -166,6 +162,11 @@ def _off_balance(
         act(of_facets, at[:, vertex], forces[:, vertex] + spread[:, vertex])
     act(blocks, x.mean(axis=1), body.volumes[:, None] * loads.body_force)
     return found
+
+
+def _summed(of: Longs, values: Floats, count: int) -> Floats:
+    """Return the sum of values of each block, shape (count,)."""
+    return np.asarray(np.bincount(of, weights=values, minlength=count), dtype=np.float64)
 
 
 def _numbered(pieces: Longs) -> tuple[Longs, int]:

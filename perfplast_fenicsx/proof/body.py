@@ -30,8 +30,8 @@ class Body:
         vertices: Shape (num_vertices, d).
         cells: Their vertices, shape (num_cells, d + 1).
         cone: Number of the cone that bounds the stress of each cell, shape (num_cells,); −1 of
-            elastic and rigid ones, which bear any. Where all are so they are blocks, of which
-            contacts and obstacles alone limit the load (:mod:`blocks`).
+            elastic and rigid ones, which bear any. Where all are so, only contacts and obstacles
+            limit the load (:mod:`blocks`).
         cone_bound: c ≥ 0 of each cone ‖Mσ‖ ≤ c − q·σ (:class:`cones.Cones`), shape (num_cones,).
         cone_slope: q, shape (num_cones, m), m = 3 in the plane and 6 in space.
         cone_matrix: M, shape (num_cones, m, m).

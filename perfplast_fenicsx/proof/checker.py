@@ -141,7 +141,7 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
 
 
 def _left(body: Body, arrays: Mapping[str, npt.NDArray], kinds: Sequence[Loads]) -> Left:
-    """What a stress leaves of its conditions; of blocks that cannot yield forces on their joints.
+    """Return what a stress, or forces on joints of blocks, leave of their conditions.
 
     Args:
         body: The bodies.

@@ -176,7 +176,7 @@ class LevelSolver(Stepper, ABC):
 
         Raises:
             InputError: If Total FETI, which a subdivision asks for, does not go with the problem,
-                friction is associated, or ground is of a kind of which bounds alone are known, or bodies are rigid.
+                friction is associated, or bodies are rigid or of a kind that only bounds know.
         """
         check_deforms(problem.given.materials)
         check_slip_is_true(problem)

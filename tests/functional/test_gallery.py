@@ -29,6 +29,7 @@ COARSE = {
     "press_fit": {"size = 1.0": "size = 6.0", "curvature = 48": "curvature = 16"},
     "slope": {"size = 1.0": "size = 2.0"},
     "retaining_wall": {"size = 1.5": "size = 2.5", "cells = 2500": "cells = 250"},
+    "arch": {},
     "footing": {"size = 1.5": "size = 3.0", "cells = 2500": "cells = 250", "path = true": ""},
     "dovetail": {"size = 1.5": "size = 5.0", "{blade = 1.0}": "{blade = 3.0}"},
     "engine_bracket": {"size = 9.0": "size = 30.0\ncurvature = 6", "cells = 4500": "cells = 10"},
@@ -67,6 +68,14 @@ def test_limit_loads(shared_tmp_path: Path, name: str, limit: float) -> None:
     found = run_small(shared_tmp_path, name)["limit"]
     assert found["levelled_off"]
     assert found["estimate"] == pytest.approx(limit, rel=0.05)
+
+
+def test_arch(shared_tmp_path: Path) -> None:
+    """Rigid stones: both bounds are the collapse acceleration, whatever the mesh."""
+    body = run_small(shared_tmp_path, "arch")["limit"]["body"]
+    assert body["strict"]
+    assert body["lower"] == pytest.approx(body["upper"], rel=1e-9)
+    assert round(body["upper"], 2) == 0.37
 
 
 def test_dovetail(shared_tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Rigid blocks: their joints alone limit the load, and both bounds meet in a linear program."""
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 from mpi4py import MPI
@@ -13,10 +14,12 @@ from perfplast_fenicsx import (
     Contact,
     Newton,
     Plane,
+    Pressure,
     Problem,
     ResultFolder,
     Rigid,
     Support,
+    VonMises,
     limit_bounds,
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
@@ -74,7 +77,7 @@ def oppenheim(push: bool = True) -> Problem:
     """Seven stones over 157.5°, the thickness 0.15 of the mean radius, on two held ones."""
     step = math.radians(157.5) / 7
     angles = (np.arange(10) - 4.5) * step
-    places = [voussoir(a, b, 0.925, 1.075) for a, b in zip(angles[:-1], angles[1:], strict=True)]
+    places = [voussoir(a, b, 0.925, 1.075) for a, b in pairwise(angles)]
     mesh = stones(COMM, places, (1, 2))
     loads = weight_and(mesh, [1.0, 0.0], ["0", "8"])
     return chain(
@@ -96,7 +99,7 @@ def half_circle(thickness: float, stones_of_half: int = 20) -> Problem:
     step = angles[1] - angles[0]
     angles = np.concatenate([[angles[0] - step], angles, [angles[-1] + step]])
     inner, outer = 1 - thickness / 2, 1 + thickness / 2
-    places = [voussoir(a, b, inner, outer) for a, b in zip(angles[:-1], angles[1:], strict=True)]
+    places = [voussoir(a, b, inner, outer) for a, b in pairwise(angles)]
     mesh = stones(COMM, places, (1, 1))
     loads = weight_and(mesh, [1.0, 0.0], ["0", str(count + 1)])
     return chain(mesh, [Support("0_x0"), Support(f"{count + 1}_x1")], loads, coulomb=2.0)
@@ -201,8 +204,7 @@ def dome(thickness: float, count: int = 20) -> Problem:
     angles = np.linspace(0, math.pi / 2, count + 1)
     angles = np.append(angles, angles[-1] + angles[1])
     radii = 1 - thickness / 2, 1 + thickness / 2
-    pairs = zip(angles[:-1], angles[1:], strict=True)
-    mesh = stones(COMM, [lune(a, b, *radii, wide=0.1) for a, b in pairs], (1, 1, 1))
+    mesh = stones(COMM, [lune(a, b, *radii, wide=0.1) for a, b in pairwise(angles)], (1, 1, 1))
     loads = weight_and(mesh, [1.0, 0.0, 0.0], [str(count)])
     crown = Plane("0_x0", [0.01 * radii[0], 0.0, 0.0], [1.0, 0.0, 0.0])
     return chain(mesh, [Support(f"{count}_x1")], loads, [crown], coulomb=1.0)
@@ -216,6 +218,23 @@ def test_least_thickness_of_a_dome(shared_tmp_path: Path) -> None:
     falls = limit_bounds(dome(0.0415))
     assert "does not stand" in falls.in_words()
     proven(shared_tmp_path, falls)
+
+
+def test_a_rigid_body_beside_one_that_yields() -> None:
+    """A stone presses on a block, which is squeezed out at 2k."""
+    mesh = stones(COMM, [box([0, 0], [1, 1]), box([0, 1], [1, 2])], (2, 2))
+    problem = Problem(
+        mesh,
+        {"0": VonMises(young=1e4, poisson=0.3, yield_stress=math.sqrt(3)), "1": Rigid()},
+        [Support("0_y0", "y"), Support("0_x0", "x"), Support("1_x0", "x")],
+        [Pressure("1_y1", 1.0)],
+        [Contact("0_y1", "1_y0")],
+        degree=2,
+    )
+    bounds = limit_bounds(problem)
+    assert bounds.strict
+    assert bounds.lower.value == pytest.approx(2.0, rel=1e-3)
+    assert bounds.upper.value == pytest.approx(2.0, rel=1e-3)
 
 
 def test_refusals() -> None:

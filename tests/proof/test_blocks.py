@@ -60,7 +60,12 @@ def upper(change: Callable[[dict], object]) -> Callable[[Halves], None]:
 
 def times(name: str, factor: float) -> Callable[[dict], None]:
     """Multiplies an array."""
-    return lambda half: half.update({name: half[name] * factor})
+
+    def change(half: dict) -> None:
+        with np.errstate(invalid="ignore"):  # 0 times what is no number
+            half[name] = half[name] * factor
+
+    return change
 
 
 def elsewhere(half: dict) -> None:

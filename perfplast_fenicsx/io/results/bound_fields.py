@@ -19,9 +19,9 @@ def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
     Returns:
         ``lower_bound_stress``, the mean of each cell (3×3), where there is a lower bound, and
         ``gap_share``, what each cell that was given has of the gap, in its parts if it was split.
-        Of rigid blocks ``contact_pressure`` of the forces on joints, and ``yield_ratio``, 0.
+        Of rigid blocks ``contact_pressure`` of the forces on joints.
     """
-    fields = {}
+    fields = dict[str, fem.Function]()
     if body.joints is not None:
         fields |= _of_joints(body.problem, body.joints)
     tagged_mesh = body.problem.tagged_mesh
@@ -62,8 +62,7 @@ def _of_joints(problem: Problem, joints: JointProof) -> dict[str, fem.Function]:
         field.x.scatter_reverse(la.InsertMode.add)
         field.x.scatter_forward()
     pressure.x.array[:] /= np.where(areas.x.array > 0, areas.x.array, 1.0)
-    ratio = fem.Function(fem.functionspace(mesh, ("DG", 0)), name="yield_ratio")
-    return {"contact_pressure": pressure, "yield_ratio": ratio}
+    return {"contact_pressure": pressure}
 
 
 def _tensors(body: BodyBounds, mandel: Floats) -> fem.Function:

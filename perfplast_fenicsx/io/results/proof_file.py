@@ -98,7 +98,7 @@ class VelocityProof:
 
 
 LowerProof = StressProof | ForceProof
-"""What proves a lower bound."""
+"""The proof of a lower bound."""
 
 
 def proofs(low: BodyBounds, high: BodyBounds) -> tuple[LowerProof | None, VelocityProof | None]:

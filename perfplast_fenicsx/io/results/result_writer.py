@@ -151,8 +151,9 @@ class ResultWriter:
                     folder, prescribed = self.results.folder, Prescribed.WORK
                     self._fields = FieldSeries(folder, problem, prescribed, points=self._points)
                     self._output = OutputFields(problem)
-                work = dissipation(problem, limit.mechanism)
-                found = {"mechanism": limit.mechanism, "dissipation": work}
+                found = {"mechanism": limit.mechanism}
+                if body is None or body.joints is None:
+                    found["dissipation"] = dissipation(problem, limit.mechanism)
                 at_points = None
                 if limit.stress is not None and limit.contact_forces is not None:
                     found |= self._output.of_stress(limit.stress, limit.contact_forces)

@@ -30,7 +30,7 @@ NOTHING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class BlockLimit:
-    """What was found, the same on all ranks but for arrays of facets.
+    """The best forces and motion, the same on all ranks but for arrays of facets.
 
     Attributes:
         lower: Of the forces: whether there are any, and λ.
@@ -79,18 +79,19 @@ def block_limit(
             @ reactions.reshape(blocks.count, -1)[blocks.of_outer][..., None]
         )
         forces[:, vertex] += np.einsum("fki,fkj,fjl->fi", held, held, moved)
-    return BlockLimit(*limits[:3], forces, tractions, motion, *limits[3:])
+    lower, upper, aside, programs, resists = limits
+    return BlockLimit(lower, upper, aside, forces, tractions, motion, programs, resists)
 
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """What rank 0 knows.
+    """The solution on rank 0.
 
     Attributes:
         facets: Of joints.
         forces: At their vertices on the first side, shape (n, d, d).
         tractions: The same by adhesion.
-        shared: Motion and reactions of blocks, and what else all ranks are told.
+        shared: Motion and reactions of blocks, and what else all ranks get.
     """
 
     facets: JointFacets
@@ -146,14 +147,17 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
     most = [float(np.abs(of).max(initial=0.0)) for of in every]
     unit = max(most[1], float(radius.sum())) or most[0] or 1.0
     scales = [most[0] or 1.0, unit, most[2] or 1.0]
-    loads = [blocks.free.T @ of / by for of, by in zip(every, scales, strict=True)]
+    loads = [
+        np.asarray(blocks.free.T @ of / by, dtype=np.float64)
+        for of, by in zip(every, scales, strict=True)
+    ]
     jumps, free = _jumps(facets, blocks.frames, blocks.count), csr_array(blocks.free)
     sticky = np.flatnonzero(radius > 0)
     kept = 1 - 1e-9  # share of the adhesion that forces may use, for tolerances of the program
     discs = [
         Places(
             jump=_some(of, sticky, d)[_across(len(sticky), d)] @ free,
-            size=share * radius[sticky] / unit,
+            size=np.asarray(share * radius[sticky] / unit, dtype=np.float64),
             cone=False,
             components=d - 1,
         )
@@ -162,9 +166,12 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
     cones = _some(jumps.vertices, jumps.kept, d)
     programs = [
         JointProgram(
-            Places(cones @ free, np.repeat(frictions[number], d)[jumps.kept], True, d),
-            *discs,
-            *loads,
+            cones=Places(cones @ free, np.repeat(frictions[number], d)[jumps.kept], True, d),
+            discs=discs[0],
+            outer_discs=discs[1],
+            sought=loads[0],
+            constant=loads[1],
+            others=loads[2],
         )
         for frictions in (_frictions(strengths, False), _frictions(strengths, True))
     ]
@@ -172,11 +179,11 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
     if low.outcome is Outcome.FOUND and not most[1] and low.value <= NOTHING:
         low = replace(low, value=0.0, aside=0.0, cones=0 * low.cones, discs=0 * low.discs)
     times = unit / scales[0]
-    motion = blocks.free @ high.motion / scales[0]
+    motion: Floats = np.asarray(blocks.free @ high.motion / scales[0], dtype=np.float64)
     forces = np.zeros((len(number) * d, d))
     tractions = np.zeros_like(forces)
     aside = low.aside * unit / scales[2]
-    reactions = np.zeros(len(blocks.free))
+    reactions: Floats = np.zeros(len(blocks.free))
     if low.outcome is Outcome.FOUND:
         forces[jumps.kept] = low.cones * unit
         along = low.discs * unit
@@ -257,7 +264,7 @@ def _jumps(facets: JointFacets, frames: Frames, count: int) -> _Jumps:
         ]
     )
     kept = np.sort(np.unique(keys, axis=0, return_index=True)[1])
-    return _Jumps(axes, *found, kept)
+    return _Jumps(axes, found[0], found[1], kept)
 
 
 def _axes(normals: Floats) -> Floats:

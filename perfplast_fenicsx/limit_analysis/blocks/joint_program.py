@@ -11,9 +11,9 @@ forces balance the largest is the least −L₀(v) of such motions with L₁(v) 
 facet, its vertices are enough. Where surfaces adhere, shear tractions that are linear on a facet
 and at most c do work as well, no more than ∫c‖w_t‖.
 
-In the plane both are one linear program. In space cones of few edges stand for round ones: inside
-of them for the forces, outside of them for the motions, so that both bounds are strict whatever
-edges there are. Those are added where the other side of either program asks for them.
+In the plane both are one linear program. In space cones of few edges replace the round ones: inside
+of them for the forces, outside of them for the motions. So both bounds are strict for any edges.
+Edges are added where the dual solution of a program asks for them.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ MOST_ROUNDS = 60
 
 
 class Outcome(StrEnum):
-    """What came of a linear program."""
+    """The outcome of a linear program."""
 
     FOUND = "found"
     UNBOUNDED = "unbounded"
@@ -45,8 +45,8 @@ class Places:
     """Places of joints with a set of forces each: a cone, or a disc across the normal.
 
     Attributes:
-        jump: Rows of w along (n, t) of each place, of a disc along t alone, for all unknown
-            motions; shape (num_places · components, num_motions).
+        jump: Rows of w along (n, t) of each place, of a disc along t alone. The shape is
+            (num_places · components, num_motions).
         size: μ of each cone, or the radius of each disc (force), shape (num_places,).
         cone: Whether they are cones.
         components: Of a force.
@@ -148,7 +148,7 @@ class _Edges:
         return cls(np.repeat(rubs, count), np.tile(angles, len(rubs)))
 
     def add(self, of: Longs, angle: Floats) -> int:
-        """Add directions that are none yet; return how many."""
+        """Add directions that are new; return how many."""
         angle = np.mod(angle, 2 * np.pi)
         near = 1e-7  # parts of a turn by which angles that are the same differ at most
         keys, wanted = (np.sort(self.of + self.angle / (2 * np.pi)), of + angle / (2 * np.pi))
@@ -210,15 +210,17 @@ def _sharpened(
     discs = program.discs if inside else program.outer_discs
     every = (program.cones, discs)
     edges = [_Edges.first(places) for places in every]
-    for number in range(1, MOST_ROUNDS + 1):
+    rounds = 0
+    while True:
+        rounds += 1
         found = _Solved.of(program, every, edges, inside)
-        if found.outcome is not Outcome.FOUND:
+        if found.outcome is not Outcome.FOUND or rounds == MOST_ROUNDS:
             break
         # Forces and jumps that leave a round cone by less, relative to the largest, may do so.
         close = 0.01 * rtol
         if not found.sharpen(every, edges, inside, close):
             break
-    return (found.forces(every) if inside else found.block_motion(every)), number
+    return (found.forces(every) if inside else found.block_motion(every)), rounds
 
 
 @dataclass(eq=False)
@@ -324,7 +326,7 @@ class _Solved:
 
     def parts(self, every: tuple[Places, ...]) -> list[Floats]:
         """Return the forces of all places, of cones and of discs."""
-        found, first = [], 0
+        found, first = list[Floats](), 0
         for places, (of, vectors) in zip(every, self.generators, strict=True):
             sizes = self.sizes[first : first + len(of)]
             first += len(of)
@@ -346,7 +348,7 @@ class _Solved:
         dissipation = float(discs.size @ np.linalg.norm(discs.jumps(motion), axis=1))
         work = float(program.sought @ motion)
         value = (dissipation - float(program.constant @ motion)) / work
-        return BlockMotion(self.outcome, value, motion / work)
+        return BlockMotion(self.outcome, value, np.asarray(motion / work, dtype=np.float64))
 
     def _admissible(self, every: tuple[Places, ...]) -> Floats:
         """Return the motion with what is rounding in its conditions removed."""

@@ -1,5 +1,6 @@
 """Bodies that cannot yield as rigid blocks: their motions, the loads on them, and their joints."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -30,7 +31,7 @@ ROUND = "an obstacle is curved, and blocks know planes"
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """What rigid motions of blocks refer to: they turn about the middle, over the extent.
+    """The frame of each block's rigid motions, which turn about the middle, over the extent.
 
     Attributes:
         middle: Shape (num_blocks, d).
@@ -138,7 +139,7 @@ def why_no_blocks(problem: Problem) -> str | None:
     tdim = problem.bodies.gdim
     topology = problem.tagged_mesh.mesh.topology
     in_contact = body.facets.in_contact
-    held = body.supported | body.guided.any(axis=1)[:, None]
+    held = body.supported.any(axis=1) | np.asarray(body.guided.any(axis=1))
     touched = bool(held[in_contact].any())
     topology.create_connectivity(tdim, tdim - 1)
     sides = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
@@ -299,7 +300,7 @@ def _loads(
     return found.ravel()
 
 
-def _joined(rows: npt.NDArray[np.void], interfaces: tuple[Interface, ...]) -> JointFacets:
+def _joined(rows: npt.NDArray[np.void], interfaces: Sequence[Interface]) -> JointFacets:
     """Return facets with those opposite, in an order that does not depend on the ranks."""
     rows = rows[np.lexsort([rows["key"], rows["side"], rows["interface"]])]
     d = rows["normal"].shape[1]

@@ -53,7 +53,7 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
         rtol: How near each bound comes to the best one, relative.
 
     Raises:
-        InputError: If the joints are none that the program knows, or resist nothing.
+        InputError: If the program does not know the joints, or they resist nothing.
     """
     if (why := why_no_blocks(problem)) is not None:
         raise InputError(

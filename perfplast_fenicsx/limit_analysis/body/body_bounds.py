@@ -61,7 +61,7 @@ class LeastLoad:
 
 @dataclass(frozen=True, eq=False)
 class JointProof:
-    """What proves a lower bound of rigid blocks.
+    """The proof of a lower bound of rigid blocks.
 
     Attributes:
         forces: On the blocks at the vertices of owned outer facets in the order of their cells, per

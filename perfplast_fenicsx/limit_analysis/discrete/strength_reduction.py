@@ -126,8 +126,8 @@ def check_stands(loads: Sequence[Load], elastic: bool) -> None:
     """
     if elastic:
         raise InputError(
-            "all bodies are elastic or rigid, and have no strength that could fall; give those that may"
-            " yield another law."
+            "all bodies are elastic or rigid, and have no strength that could fall; give those that"
+            " may yield another law."
         )
     for load in loads:
         if not load.constant:

@@ -40,10 +40,7 @@ class Standing:
     def in_words(self) -> str:
         """What it says, in a clause."""
         if self.upper is not None and self.upper <= 0:
-            return (
-                "no part of the constant loads, however small, is carried at any load factor: joints"
-                " without adhesion part or slip"
-            )
+            return "no part of the constant loads, however small, is carried at any load factor"
         sides = []
         if self.lower is not None:
             sides.append(f"{rounded_down(self.lower)} times at least")
