@@ -162,6 +162,7 @@ def test_control_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
     same_path(folder, whole[1])
 
 
+@pytest.mark.long
 def test_killed_at_any_moment(whole: tuple[Path, Path], tmp_path: Path) -> None:
     """At most the running level is lost, whatever is just being written."""
     case, folder = whole[0], tmp_path / "results"
@@ -198,6 +199,7 @@ def is_whole(folder: Path, err: str, reason: str) -> None:
         assert len(file["header"]) > 0
 
 
+@pytest.mark.long(but=["0.5"])
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_files_may_grow_no_more(whole: tuple[Path, Path], tmp_path: Path, share: float) -> None:
     """From the fifth level on, not at all or not to the size of a checkpoint."""

@@ -15,6 +15,8 @@ from tests.functional.test_restart import path_of
 from tests.functional.test_restart import run_until as run_until  # a fixture
 from tests.models import write_case
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 PRELOAD = 40.0
 CASE = f"""
 [mesh]

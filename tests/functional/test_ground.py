@@ -40,6 +40,8 @@ from perfplast_fenicsx.proof import check
 from tests.functional.test_command_line import one_line, write
 from tests.models import Read
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 COHESION, ANGLE = 10.0, 30.0
 TIP = COHESION / math.tan(math.radians(ANGLE))
 EXACT = TIP * (2.0 ** (2 / 3) - 1)
@@ -179,6 +181,7 @@ def test_a_strip_footing(read: Read, angle: float, off: float) -> None:
     assert_admissible(problem, found)
 
 
+@pytest.mark.long(but=["False"])
 @pytest.mark.parametrize("outer", [True, False])
 def test_beside_von_mises(read: Read, outer: bool) -> None:
     """Bodies that keep their volume touch such as grow; the path agrees."""
@@ -195,6 +198,7 @@ def test_beside_von_mises(read: Read, outer: bool) -> None:
     assert_admissible(problem, found)
 
 
+@pytest.mark.long
 def test_confined_ground_is_said_to_be_confined(read: Read) -> None:
     """A tube whose outer face is held dilates against it: no load is too much, nothing locks."""
     tagged_mesh = read(write_thick_tube, outer=2.0, size=0.3)

@@ -243,6 +243,7 @@ def test_nothing_is_run(
         MPI.COMM_WORLD.barrier()
 
 
+@pytest.mark.long
 def test_names_are_text(
     mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

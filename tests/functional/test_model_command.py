@@ -12,6 +12,8 @@ from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from tests.functional.test_command_line import one_line
 from tests.models_of_others.test_inp_file import HEAD, ONE_BODY, REST
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 TWO = """*ELEMENT, TYPE=C3D8, ELSET=LOWER
 1,1,2,3,4,5,6,7,8
 *NODE

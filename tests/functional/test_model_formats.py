@@ -13,6 +13,8 @@ from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.io.case.case_schema import case_schema
 from tests.models_of_others.meshes import bdf_text, unv_text, write_med
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ELASTIC = """*NODE
 1,0,0,0
 2,1,0,0
@@ -61,6 +63,7 @@ def folder(comm: MPI.Intracomm, shared_tmp_path: Path) -> Path:
     return shared_tmp_path
 
 
+@pytest.mark.long(but=["a.med"])
 @pytest.mark.serial
 @pytest.mark.parametrize("name", ["a.med", "a.unv", "a.bdf"])
 def test_a_folder_for_each_format(

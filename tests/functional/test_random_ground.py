@@ -116,7 +116,7 @@ def ordered(bounds: BodyBounds) -> tuple[float, float]:
 
 CASES = [
     pytest.param(seed, marks=[] if seed in (0, 3) else [pytest.mark.serial])
-    for seed in range(int(4 * float(os.environ.get("PERFPLAST_FUZZ", "1"))))
+    for seed in range(int(4 * float(os.environ.get("PERFPLAST_FUZZ", "0.5"))))
 ]
 
 

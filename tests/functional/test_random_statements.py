@@ -19,7 +19,7 @@ from perfplast_fenicsx.proof import check
 from tests.random_statements import random_case
 
 COMM = MPI.COMM_WORLD
-EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
+EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "0.5"))
 REFUSED = (
     "can move as a rigid body",
     "they move bodies off what holds them",

@@ -13,6 +13,8 @@ from perfplast_fenicsx.materials import MohrCoulomb
 from tests.functional.test_command_line import one_line
 from tests.models import write_case
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 CASE = """
 [mesh]
 builder = "stacked_blocks"

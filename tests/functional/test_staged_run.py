@@ -15,6 +15,8 @@ from tests.functional.test_restart import path_of, same_path
 from tests.functional.test_restart import run_until as run_until  # a fixture
 from tests.models import write_case
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 AT_YIELD = YIELD * HEIGHT / YOUNG
 STAGES = f"""
 [[stage]]

@@ -78,6 +78,7 @@ def test_a_block_in_space(shared_tmp_path: Path) -> None:
     proven(bounds, shared_tmp_path)
 
 
+@pytest.mark.long(but=["1"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_newton_and_the_interior_point_method_agree(degree: int) -> None:
     problem = blocks(degree=degree)

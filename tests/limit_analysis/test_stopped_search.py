@@ -31,6 +31,8 @@ from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
 from perfplast_fenicsx.proof import check
 from tests.models import Read
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 MANY = 10 * int(os.environ.get("PERFPLAST_FUZZ", "0"))
 SEEDS = range(MANY or 4)
 """Of random assemblies, every fourth one in space."""

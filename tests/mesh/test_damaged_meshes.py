@@ -23,8 +23,8 @@ def read(folder: Path, mesh: Plain) -> TaggedMesh:
     return read_gmsh(MPI.COMM_WORLD, path)
 
 
-@pytest.mark.mpi2("inner node far out-2")
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.mpi2("inner node far out-3")
+@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])
 @pytest.mark.parametrize("name", DAMAGED)
 def test_damaged_meshes_are_refused(shared_tmp_path: Path, name: str, dim: int) -> None:
     make, says = DAMAGED[name]

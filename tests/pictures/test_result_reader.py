@@ -225,6 +225,7 @@ def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: 
     assert np.allclose(2 * first.at_points[u], second.at_points[u], rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.long
 def test_levels_of_prescribed_work(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     """Levels are known by their numbers, whatever was prescribed; the mechanism by its file."""
     control = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-2\nlimit_method = "path"'

@@ -1,6 +1,6 @@
 """Honest proofs of random bodies pass, however much stronger one body is than the others.
 
-``PERFPLAST_FUZZ=25`` tries twenty-five times as many.
+``PERFPLAST_FUZZ=10`` tries twenty-five times as many.
 """
 
 import os
@@ -18,7 +18,7 @@ from perfplast_fenicsx.proof import check
 from tests.random_bodies import problem_of, stack, write_stack
 
 COMM = MPI.COMM_WORLD
-EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
+EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "0.4"))
 CONTRASTS = (1e0, 1e3, 1e6, 1e9, 1e12, 1e15)
 CARRY_NOTHING = {163, 205}
 """Meshes of some twenty cells on which no stress in equilibrium presses wherever bodies touch."""

@@ -48,6 +48,7 @@ def largest_component(problem: Problem, level: Level, body: str) -> float:
     return problem.comm.allreduce(float(np.abs(values).max(initial=0)), MPI.MAX)
 
 
+@pytest.mark.long(but=["1-83.228979667-167", "2-111.49381284-1810"])
 @pytest.mark.parametrize(
     ("n", "alpha", "plastic_cells"),
     [(1, 83.228979667, 167), (2, 111.49381284, 1810), (4, 144.04255883, 16578)],
@@ -59,6 +60,7 @@ def test_plate_as_other_programs_have_it(n: int, alpha: float, plastic_cells: in
     assert level.report.newton_iterations <= 12
 
 
+@pytest.mark.long(but=["8-0.00057498083896-25-0.00134236"])
 @pytest.mark.parametrize(
     ("n", "sinking", "pairs", "largest"),
     [(8, 5.7498083896e-4, 25, 1.34236e-3), (16, 5.8728525143e-4, 81, 1.38758e-3)],
