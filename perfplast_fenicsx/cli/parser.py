@@ -209,8 +209,8 @@ def make_parser() -> _Parser:
         "check",
         parents=[scripts],
         help="say and draw how a case is understood, and refuse what run would, without solving it",
-        description="Make every test that run makes before its first solve, but for memory. Say what"
-        " each load and each support covers, what touches and what is free, and draw it.",
+        description="Make every test that run makes before its first solve, but for memory. Say"
+        " what each load and each support covers, what touches and what is free, and draw it.",
     )
     check.add_argument("case", metavar="CASE.toml", help="what to check")
     check.add_argument(
