@@ -146,8 +146,12 @@ class Terminal:
 
     def mesh(self, round_: Round) -> None:
         """Write the bounds on a mesh of several; a monitor of these."""
-        lower = "none" if round_.lower is None else rounded_down(round_.lower)
-        upper = "none" if round_.upper is None else rounded_up(round_.upper)
+        lower, upper = (
+            f"none ({value:.6g} is not proven)" if value is not None else "none"
+            for value in round_.not_proven
+        )
+        lower = lower if round_.lower is None else rounded_down(round_.lower)
+        upper = upper if round_.upper is None else rounded_up(round_.upper)
         apart = "" if round_.gap is None else f", the best {100 * round_.gap:.3g} % apart"
         self.say(
             f"Mesh {round_.number}: {round_.cells} cells, lower bound {lower}, upper"

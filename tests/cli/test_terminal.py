@@ -10,6 +10,7 @@ import pytest
 
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import Round
 
 pytestmark = pytest.mark.serial
 
@@ -39,3 +40,20 @@ def test_checkpoints_are_results_where_a_run_goes_on_from_them(
     Terminal(MPI.COMM_SELF, stream, live=False).results(folder, goes_on)
     assert "summary.json" in stream.getvalue()
     assert ("checkpoint.h5" in stream.getvalue()) == goes_on
+
+
+@pytest.mark.parametrize(
+    ("round_", "words"),
+    [
+        (Round(1, 90, 1.5, 2.0, 1 / 3, 0.5), "lower bound 1.5, upper bound 2, the best 33.3 % ap"),
+        (
+            Round(2, 90, 4.5, None, None, 0.5, (None, 4.33334)),
+            "lower bound 4.5, upper bound none (4.33334 is not proven), 0.5 s",
+        ),
+        (Round(3, 90, None, None, None, 0.5), "lower bound none, upper bound none, 0.5 s"),
+    ],
+)
+def test_a_value_that_is_not_proven_is_no_bound(round_: Round, words: str) -> None:
+    stream = io.StringIO()
+    Terminal(MPI.COMM_SELF, stream, live=False).mesh(round_)
+    assert words in stream.getvalue()

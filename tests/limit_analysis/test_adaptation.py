@@ -38,6 +38,7 @@ from perfplast_fenicsx.limit_analysis import (
 )
 from perfplast_fenicsx.limit_analysis.body import adaptive_meshes
 from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh, refined
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
 from tests.limit_analysis.test_interior_point import COMM, RIGID, SOIL, K, footing, made
 from tests.models import two_blocks_problem
@@ -79,6 +80,18 @@ def decided(rounds: Sequence[Round], design: float) -> bool:
     lows = [round_.lower for round_ in rounds if round_.lower is not None]
     highs = [round_.upper for round_ in rounds if round_.upper is not None]
     return max(lows, default=0.0) >= design or min(highs, default=math.inf) < design
+
+
+def test_a_value_beside_a_proven_bound_ends_nothing() -> None:
+    """It may lie on the wrong side of the bound, so that their difference says nothing."""
+    until = Adaptation(until=0.1)
+    lower, upper = Bound(4.33777, "lower", Scope.BODY), Bound(4.34, "upper", Scope.BODY)
+    value = replace(upper, of=Scope.MESH, why_not=("curved cells",))
+    assert until.ends(lower, upper, None)
+    assert until.ends(lower, value, None) is None
+    ended = until.ends(replace(lower, of=Scope.MESH), value, None)
+    assert ended is not None
+    assert "which are no bounds of the body" in ended
 
 
 def test_nothing_to_decide_on(shared_tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from tests.models import Read
 
 GROUND = MohrCoulomb(1e4, 0.3, 20.0, 25.0, tensile_strength=5.0)
 WEAK = Tresca(1e4, 0.3, 20.0, tensile_strength=0.02)
+FAR_APART = Tresca(1e4, 0.2, 1e7, tensile_strength=1.0)
 SLOPE = (1 + math.sin(math.radians(25))) / (1 - math.sin(math.radians(25)))
 
 
@@ -53,6 +54,7 @@ def block(material: Any, sign: float, lateral: float) -> Problem:
         (GROUND, -1, 10.0, 5.0),
         (WEAK, 1, 10.0, 50.0),
         (WEAK, -1, 0.0, 0.02),
+        (FAR_APART, -1, 0.0, 1.0),
     ],
 )
 def test_a_block(

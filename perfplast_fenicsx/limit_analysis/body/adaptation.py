@@ -18,7 +18,8 @@ class Adaptation:
     """Meshes that are refined where the bounds of the limit load say, and when that ends.
 
     Args:
-        until: Gap of the bounds at which it ends, relative to the lower one, between 0 and 1; or
+        until: Gap of the proven bounds at which it ends, relative to the lower one, between 0 and
+            1, or of values where neither bound can be proven; or
             "decided", for the end as soon as it is proven that the design load is carried, or that
             it is not.
         cells: Cells that a finer mesh may have at most; the first one may have more, and is the
@@ -67,6 +68,10 @@ class Adaptation:
             return "it is decided whether the design load is carried" if found.decided else None
         gap = lower.apart(upper)
         if gap is None or isinstance(self.until, str) or gap > self.until:
+            return None
+        if (
+            lower.strict != upper.strict
+        ):  # the other one may lie on the wrong side of the proven one
             return None
         strict = lower.strict and upper.strict
         what = "bounds" if strict else "values, which are no bounds of the body,"

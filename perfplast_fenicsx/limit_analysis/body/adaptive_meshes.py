@@ -32,11 +32,13 @@ class Round:
     Attributes:
         number: From 1.
         cells: Of the mesh.
-        lower: The lower bound found on it; None where there is none.
-        upper: The upper bound.
-        gap: What the best upper bound so far exceeds the best lower one by, relative; None where
-            one of them is missing.
+        lower: The strict lower bound found on it; None where there is none.
+        upper: The strict upper bound.
+        gap: What the best strict upper bound so far exceeds the best strict lower one by, relative;
+            None where one of them is missing.
         seconds: Wall time so far.
+        not_proven: Values found in the place of a lower and an upper bound that are not proven of
+            the body; None of each that is, or that was not found.
     """
 
     number: int
@@ -45,6 +47,7 @@ class Round:
     upper: float | None
     gap: float | None
     seconds: float
+    not_proven: tuple[float | None, float | None] = (None, None)
 
 
 @dataclass(frozen=True)
@@ -145,14 +148,8 @@ def adaptive_bounds(
     try:
         while True:
             gap = low.lower.apart(high.upper)
-            round_ = Round(
-                number=len(rounds) + 1,
-                cells=number_of_cells(problem.tagged_mesh),
-                lower=found.lower.value,
-                upper=found.upper.value,
-                gap=gap,
-                seconds=time.perf_counter() - began,
-            )
+            seconds = time.perf_counter() - began
+            round_ = _round(len(rounds) + 1, problem, found, (low.lower, high.upper), seconds)
             rounds.append(round_)
             if monitor is not None:
                 monitor(round_)
@@ -186,6 +183,34 @@ def adaptive_bounds(
         stop.adapted = AdaptiveBounds(low, high, found, problem, of_both, rounds, reason)
         raise
     return AdaptiveBounds(low, high, found, problem, (of_low, of_high), rounds, reason)
+
+
+def _round(
+    number: int, problem: Problem, found: BodyBounds, best: tuple[Bound, Bound], seconds: float
+) -> Round:
+    """Return what is told of a mesh, with what is proven apart from what is not. Collective.
+
+    Args:
+        number: From 1.
+        problem: On the mesh.
+        found: What was found on it.
+        best: The best lower and upper bound of all meshes so far.
+        seconds: Wall time so far.
+    """
+    both = (found.lower, found.upper)
+    lower, upper = (bound.value if bound.strict else None for bound in both)
+    return Round(
+        number=number,
+        cells=number_of_cells(problem.tagged_mesh),
+        lower=lower,
+        upper=upper,
+        gap=best[0].apart(best[1]) if best[0].strict and best[1].strict else None,
+        seconds=seconds,
+        not_proven=(
+            None if found.lower.strict else found.lower.value,
+            None if found.upper.strict else found.upper.value,
+        ),
+    )
 
 
 def _near(rtol: float, gap: float | None) -> float:

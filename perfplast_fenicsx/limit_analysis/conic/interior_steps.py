@@ -132,7 +132,8 @@ def iterate(
         settled = missing <= least_residual and (unbalanced <= least_residual or idle)
         if not settled or (inadmissible > almost and not at_rest):
             continue
-        if not program.has_dead and size + gap <= no_load * program.degree:
+        carries_none = size + gap <= no_load * program.degree
+        if not program.has_dead and carries_none and at_rest:
             reason = (
                 "no stress can carry the loads: they move bodies off what holds them,"
                 " and meet no resistance"
