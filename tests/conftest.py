@@ -54,8 +54,9 @@ def shared_tmp_path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have no run draw pictures, which takes 2 to 4 s: for tests of what a run finds and says."""
+    """Have run and check draw no pictures, which takes 2 to 4 s: for tests of what they say."""
     monkeypatch.setattr("perfplast_fenicsx.cli.run.draw", lambda folder: True)
+    monkeypatch.setattr("perfplast_fenicsx.cli.commands.draw_case", lambda *of: False)
 
 
 @pytest.fixture

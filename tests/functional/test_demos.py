@@ -20,15 +20,14 @@ from perfplast_fenicsx.pictures import drawing_process
 from tests.parallel_plugin import EVERY_CASE
 
 FOLDER = Path(__file__).resolve().parents[2] / "demos"
-SHORT = ("bolted_ring", "press_fit")
-"""Cases of the verification that ``make test`` runs, on one rank; ``make verify`` runs all."""
+SHORT = ("bolted_ring", "press_fit", "two_blocks")
+"""Those that ``make test`` runs, on one rank."""
 
 
 def marks(script: Path) -> list[pytest.MarkDecorator]:
     """Return which runs a demo is part of."""
-    if script.parent == FOLDER:
-        return [pytest.mark.mpi2] if script.stem == "two_blocks" else [pytest.mark.long]
-    return [pytest.mark.serial, *([] if script.stem in SHORT else [pytest.mark.long])]
+    serial = [] if script.parent == FOLDER else [pytest.mark.serial]
+    return serial if script.stem in SHORT else [*serial, pytest.mark.long]
 
 
 SCRIPTS = [*FOLDER.glob("*.py"), *(FOLDER / "verification" / f"{name}.py" for name in VERIFIED)]

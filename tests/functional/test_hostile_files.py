@@ -272,6 +272,7 @@ def test_names_are_text(
     assert not [cell for cell in cells if cell.startswith(("=", "+", "@"))]
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process reads, whatever the ranks")
 def test_a_script_is_run_where_it_is_trusted(
     mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]
@@ -294,6 +295,7 @@ def test_a_script_is_run_where_it_is_trusted(
     assert "give --trust" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process reads, whatever the ranks")
 def test_a_mesh_that_says_what_it_was_made_of(mail: Callable[[Hostile], Path]) -> None:
     """Anybody can write so; the mesh is data all the same, and the script is not run."""
@@ -305,6 +307,7 @@ def test_a_mesh_that_says_what_it_was_made_of(mail: Callable[[Hostile], Path]) -
     assert not Path("PWNED").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process writes, whatever the ranks")
 def test_links_do_not_lead_out(
     tmp_path: Path, mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]
