@@ -196,6 +196,8 @@ class Recorder:
             InputError: On every rank, if the system refuses.
         """
         solve = time.perf_counter() - self._solving
+        if body is not None:
+            body, adaptive = self._writer.judged(body, adaptive)
         known = body.limits if body else (NOT_SOUGHT, NOT_SOUGHT)
         lower, upper = (bound.value if bound.strict else None for bound in known)
         case = self._run.case

@@ -147,7 +147,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     if shakedown := table.get("shakedown"):
         return _of_shakedown(shakedown)
     if limit.standing:
-        proven = (table.get("body") or {}).get("standing") is not None
+        proven = any((table.get("body") or {}).get("standing") or ())
         ended = [f"{step[:1].upper()}{step[1:]}." for step in table.get("next_steps", [])]
         return Verdict("proven" if proven else "found", limit.standing, ended)
     lower, upper = limit.body.get("lower"), limit.body.get("upper")

@@ -73,20 +73,30 @@ def test_modest_claims_are_fine(honest: Halves, tmp_path: Path) -> None:
     proofs_of(reader_of(tmp_path, None, high))
 
 
-@pytest.mark.parametrize("which", ["no file", "half", "stress", "text", "link"])
+@pytest.mark.parametrize("which", ["no file", "half"])
+def test_a_claim_whose_proof_is_missing(honest: Halves, tmp_path: Path, which: str) -> None:
+    """It is not believed, and the page gives the reason."""
+    if which == "half":
+        write(tmp_path / "bounds.h5", {"upper": copied(honest)["upper"]})
+    reader = reader_of(tmp_path, 1e9, None)
+    proofs_of(reader)
+    body = reader.summary.limit["body"]
+    assert body["lower"] is None
+    assert "claims 1e+09" in body["why_not"][0]
+
+
+@pytest.mark.parametrize("which", ["stress", "text", "link"])
 def test_a_claim_without_its_proof(honest: Halves, tmp_path: Path, which: str) -> None:
     low = float(honest["lower"]["bound"])
     path, halves = tmp_path / "bounds.h5", copied(honest)
-    if which == "half":
-        write(path, {"upper": halves["upper"]})
-    elif which == "stress":
+    if which == "stress":
         halves["lower"]["stress"] = 2 * halves["lower"]["stress"]
         write(path, halves)
     elif which == "text":
         path.write_text("proven")
     elif which == "link":
         path.symlink_to(write(tmp_path / "other.h5", halves))
-    with pytest.raises(InputError, match=r"missing|does not prove|no proof|is a link"):
+    with pytest.raises(InputError, match=r"does not prove|no proof|is a link"):
         proofs_of(reader_of(tmp_path, low, None))
 
 

@@ -50,18 +50,38 @@ def proven_by(path: Path) -> dict[str, Checked]:
         raise InputError(f"{error} Run the case again.") from error
 
 
-def check_claims(limit: Mapping[str, Any], proofs: Proofs) -> None:
+def check_claims(limit: dict[str, Any], proofs: Proofs) -> None:
     """Make sure that files prove the bounds that ``summary.json`` says are strict.
+
+    A bound of the body whose proof is missing is taken out of the table, with the reason: linear
+    elements have strict bounds, and no proof.
 
     Args:
         limit: Its table of the limit load.
         proofs: What the files prove.
 
     Raises:
-        InputError: If a bound has no proof, or another one than it says.
+        InputError: If a file proves another bound than the table has, or an envelope or a factor of
+            safety has no proof.
     """
-    for name, kind, claimed in _claims(limit):
-        check_claim("summary.json", name, kind, claimed, proofs.get(name, {}))
+    body = limit.get("body") or {}
+    for name, kind, claimed in list(_claims(limit)):
+        halves = proofs.get(name, {})
+        if name == PROOF and kind not in halves:
+            _take_out(body, kind)
+            why = f"summary.json claims {claimed:.9g}, and {name} with its proof is missing"
+            body["why_not"] = [*body.get("why_not", []), f"{kind} bound: {why}"]
+            continue
+        check_claim("summary.json", name, kind, claimed, halves)
+
+
+def _take_out(body: dict[str, Any], kind: str) -> None:
+    """Leave a bound of the body out of its table."""
+    if body.get("standing"):
+        low, high = body["standing"]
+        body["standing"] = [None, high] if kind == "lower" else [low, None]
+    else:
+        body[kind] = None
 
 
 def check_claim(

@@ -4,7 +4,7 @@ The groups ``lower`` and ``upper`` have a stress and a velocity, each with the b
 of as plain arrays; :class:`proof.body.Body` says which, :mod:`proof.checker` checks them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from perfplast_fenicsx.io.results.proof_loads import Places, loads_on_file
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
+from perfplast_fenicsx.limit_analysis.statements.bound import Scope
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mandel_arrays import matrices
@@ -34,6 +35,8 @@ from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.proof.checker import check
+from perfplast_fenicsx.proof.plain_arrays import ProofError
 
 Blocks = dict[str, Block]
 
@@ -161,6 +164,53 @@ def write_proof(
             file.create_group(kind).attrs.update(each)
 
     write_arrays(folder, path, blocks, describe=describe)
+
+
+def judge(
+    folder: ResultFolder, path: Path, low: BodyBounds, high: BodyBounds
+) -> tuple[BodyBounds, BodyBounds]:
+    """Write the proof of two bounds, and ask the checker what it proves. Collective.
+
+    Args:
+        folder: The results.
+        path: The file. It contains only what the checker proves, and does not exist if that is
+            nothing.
+        low: With the lower bound.
+        high: With the upper bound.
+
+    Returns:
+        The same, with bounds of the mesh in place of those that the checker refuses.
+
+    Raises:
+        InputError: As :func:`write_proof`.
+    """
+    while proofs(low, high) != (None, None):
+        write_proof(folder, path, *proofs(low, high))
+        refused = folder.comm.bcast(_refused(path) if folder.comm.rank == 0 else None)
+        if not refused:
+            return low, high
+        lower, upper = (
+            replace(bound, of=Scope.MESH, why_not=(*bound.why_not, refused[kind]))
+            if kind in refused and bound.strict
+            else bound
+            for kind, bound in (("lower", low.lower), ("upper", high.upper))
+        )
+        low, high = replace(low, lower=lower), replace(high, upper=upper)
+    folder.on_root(lambda: path.unlink(missing_ok=True))
+    return low, high
+
+
+def _refused(path: Path) -> dict[str, str]:
+    """Return why the checker refuses halves of a file, by kind."""
+    try:
+        found = check(path)
+    except ProofError as error:
+        return dict.fromkeys(("lower", "upper"), f"the checker of proofs refuses it: {error}")
+    return {
+        kind: f"the checker of proofs refuses it: {'; '.join(half.faults)}"
+        for kind, half in found.items()
+        if half.faults
+    }
 
 
 def _check(problem: Problem) -> None:

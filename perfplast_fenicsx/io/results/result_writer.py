@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
 from perfplast_fenicsx.io.results.proof_file import (
     LowerProof,
     VelocityProof,
+    judge,
     proofs,
     write_proof,
 )
@@ -24,7 +25,7 @@ from perfplast_fenicsx.io.results.result_files import FALLS, LEAST, PROOF, STAND
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.io.results.resultant_tables import ResultantTables
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, LeastLoad
 from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Envelope
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
@@ -92,6 +93,7 @@ class ResultWriter:
         self.results.summary.loads = self._resultants.loads(problem)
         self._output = OutputFields(problem) if fields else None
         self._fields, self._points = None, points
+        self._judged: BodyBounds | None = None
         if fields:
             self._fields = FieldSeries(folder, problem, prescribed, saved.reports, points)
 
@@ -143,6 +145,8 @@ class ResultWriter:
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.
         """
+        if body is not None and proven:
+            body, adaptive = self.judged(body, adaptive)
         with self.results.timed("output"):
             shown = fields and limit.collapses
             if self._fields is not None and self._output is not None and shown:
@@ -163,11 +167,6 @@ class ResultWriter:
                 alpha = 0.0 if limit.alpha is None else limit.alpha
                 zeta = limit.lower if math.isfinite(limit.lower) else 0.0
                 self._fields.write_mechanism(found, zeta, alpha, at_points)
-            if body is not None and proven:
-                low, high = (adaptive.low, adaptive.high) if adaptive else (body, body)
-                self._prove(PROOF, *proofs(low, high))
-                if body.least is not None:
-                    self._prove(LEAST, *proofs(body.least.low, body.least.high))
             table = {key: getattr(limit, key) for key in LIMIT_KEYS}
             table |= {"drucker": limit.drucker and limit.drucker.table()}
             table |= {"body": body and _table(body, adaptive)}
@@ -179,6 +178,36 @@ class ResultWriter:
             table["design"] = design and asdict(design) | {"in_words": design.in_words()}
             self.results.summary.limit = table | {"next_steps": list(steps)}
             self.results.write()
+
+    def judged(
+        self, body: BodyBounds, adaptive: AdaptiveBounds | None = None
+    ) -> tuple[BodyBounds, AdaptiveBounds | None]:
+        """Write what proves bounds, and keep those as strict that the checker proves. Collective.
+
+        Args:
+            body: The bounds.
+            adaptive: The meshes on which they were sought, where there are several.
+
+        Returns:
+            The same; bounds that the checker refuses are of the mesh.
+
+        Raises:
+            InputError: On every rank, if the system refuses.
+        """
+        if body is self._judged:
+            return body, adaptive
+        with self.results.timed("output"):
+            folder = self.results.folder
+            low, high = (adaptive.low, adaptive.high) if adaptive else (body, body)
+            low, high = judge(folder, folder.file(PROOF), low, high)
+            least = body.least
+            if least is not None:
+                least = LeastLoad(*judge(folder, folder.file(LEAST), least.low, least.high))
+        if adaptive is not None:
+            adaptive = replace(adaptive, low=low, high=high)
+        body = replace(body, lower=low.lower, upper=high.upper, least=least)
+        self._judged = body
+        return body, adaptive
 
     def write_safety(self, found: FactorOfSafety) -> None:
         """Write a factor of safety, the mechanism that falls, and what proves both. Collective.

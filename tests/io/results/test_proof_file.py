@@ -1,5 +1,6 @@
 """Bounds are proven from their file; what it cannot say is refused in a sentence."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from perfplast_fenicsx import (
     Support,
     stacked_blocks,
 )
-from perfplast_fenicsx.io.results.proof_file import VelocityProof, proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import VelocityProof, judge, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.proof import check
 from tests.checks import assert_refused
@@ -77,7 +78,20 @@ def test_the_bounds_of_a_body(shared_tmp_path: Path, read: Read, dim: int) -> No
     )
     bounds = limit_bounds(problem)
     results = ResultFolder(COMM, shared_tmp_path)
-    write_proof(results, results.file("bounds.h5"), *proofs(bounds, bounds))
-    found = check(results.file("bounds.h5"))
+    path = results.file("bounds.h5")
+    low, high = judge(results, path, bounds, bounds)
+    assert low is high is bounds
+    found = check(path)
     assert found["lower"].proven == pytest.approx(bounds.lower.value, rel=1e-9)
     assert found["upper"].proven == pytest.approx(bounds.upper.value, rel=1e-9)
+    # Bounds that the stress or the mechanism does not have are of the mesh, and not on file.
+    more = replace(bounds, lower=replace(bounds.lower, value=1.001 * found["lower"].claimed))
+    low, high = judge(results, path, more, bounds)
+    assert (low.lower.strict, high.upper.strict) == (False, True)
+    assert "checker of proofs" in low.lower.why_not[0]
+    assert list(check(path)) == ["upper"]
+    less = replace(bounds, upper=replace(bounds.upper, value=0.5 * found["upper"].claimed))
+    low, high = judge(results, path, more, less)
+    assert not (low.lower.strict or high.upper.strict)
+    COMM.Barrier()
+    assert not path.exists()
