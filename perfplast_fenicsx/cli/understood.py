@@ -126,6 +126,8 @@ class _Told:
         for support, left in zip(holding, single, strict=True):
             if isinstance(support, Support) and support.guides:
                 what = "the normal"
+                if support.moves:
+                    what += f", out of the body by {support.value}"
             else:
                 numbers = support.axes(self.problem.bodies.gdim)
                 what = ", ".join(axes[number] for number in numbers)

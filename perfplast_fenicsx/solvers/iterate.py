@@ -77,6 +77,7 @@ class Iterate:
             held, known = problem.fixed.ravel(), problem.prescribed[problem.fixed]
             self.lifted |= problem.comm.allreduce(bool((u.x.array[held] != known).any()), MPI.LOR)
             u.x.array[held] = known
+            problem.guides.settle(u.x.array.reshape(problem.fixed.shape), problem.prescribed)
         basis.M.mult(u.x.petsc_vec, self.y)
         jumps = self.y.array_r[basis.index]
         if problem.comm.allreduce(int((jumps > basis.gap).sum())):

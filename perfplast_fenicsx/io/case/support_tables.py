@@ -19,8 +19,9 @@ class SupportTable:
         on: Physical surface.
         components: Any of the letters x, y, z; the default holds all that the mesh has. Or
             "normal" for what is normal to a flat surface of any direction, which may slide along
-            itself, as a plane of symmetry does.
-        value: Their displacement (length), such as a settlement; the default is none.
+            itself, as a plane of symmetry does. With a value the surface may be curved.
+        value: Their displacement (length), such as a settlement, or that out of the body along the
+            normal; a number, or a formula in x, y, z such as "0.01*y". The default is none.
         constant: Whether it is the same at any load factor, as always but under control =
             "displacement" and in stages that name it: these multiply it unless this is true.
         name: What results and stages call it; that of its surface without it.
@@ -28,7 +29,7 @@ class SupportTable:
 
     on: str
     components: str = AXES
-    value: float = 0.0
+    value: float | str = 0.0
     constant: bool | None = None
     name: str = ""
 

@@ -45,6 +45,18 @@ def are_blocks(problem: Problem) -> bool:
     return bool(touch) and all(it.plain is None and it.principal is None for it in cones)
 
 
+def check_blocks(problem: Problem) -> None:
+    """Refuse joints that the programs of blocks do not know. Collective.
+
+    Raises:
+        InputError: Saying what it is.
+    """
+    if (why := why_no_blocks(problem)) is not None:
+        raise InputError(
+            f"none of the bodies can yield, so that their joints alone limit the load, and {why}."
+        )
+
+
 def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
     """Find both bounds of blocks. Collective.
 
@@ -55,10 +67,7 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
     Raises:
         InputError: If the program does not know the joints, or they resist nothing.
     """
-    if (why := why_no_blocks(problem)) is not None:
-        raise InputError(
-            f"none of the bodies can yield, so that their joints alone limit the load, and {why}."
-        )
+    check_blocks(problem)
     log.info("bounds of blocks: forces on their joints, and a mechanism")
     blocks = rigid_blocks(problem)
     question = Question.LIMIT if problem.loads.grows() else Question.STANDS

@@ -8,7 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
-from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks, block_bounds
+from perfplast_fenicsx.limit_analysis.body.block_bounds import (
+    are_blocks,
+    block_bounds,
+    check_blocks,
+)
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_words import taken_as
 from perfplast_fenicsx.limit_analysis.body.flow_problem import (
@@ -39,6 +43,7 @@ from perfplast_fenicsx.limit_analysis.statements.bound import (
 )
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
+    check_flat_guides,
     check_loads,
     check_tolerance,
 )
@@ -128,7 +133,9 @@ def admitted(problem: Problem, rtol: float) -> Problem:
         problem = without_pores(problem, body_cones(above).dilates)
     check_loads(problem)
     check_cohesion(below)
+    check_flat_guides(problem)
     if are_blocks(problem):
+        check_blocks(problem)
         return problem
     return with_room_for_stress(problem)
 

@@ -50,6 +50,22 @@ def check_bodies_have_limits(problem: Problem) -> None:
             )
 
 
+def check_flat_guides(problem: Problem) -> None:
+    """Refuse curved surfaces that are moved along their normals, which bounds do not know.
+
+    Raises:
+        InputError: Naming the first one.
+    """
+    guides = problem.guides
+    for surface, curved in zip(guides.surfaces, guides.curved, strict=True):
+        if curved:
+            raise InputError(
+                f"the support on '{surface}' moves a curved surface along its normals, which change"
+                " from node to node, and strict bounds do not know that; give letters as"
+                " components, or ask for levels (control = 'displacement')."
+            )
+
+
 def collapses_by_loads(problem: Problem) -> bool:
     """Whether all that does work at collapse is a load, and there is one. Collective.
 

@@ -47,12 +47,13 @@ def known_displacements(
     fdim, gdim = tagged_mesh.mesh.topology.dim - 1, tagged_mesh.mesh.geometry.dim
     x = V.tabulate_dof_coordinates()[:, :gdim]
     fixed, values, message = np.zeros(x.shape, dtype=bool), np.zeros((2, *x.shape)), None
+    comm = tagged_mesh.mesh.comm
     holder = np.full(x.shape, -1, dtype=np.int32)
     rounding = 1e-12  # displacements that differ by this share of the largest are one
     for number, support in enumerate(supports):
         nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(support.on))
         given = np.zeros((2, len(nodes), gdim))
-        given[0 if support.constant else 1] = support.motion(x[nodes])
+        given[0 if support.constant else 1] = motion_of(comm, support, x[nodes])
         most = tagged_mesh.mesh.comm.allreduce(float(np.abs(given).max(initial=0)), MPI.MAX)
         for axis in support.axes(gdim):
             old, new = values[:, nodes, axis], given[:, :, axis]
@@ -69,7 +70,6 @@ def known_displacements(
             holder[nodes[fresh], axis] = number
             values[:, nodes[fresh], axis] = new[:, fresh]
             fixed[nodes, axis] = True
-    comm = tagged_mesh.mesh.comm
     low, high = bounding_box(comm, V.tabulate_dof_coordinates())
     size = float(np.linalg.norm(high - low))
     on_axis = tagged_mesh.kinematics.held(V.tabulate_dof_coordinates(), size)
@@ -80,6 +80,17 @@ def known_displacements(
         )
     raise_together(comm, message)
     return fixed | on_axis, values, holder
+
+
+def motion_of(comm: MPI.Intracomm, support: Support | RigidSurface, x: Floats) -> Floats:
+    """Return the displacement of points, or refuse it on all ranks. Collective."""
+    found, fault = np.zeros_like(x), None
+    try:
+        found = support.motion(x)
+    except InputError as error:  # a formula may have no value at a point of one rank
+        fault = str(error)
+    raise_together(comm, fault)
+    return found
 
 
 def _told(displacement: Floats) -> str:

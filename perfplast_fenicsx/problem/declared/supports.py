@@ -6,6 +6,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.formulas import evaluate
 
 AXES = "xyz"
 
@@ -18,8 +19,9 @@ class Support:
         on: Physical surface.
         components: Any of the letters x, y, z; the default holds all that the mesh has. Or
             ``"normal"`` for what is normal to a flat surface of any direction, which may slide
-            along itself, as a plane of symmetry does.
-        value: Their displacement (length), such as a settlement; the default is none.
+            along itself, as a plane of symmetry does. With a value the surface may be curved.
+        value: Their displacement (length), such as a settlement, or that out of the body along the
+            normal; a number, or a formula in x, y, z. The default is none.
         constant: Whether it is the same at any load factor; otherwise ζ multiplies it, or a factor
             of stages.
         name: What results and stages call it; that of its surface without it.
@@ -27,7 +29,7 @@ class Support:
 
     on: str
     components: str = AXES
-    value: float = 0.0
+    value: float | str = 0.0
     constant: bool = True
     name: str = ""
 
@@ -58,14 +60,18 @@ class Support:
         return self.value != 0
 
     def motion(self, x: Floats) -> Floats:
-        """Displacement of points (length), for ζ = 1; both of shape (n, gdim).
+        """Return the displacement of points (length) for ζ = 1; both of shape (n, gdim).
+
+        Along a normal each component is the displacement along it.
 
         Raises:
-            InputError: If it is not finite.
+            InputError: If it is not finite, or no formula.
         """
-        if not np.isfinite(self.value):
+        if not isinstance(self.value, str) and not np.isfinite(self.value):
             raise InputError(
                 f"value = {self.value} of the support on '{self.on}' is not finite; give a"
                 " length, or 0 for none."
             )
-        return np.full(x.shape, self.value)
+        points = np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
+        values = evaluate(self.value, points, f"value of the support on '{self.on}'")
+        return np.tile(values[:, None], x.shape[1])

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Ints
-from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.problem.assembled.given_motion import GivenMotion, given_motion
 from perfplast_fenicsx.problem.assembled.prescribed_displacement import known_displacements
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
@@ -25,6 +25,12 @@ def named_motions(problem: Problem) -> dict[str, GivenMotion]:
     """
     V, given = problem.V, problem.given
     supports = given.holding
+    for support in supports:
+        if isinstance(support, Support) and support.guides and follows(support):
+            raise InputError(
+                f"the support on '{support.on}' moves along its normal, which stages do not know;"
+                " give control = 'displacement', constant = true, or letters as components."
+            )
     _, values, holder = known_displacements(V, problem.tagged_mesh, supports)
     _check_parted(problem, supports, values[1] != 0, holder)
     followers = [called(one) if follows(one) else None for one in supports]

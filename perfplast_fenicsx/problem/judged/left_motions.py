@@ -43,13 +43,13 @@ def _rows(problem: Problem, support: Support | RigidSurface) -> tuple[Ints, Floa
     nodes = fem.locate_dofs_topological(V, gdim - 1, problem.tagged_mesh.facets(support.on))
     nodes = nodes[nodes < V.dofmap.index_map.size_local]
     if isinstance(support, Support) and support.guides:
-        number = problem.guides.surfaces.index(support.on)
-        held = problem.guides.normals[number][None]
+        mine = problem.guides.number == problem.guides.surfaces.index(support.on)
+        nodes, held = problem.guides.host[mine], problem.guides.along[mine][:, None]
     else:
-        held = np.eye(gdim)[support.axes(gdim)]
+        held = np.tile(np.eye(gdim)[support.axes(gdim)], (len(nodes), 1, 1))
     modes = bodies.rigid_modes(V.tabulate_dof_coordinates()[nodes])
-    rows = np.einsum("ai,nim->nam", held, modes).reshape(-1, bodies.num_modes)
-    return np.repeat(bodies.of_node[nodes], len(held)), rows
+    rows = np.einsum("nai,nim->nam", held, modes).reshape(-1, bodies.num_modes)
+    return np.repeat(bodies.of_node[nodes], held.shape[1]), rows
 
 
 def _in_words(problem: Problem, grams: Floats, some: Ints, alone: bool) -> list[str]:

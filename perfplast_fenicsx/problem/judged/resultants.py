@@ -120,7 +120,8 @@ def resultants(
     pushing = sums[supports:-1]
 
     def driven(motion: GivenMotion) -> float:
-        moved = comm.allreduce(float(np.sum(reaction * motion.displacement[1][: len(reaction)])))
+        own = float(np.sum(reaction * motion.displacement[1][: len(reaction)]))
+        moved = comm.allreduce(own + float(np.sum(guided * motion.displacement[1][guides.host])))
         spread = comm.allreduce(float(contact @ motion.overlap))
         return moved + spread + float(np.sum(pushing * motion.sources))
 
