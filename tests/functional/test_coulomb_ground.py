@@ -54,6 +54,7 @@ def exact(angle: float, outside: float) -> float:
     return float((outside + tip) * 2 ** (2 * s / (1 + s)) - tip)
 
 
+@pytest.mark.long(but=["30.0-0.0", "20.0-20.0"])
 @pytest.mark.parametrize(
     ("angle", "outside"), [(0.0, 0.0), (10.0, 0.0), (30.0, 0.0), (40.0, 0.0), (20.0, 20.0)]
 )

@@ -150,6 +150,7 @@ def test_the_picture_of_a_rigid_footing(tmp_path: Path) -> None:
     assert rows[90]["carried"] <= 1.0 + 1e-9 <= rows[90]["not carried from"] + 2e-9
 
 
+@pytest.mark.long
 @pytest.mark.serial
 def test_three_loads_of_a_rigid_footing(tmp_path: Path) -> None:
     """V, H and M: proofs of each direction, rows, four views and the page."""

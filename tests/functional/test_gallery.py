@@ -59,6 +59,7 @@ def run_small(folder: Path, name: str) -> dict[str, Any]:
     return dict(json.loads(found.read_text(encoding="utf-8"))) if found.is_file() else {}
 
 
+@pytest.mark.long(but=["nozzle-23.8"])
 @pytest.mark.parametrize(
     ("name", "limit"),
     [("bolted_bracket", 108.8), ("lug", 106.8), ("nozzle", 23.8), ("slope", 288.0)],
@@ -78,6 +79,7 @@ def test_arch(shared_tmp_path: Path) -> None:
     assert round(body["upper"], 2) == 0.37
 
 
+@pytest.mark.long
 def test_dovetail(shared_tmp_path: Path) -> None:
     """A neck of 12 mm carries 2/√3 of its yield stress at most."""
     limit = run_small(shared_tmp_path, "dovetail")["limit"]["estimate"]

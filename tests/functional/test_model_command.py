@@ -34,6 +34,7 @@ UP,DOWN
 """
 
 
+@pytest.mark.long(but=["two in contact"])
 @pytest.mark.parametrize("bodies", [ONE_BODY, TWO], ids=["one body", "two in contact"])
 def test_from_a_model_to_its_limit_load(
     comm: MPI.Intracomm, shared_tmp_path: Path, bodies: str

@@ -72,6 +72,7 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     seek_at_once(monkeypatch)
 
 
+@pytest.mark.long(but=["stands", "weight", "disc"])
 @pytest.mark.parametrize("case", CASES)
 def test_they_are_those_of_both_ranks(
     case: str, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
