@@ -64,6 +64,21 @@ def test_blocks_that_are_meshed_apart(
         assert not of.faults
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", range(3))
+def test_both_sides_have_one_set_of_numbers(seed: int) -> None:
+    """Vertices of surfaces that were meshed apart differ by rounding, 3.4e-12, at first."""
+    problem = blocks(2 + seed, 3 + seed, "contacts")
+    x = problem.tagged_mesh.mesh.geometry.x
+    seam = np.abs(x[:, 1] - 1.0) < 1e-9
+    shifts = np.random.default_rng(seed).uniform(-1, 1, (x.shape[0], 2))
+    x[seam, :2] += 3.4e-12 * shifts[seam]
+    there = with_divided_interfaces(problem).tagged_mesh
+    sides = [np.unique(surface_ends(there, name).reshape(-1, 2), axis=0) for name in PAIR]
+    assert len(sides[0]) == len(sides[1]) > 4
+    assert np.array_equal(*sides)  # they are copies of each other
+
+
 def test_mortar_contact_that_was_asked_for_is_at_each_point_in_bounds() -> None:
     found = blocks(2, 3, "contacts")
     given = vars(found.given) | {"contacts": [Contact(*PAIR, formulation="mortar")]}
