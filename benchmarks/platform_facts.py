@@ -1,16 +1,17 @@
 """Which libraries a run used."""
 
 import re
-from importlib.metadata import version
 from pathlib import Path
 
 from petsc4py import PETSc
+
+from perfplast_fenicsx.environment import WHEEL, version_of
 
 
 def libraries() -> dict[str, str]:
     """Versions, and the BLAS that this process has really loaded."""
     return {
-        "dolfinx": version("fenics-dolfinx"),
+        "dolfinx": version_of("fenics-dolfinx") or version_of(WHEEL) or "unknown",
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
         "blas": blas(),
     }

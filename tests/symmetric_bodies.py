@@ -1,6 +1,7 @@
 """Parts of bodies with planes of symmetry, on meshes that are mirror images of each other."""
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from mpi4py import MPI
 
@@ -109,6 +110,14 @@ def with_image(points: Floats, cells: Longs, rank: Longs) -> tuple[Floats, Longs
     return both, np.concatenate([cells, image[cells]]), np.concatenate([rank, rank[beyond]])
 
 
+def sharing_facets() -> Any:
+    """Return a partitioner by which ranks see each other's cells across facets."""
+    try:
+        return create_cell_partitioner(GhostMode.shared_facet)
+    except TypeError:  # DOLFINx 0.11 also asks how many cells a facet has at most
+        return create_cell_partitioner(GhostMode.shared_facet, 2)
+
+
 def built(
     comm: MPI.Intracomm, points: Floats, cells: Longs, places: Mapping[str, On], turned: float
 ) -> TaggedMesh:
@@ -125,7 +134,7 @@ def built(
         cells[own],
         x=(points @ turn.T)[own],
         e=domain,
-        partitioner=create_cell_partitioner(GhostMode.shared_facet),
+        partitioner=sharing_facets(),
     )
     mesh.topology.create_connectivity(d - 1, d)
     back = np.eye(3)

@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -179,7 +180,9 @@ def _launcher_fault(wanted: int | None, family: str, rank: int, number: int) -> 
         return f"-n {wanted} is said inside of mpirun -n {number}; leave out one of them."
     if number == 1:
         return None
-    from mpi4py import MPI
+    with warnings.catch_warnings():  # mpi4py's own, of the same, three lines on each process
+        warnings.simplefilter("ignore", RuntimeWarning)
+        from mpi4py import MPI
 
     if MPI.COMM_WORLD.size == number:
         return None

@@ -167,7 +167,9 @@ def test_linear_elements_that_lock(read: Read) -> None:
     steel = dict.fromkeys(mesh.volumes, material(sqrt(3)))
     locked = interior_point(Problem(mesh, steel, held, [Pressure("inner", 1.0)], degree=1))
     assert locked.upper is locked.estimate is None
-    assert locked.reason.startswith(UNLIMITED) or "carry the loads beyond" in locked.reason
+    # rounding decides how the search ends, 1e10 times above the sphere's limit load
+    beyond = locked.reason.startswith(UNLIMITED) or "carry the loads beyond" in locked.reason
+    assert beyond or (locked.lower is not None and locked.lower > 1e9)
     assert "linear elements lock" in locked.reason
 
 
