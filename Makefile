@@ -3,23 +3,25 @@
 export LIMIT = 3600
 RUN = timeout --foreground --kill-after=30 $(LIMIT) ./fenicsx
 
-.PHONY: help demo test verify lint docs image-test clean
+.PHONY: help demo test pip-test verify lint docs image-test package clean
 
 help:
 	@echo 'make demo        two blocks pressed together, on 2 MPI ranks'
 	@echo 'make test        the tests on 1 rank, some of them on 2, a few on 3'
+	@echo 'make pip-test    the demo and a twentieth of the tests with the packages of PyPI'
 	@echo 'make verify      all that make test leaves out; PART=random runs one part of it'
 	@echo 'make bench       how fast and how large: benchmarks/README.md (hours)'
 	@echo 'make lint        ruff and mypy'
 	@echo 'make docs        the documentation site, in build/docs/index.html'
 	@echo 'make image-test  build the Dockerfile; demo and tests inside the image'
+	@echo 'make package     sdist and wheel in build/dist, checked by twine, the same twice'
 	@echo 'make clean       remove what runs and tools left in this folder'
 	@echo './fenicsx CMD    any command in the environment, as: ./fenicsx perfplast run case.toml'
 
 # Building the environment counts against no limit.
 .PHONY: environment
 environment:
-	@./fenicsx true
+	@./fenicsx --way
 
 demo: environment
 	./fenicsx mpirun -n 2 python3 demos/two_blocks.py
@@ -29,6 +31,9 @@ test: environment
 
 # PART=random (or exact, long, two-ranks-..., see below) runs one part alone; each ends within an hour.
 PARTS = exact random long two-ranks-bounds two-ranks-solvers two-ranks-rest
+pip-test:
+	@scripts/pip-test
+
 verify: environment
 	@for part in $(if $(PART),$(PART),$(PARTS)); do $(MAKE) --no-print-directory "verify-$$part" || failed=1; done; \
 	[ -z "$$failed" ]
@@ -78,6 +83,9 @@ docs: environment
 
 image-test:
 	scripts/image-test
+
+package:
+	scripts/package
 
 clean:
 	rm -rf build *.egg-info .pytest_cache .mypy_cache .ruff_cache
