@@ -157,6 +157,21 @@ def test_drucker_without_associated_friction(shared_tmp_path: Path) -> None:
     assert low == pytest.approx(0.0, abs=1e-12)
     assert up == pytest.approx(0.3, rel=1e-11)
     assert "Drucker" in bounds.in_words()
+    assert "not the best" not in bounds.in_words()
+
+
+def test_an_arch_without_friction_from_below() -> None:
+    """Drucker's lower bound has no forces; the upper one is the best, and is said to be."""
+    problem = oppenheim()
+    joints = [Contact(it.primary, it.secondary, coulomb=0.75) for it in problem.given.contacts]
+    given = problem.given
+    bounds = limit_bounds(
+        Problem(problem.tagged_mesh, given.materials, given.supports, given.loads, joints, degree=2)
+    )
+    assert bounds.lower.value is None
+    assert "associated = true" in " ".join(bounds.why_not)
+    assert round(bounds.upper.value or 0.0, 2) == 0.37
+    assert "not the best" not in bounds.in_words()
 
 
 def test_a_plane_holds_a_stone(shared_tmp_path: Path) -> None:
@@ -259,5 +274,5 @@ def test_refusals() -> None:
     weight = limit_bounds(other(loads=[BodyForce("1", (0.0, -1.0))]))
     assert weight.lower.value is None
     assert weight.upper.value is None
-    assert "Nothing limits" in weight.in_words()
+    assert "the joints carry the loads at any factor" in weight.in_words()
     assert_refused(lambda: Newton(problem), ["'0'", "rigid", "control = 'bounds'"])

@@ -17,7 +17,6 @@ from perfplast_fenicsx.limit_analysis.blocks.rigid_blocks import (
 )
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
-from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
@@ -31,6 +30,11 @@ ROUNDING = 1e-12
 """Share of a bound by which the lower one may be above the upper one, which is raised then."""
 
 MET = "forces on the joints and a mechanism of the blocks were found"
+
+ANY_FACTOR = (
+    "nothing can yield, and the joints carry the loads at any factor; give the bodies that may"
+    " collapse a yield stress"
+)
 
 WITHOUT_FRICTION = (
     "no forces without friction, but for adhesion, balance the loads, and friction that is not"
@@ -101,15 +105,16 @@ def _told(
         upper, most = replace(upper, value=least), least
     standing = Standing(least, most) if question is Question.STANDS else None
     limited = question is Question.LIMIT
+    static = most if least is None else least  # that of the joint that dilates, by duality
     reason = MET if most is not None else upper.why_not[0]
     mesh = LimitLoad(
         method=LimitMethod.INTERIOR_POINT,
-        lower=least if limited and least is not None else -np.inf,
+        lower=static if limited and static is not None else -np.inf,
         estimate=most if limited else None,
         residual=None,
         upper=most if limited else None,
         alpha=None,
-        levelled_off=least is not None and most is not None,
+        levelled_off=most is not None,
         reason=reason if standing is None else standing.in_words(),
         iterations=found.programs,
         linear_solves=0,
@@ -135,7 +140,7 @@ def _bound(kind: str, outcome: Outcome, value: float) -> Bound:
     """Return the bound that a program gives."""
     if outcome is Outcome.FOUND:
         return Bound(value, kind, Scope.BODY)
-    why = UNLIMITED if outcome is Outcome.UNBOUNDED else WITHOUT_FRICTION
+    why = ANY_FACTOR if outcome is Outcome.UNBOUNDED else WITHOUT_FRICTION
     return Bound(None, kind, Scope.MESH, (why,))
 
 

@@ -151,7 +151,10 @@ def _search(
         made.callback(program.destroy)
         steps: list[InteriorStep] = []
         if program.degree == program.num_pairs:
-            reason = "nothing can yield; give the bodies that may collapse a yield stress"
+            reason = (
+                "nothing can yield; give the bodies that may collapse a yield stress, or ask for"
+                " bounds of blocks that collapse by their joints (control = 'bounds')"
+            )
             return discrete_result(
                 problem, program, None, Verdict.UNBOUNDED, reason, steps, rtol, question
             ), None
