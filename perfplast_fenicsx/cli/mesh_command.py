@@ -25,7 +25,7 @@ from perfplast_fenicsx.geometry.first_case import first_case
 from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.geometry.survey import Face, Survey
+from perfplast_fenicsx.geometry.survey import Face, Survey, listed
 from perfplast_fenicsx.materials.common import MATERIALS
 from perfplast_fenicsx.materials.material_table import find
 from perfplast_fenicsx.materials.soil import SOILS
@@ -139,7 +139,7 @@ def common_materials(system: Name) -> str:
 
 
 def describe(survey: Survey) -> str:
-    """What there is in a geometry, as tables."""
+    """Return what there is in a geometry, as tables."""
     volume, area = ("volume", "area") if survey.dim == 3 else ("area", "length")
     rows: list[tuple[str, ...]] = [("body", "elements", volume, "of CAD", "from", "to")]
     for body in survey.bodies:
@@ -162,6 +162,12 @@ def describe(survey: Survey) -> str:
         measures = (f"{face.area:.5g}", _known(face.cad))
         rows.append((f"{face.number}", face.name, *measures, shape, _place(face.centre)))
     text += ["", *_aligned(rows)]
+    if survey.sets:
+        rows = [("no.", "also called", "faces", area, "of CAD", "in common")]
+        for one in survey.sets:
+            known = (listed(one.faces), f"{one.area:.5g}", _known(one.cad))
+            rows.append((f"{one.number or '-'}", one.name, *known, one.why))
+        text += ["", *_aligned(rows)]
     text += [f"\nwarning: {remark}." for remark in survey.remarks]
     return "\n".join(text)
 
@@ -191,7 +197,7 @@ def _survey(source: Path, output: Path, options: MeshingOptions, trust: bool) ->
     """Mesh, and show what there is; without a graphics system there is a mesh all the same."""
     skin = output / "skin.npz"
     survey = make_mesh(source, output / MESH, options, skin, trust)
-    page = mesh_page(source.stem, skin, [_face_row(face) for face in survey.faces])
+    page = mesh_page(source.stem, skin, [_face_row(face, survey) for face in survey.faces])
     (output / PAGE).write_text(page, encoding="utf-8")
     try:
         draw_parts(skin, output / PICTURE)
@@ -200,11 +206,12 @@ def _survey(source: Path, output: Path, options: MeshingOptions, trust: bool) ->
     return survey
 
 
-def _face_row(face: Face) -> FaceRow:
-    """A face as the page tells it."""
+def _face_row(face: Face, survey: Survey) -> FaceRow:
+    """Return a face as the page has it, with the names that it has together with others."""
     shape = f"{face.shape}, {face.round_of}" if face.round_of else face.shape
+    names = [f"{one.name} ({one.why})" for one in survey.sets if face.number in one.faces]
     centre = ", ".join(f"{x:.4g}" for x in face.centre)
-    return FaceRow(face.number, face.name, shape, f"{face.area:.5g}", centre)
+    return FaceRow(face.number, face.name, shape, f"{face.area:.5g}", centre, ", ".join(names))
 
 
 def _known(measure: float | None) -> str:

@@ -178,10 +178,15 @@ class _Told:
 
     def rest(self, volumes: dict[str, float]) -> None:
         """Tell what the case does not name, and which bodies have no load or support."""
-        surfaces = self.sides.surfaces
-        free = {name: self.sides.area(name) for name in sorted(surfaces) if name not in self.marked}
-        parts = [f"'{name}' ({_number(area)})" for name, area in free.items() if area]
-        tagged = np.isin(self.sides.facets.tag, list(surfaces.values()))
+        facets, named = self.sides.facets, self.sides.names_of_tags()
+        used = self.problem.tagged_mesh.tags_of(self.marked)
+        free: dict[str, float] = {}
+        for tag, name in named.items():
+            if tag not in used:
+                area = float(facets.area[facets.tag == tag].sum())
+                free[name] = free.get(name, 0.0) + area
+        parts = [f"'{name}' ({_number(area)})" for name, area in sorted(free.items()) if area]
+        tagged = np.isin(facets.tag, list(named))
         unnamed = float(self.sides.facets.area[~tagged].sum())
         total = float(self.sides.facets.area.sum())
         if unnamed > ROUNDING * total:

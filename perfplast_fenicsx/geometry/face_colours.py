@@ -27,12 +27,14 @@ class Mark:
         colour: Its own, which is not the body's; None where it is.
         label: Its own; empty where it has none.
         tag: Of the copy.
+        names: Of the physical groups of a script that it is in; its body is empty then.
     """
 
     body: str
     colour: Colour | None
     label: str
     tag: int
+    names: tuple[str, ...] = ()
 
 
 def word_of(colour: Colour) -> str:
@@ -92,43 +94,67 @@ def set_aside(parts: Sequence[Part], labels: Mapping[int, str]) -> list[Mark]:
     return marks
 
 
+def set_aside_named(dim: int, named: Mapping[str, Sequence[int]]) -> list[Mark]:
+    """Return copies of OpenCASCADE's faces that physical groups of a script have.
+
+    Args:
+        dim: Of the faces.
+        named: Faces by the names of their groups.
+    """
+    names: dict[int, list[str]] = {}
+    for name, tags in named.items():
+        for tag in tags:
+            names.setdefault(tag, []).append(name)
+    made = {tag for _, tag in gmsh.model.occ.getEntities(dim)}
+    marks = [
+        Mark("", None, "", gmsh.model.occ.copy([(dim, tag)])[0][1], tuple(some))
+        for tag, some in names.items()
+        if tag in made
+    ]
+    gmsh.model.occ.synchronize()
+    return marks
+
+
 def take_back(
-    marks: Sequence[Mark], faces: Mapping[int, int], parts: Sequence[Part]
+    dim: int, marks: Sequence[Mark], faces: Mapping[int, int], parts: Sequence[Part]
 ) -> dict[int, Mark]:
     """The marks of faces that lie on marked ones, whose copies are taken away.
 
     Args:
-        marks: What :func:`set_aside` found.
-        faces: The number of the body of each free face.
+        dim: Of the faces.
+        marks: What :func:`set_aside` or :func:`set_aside_named` found.
+        faces: The number of the body of each face.
         parts: The bodies.
     """
     found = {}
-    boxes = {mark.tag: box(2, [mark.tag]) for mark in marks}
+    boxes = {mark.tag: box(dim, [mark.tag]) for mark in marks}
     # A face that is closer to another one than this share of its size lies on it.
     nearest = 1e-6
     for face, body in faces.items() if marks else ():
-        low, high = box(2, [face])
+        low, high = box(dim, [face])
         near = nearest * float(np.linalg.norm(high - low))
         point: Floats | None = None
         for mark in marks:
             least, most = boxes[mark.tag]
-            if mark.body != parts[body].name or (low < least - near).any():
+            if mark.body not in ("", parts[body].name) or (low < least - near).any():
                 continue
             if (high > most + near).any():
                 continue
-            point = _inside(face) if point is None else point
-            foot, _ = gmsh.model.getClosestPoint(2, mark.tag, point)
-            if np.linalg.norm(point - foot) <= near and gmsh.model.isInside(2, mark.tag, foot):
+            point = _inside(dim, face) if point is None else point
+            foot, _ = gmsh.model.getClosestPoint(dim, mark.tag, point)
+            if np.linalg.norm(point - foot) <= near and gmsh.model.isInside(dim, mark.tag, foot):
                 found[face] = mark
                 break
-    gmsh.model.occ.remove([(2, mark.tag) for mark in marks], recursive=True)
+    gmsh.model.occ.remove([(dim, mark.tag) for mark in marks], recursive=True)
     gmsh.model.occ.synchronize()
     return found
 
 
-def _inside(face: int) -> Floats:
+def _inside(dim: int, face: int) -> Floats:
     """A point of a face; the middle of its parameters where none of some others is inside."""
-    low, high = map(np.asarray, gmsh.model.getParametrizationBounds(2, face))
+    low, high = map(np.asarray, gmsh.model.getParametrizationBounds(dim, face))
+    if dim == 1:
+        return np.asarray(gmsh.model.getValue(1, face, (low + high) / 2))
     # Shares of a face's parameters at which a point inside of it is sought.
     along = (0.5, 0.31, 0.67, 0.13, 0.86)
     places = [low + np.array([u, v]) * (high - low) for u in along for v in along]

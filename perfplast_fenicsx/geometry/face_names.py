@@ -1,6 +1,7 @@
-"""The names of free faces: those that a user gives, those of planes of symmetry, and the rest."""
+"""The names of free faces: their own, those of the file, and those that a user gives."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 
 import gmsh
 import numpy as np
@@ -9,135 +10,222 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.geometry.face_choice import AXES, NamedFace
 from perfplast_fenicsx.geometry.face_colours import hex_of, word_of
-from perfplast_fenicsx.geometry.free_faces import FaceGroup, cylinder_of, shape_of, usual_names
+from perfplast_fenicsx.geometry.free_faces import FaceSet, FreeFace, cylinder_of, shape_of
 from perfplast_fenicsx.geometry.joints import box
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions, symmetry_name
 from perfplast_fenicsx.geometry.parts import Part
+from perfplast_fenicsx.geometry.usual_names import usual_names
 
 CLOSE = 1e-4
 """Faces that are closer to a place than this share of the bodies' size lie there."""
 
 
 def face_names(
-    dim: int, parts: Sequence[Part], groups: Sequence[FaceGroup], options: MeshingOptions
-) -> list[str]:
-    """A name for each group of free faces; groups may share one that a user has given.
+    dim: int,
+    parts: Sequence[Part],
+    faces: Sequence[FreeFace],
+    alike: Sequence[FaceSet],
+    options: MeshingOptions,
+    of_file: Mapping[str, AbstractSet[int]],
+) -> tuple[list[str], list[FaceSet]]:
+    """Return the own name of each free face, and the sets of faces that have names besides.
 
     Args:
         dim: Of the faces.
         parts: The bodies.
-        groups: Of free faces.
+        faces: Free ones.
+        alike: Sets of faces that are alike.
         options: With the names that are wanted.
+        of_file: Faces by the names that the geometry file gives them, joints too.
 
     Raises:
-        InputError: If no face is where one is wanted, or one is to have two names.
+        InputError: If no face is where one is wanted, or a name is given twice.
     """
-    own = {symmetry_name(axis): {axis: value} for axis, value in options.symmetry.items()}
-    wanted = [NamedFace(name, plane=plane) for name, plane in own.items()] + options.face
-    names = usual_names(dim, parts, groups, {one.name for one in wanted})
-    given: dict[int, str] = {}
+    planes = {symmetry_name(axis): {axis: value} for axis, value in options.symmetry.items()}
+    wanted = [NamedFace(name, plane=plane) for name, plane in planes.items()] + options.face
     for one in wanted:
-        for k in _chosen(dim, parts, groups, names, one):
-            if k in given:
-                raise InputError(
-                    f"'{names[k]}' is to be called both '{given[k]}' and '{one.name}'; a face has"
-                    " one name only."
-                )
-            given[k] = one.name
-    return [given.get(k, name) for k, name in enumerate(names)]
-
-
-def _chosen(
-    dim: int,
-    parts: Sequence[Part],
-    groups: Sequence[FaceGroup],
-    names: Sequence[str],
-    wanted: NamedFace,
-) -> list[int]:
-    """The groups that a name is for."""
+        if one.name in of_file:
+            raise InputError(
+                f"the face '{one.name}': the geometry file has a physical group of this name; give"
+                " another name."
+            )
     bodies = [part.name for part in parts]
-    if wanted.body and wanted.body not in bodies:
-        raise InputError(
-            f"the face '{wanted.name}' is to be of '{wanted.body}', but there is no such body;"
-            f" {nearest(wanted.body, bodies)}"
-        )
-    around = np.array([box(dim + 1, part.tags) for part in parts])
-    size = float(np.linalg.norm(around[:, 1].max(axis=0) - around[:, 0].min(axis=0)))
-    own = [k for k, g in enumerate(groups) if wanted.body in ("", bodies[g.body])]
-    if wanted.number is not None:
-        found = [k for k in own if groups[k].number == wanted.number]
+    taken = {one.name for one in wanted} | {*of_file}
+    taken |= {f"{body}_{name}" for name in of_file for body in bodies}  # sides of joints
+    names, usual = usual_names(dim, parts, faces, alike, taken)
+    given = list[FaceSet]()
+    for name, tags in of_file.items():
+        members = tuple(k for k, face in enumerate(faces) if face.tag in tags)
+        if members:
+            given.append(FaceSet(0, name, members, "physical group of the file"))
+    choice = _Choice(dim, parts, faces, names, [*usual, *given])
+    for one in wanted:
+        chosen = FaceSet(0, one.name, tuple(sorted(choice.of(one))), _in_words(one))
+        choice.sets.append(chosen)
+        given.append(chosen)
+    return names, [*usual, *given]
+
+
+class _Choice:
+    """Finds the faces that a name is for."""
+
+    def __init__(
+        self,
+        dim: int,
+        parts: Sequence[Part],
+        faces: Sequence[FreeFace],
+        names: Sequence[str],
+        sets: list[FaceSet],
+    ) -> None:
+        self.dim, self.faces, self.names, self.sets = dim, faces, names, sets
+        self.bodies = [part.name for part in parts]
+        around = np.array([box(dim + 1, part.tags) for part in parts])
+        size = float(np.linalg.norm(around[:, 1].max(axis=0) - around[:, 0].min(axis=0)))
+        self.close = CLOSE * size
+
+    def of(self, wanted: NamedFace) -> list[int]:
+        """Return places in the list of free faces.
+
+        Raises:
+            InputError: If there are none, or several where one is meant.
+        """
+        if wanted.body and wanted.body not in self.bodies:
+            raise InputError(
+                f"the face '{wanted.name}' is to be of '{wanted.body}', but there is no such body;"
+                f" {nearest(wanted.body, self.bodies)}"
+            )
+        own = [k for k, f in enumerate(self.faces) if wanted.body in ("", self.bodies[f.body])]
+        if wanted.number is not None:
+            return self._of_number(wanted, own)
+        if wanted.faces is not None:
+            return self._of_names(wanted, own)
+        if wanted.colour is not None or wanted.label is not None:
+            return self._of_mark(wanted, own)
+        misses = np.array([_miss(self.dim, self.faces[k].tag, wanted) for k in own])
+        near = np.flatnonzero(misses < self.close)
+        if not near.size or (wanted.point is not None and near.size > 1):
+            raise InputError(self._no_face(own, misses, wanted))
+        found = [own[k] for k in near]
+        if wanted.angle is None:
+            return found
+        return _reached(self.dim, self.faces, found[0], wanted.angle)
+
+    def _of_number(self, wanted: NamedFace, own: Sequence[int]) -> list[int]:
+        found = [k for k in own if self.faces[k].number == wanted.number]
+        for one in self.sets:
+            if one.number == wanted.number and wanted.number:
+                found += [k for k in one.faces if k in own]
         if not found:
             raise InputError(
-                f"the face '{wanted.name}' is to be number {wanted.number}, but there are"
-                f" {len(groups)} free faces; perfplast mesh lists them."
+                f"the face '{wanted.name}' is to be number {wanted.number}, but no free face and no"
+                f" set of them has it; perfplast mesh lists the {len(self.faces)} that there are."
             )
         return found
-    if wanted.colour is not None:
-        return _of_colour(wanted, groups, own)
-    misses = np.array([_miss(dim, groups[k], wanted) for k in own])
-    near = np.flatnonzero(misses < CLOSE * size)
-    if not near.size or (wanted.point is not None and near.size > 1):
-        raise InputError(_no_face(names, own, misses, wanted, CLOSE * size))
-    return [own[k] for k in near]
 
+    def _of_names(self, wanted: NamedFace, own: Sequence[int]) -> list[int]:
+        known: dict[str, tuple[int, ...]] = {name: (k,) for k, name in enumerate(self.names)}
+        known |= {one.name: one.faces for one in self.sets}
+        found: set[int] = set()
+        for name in wanted.faces or ():
+            if name not in known:
+                raise InputError(
+                    f"the face '{wanted.name}' is to have '{name}', but there is no such free face;"
+                    f" {nearest(name, known)}"
+                )
+            found |= {*known[name]} & {*own}
+        if not found:
+            raise InputError(
+                f"the face '{wanted.name}': none of its faces is of '{wanted.body}'; give another"
+                " body, or leave it out."
+            )
+        return list(found)
 
-def _of_colour(wanted: NamedFace, groups: Sequence[FaceGroup], own: Sequence[int]) -> list[int]:
-    """The groups of a colour, by its word or its numbers."""
-    colours = {k: groups[k].colour for k in own}
-    names = {k: (word_of(c), hex_of(c)) for k, c in colours.items() if c is not None}
-    found = [k for k, both in names.items() if str(wanted.colour).lower() in both]
-    if not found:
-        there = ", ".join(sorted({f"{word} {number}" for word, number in names.values()}))
-        raise InputError(
-            f"the face '{wanted.name}': no free face has the colour '{wanted.colour}' of its own;"
-            f" there are {there or 'no coloured ones'}."
-        )
-    return found
+    def _of_mark(self, wanted: NamedFace, own: Sequence[int]) -> list[int]:
+        """Return the faces of a label, or of a colour by its word or its numbers."""
+        if wanted.label is not None:
+            what, value = "label", wanted.label
+            names: dict[int, tuple[str, ...]] = {
+                k: (self.faces[k].label,) for k in own if self.faces[k].label
+            }
+        else:
+            what, value = "colour", str(wanted.colour).lower()
+            colours = {k: self.faces[k].colour for k in own}
+            names = {k: (word_of(c), hex_of(c)) for k, c in colours.items() if c is not None}
+        found = [k for k, some in names.items() if value in some]
+        if not found:
+            there = ", ".join(sorted({" ".join(some) for some in names.values()}))
+            raise InputError(
+                f"the face '{wanted.name}': no free face has the {what} '{value}' of its own;"
+                f" there are {there or f'no faces with a {what}'}."
+            )
+        return found
 
-
-def _no_face(
-    names: Sequence[str], own: Sequence[int], misses: Floats, wanted: NamedFace, close: float
-) -> str:
-    place = {"plane": wanted.plane, "point": wanted.point, "radius": wanted.radius}
-    ((kind, value),) = [(kind, value) for kind, value in place.items() if value is not None]
-    if isinstance(value, dict):
-        ((axis, at),) = value.items()
-        where = f"in the plane {axis} = {at:g}"
-    elif isinstance(value, list):
-        where = f"at ({', '.join(f'{x:g}' for x in value)})"
-    else:
-        where = f"with the radius {value:g}"
-        where += f" about {tuple(wanted.about)}" if wanted.about else ""
-    whose = f" of '{wanted.body}'" if wanted.body else ""
-    if (misses < close).any():
-        several = " and ".join(f"'{names[own[k]]}'" for k in np.flatnonzero(misses < close))
+    def _no_face(self, own: Sequence[int], misses: Floats, wanted: NamedFace) -> str:
+        kinds = ("plane", "point", "radius", "box")
+        (kind,) = [kind for kind in kinds if getattr(wanted, kind) is not None]
+        where = _where(wanted)
+        whose = f" of '{wanted.body}'" if wanted.body else ""
+        if (misses < self.close).any():
+            near = np.flatnonzero(misses < self.close)
+            several = " and ".join(f"'{self.names[own[k]]}'" for k in near)
+            return (
+                f"the face '{wanted.name}': {several} lie {where}; give a point within one face, or"
+                " the body."
+            )
+        if not np.isfinite(misses).any():
+            return (
+                f"the face '{wanted.name}': no free face{whose} lies {where}; give another {kind}."
+            )
+        k = int(np.argmin(misses))
         return (
-            f"the face '{wanted.name}': {several} lie {where}; give a point within one face, or the"
-            " body."
+            f"the face '{wanted.name}': no free face{whose} lies {where}; the nearest is"
+            f" '{self.names[own[k]]}', {misses[k]:.4g} away."
         )
-    if not np.isfinite(misses).any():
-        return f"the face '{wanted.name}': no free face{whose} lies {where}; give another {kind}."
-    k = int(np.argmin(misses))
-    return (
-        f"the face '{wanted.name}': no free face{whose} lies {where}; the nearest is"
-        f" '{names[own[k]]}', {misses[k]:.4g} away."
-    )
 
 
-def _miss(dim: int, group: FaceGroup, wanted: NamedFace) -> float:
-    """How far faces are from where a name is for; infinite where their shape is another one."""
+def _where(wanted: NamedFace) -> str:
+    """Return the place that a name is for, in words."""
+    if wanted.plane is not None:
+        ((axis, at),) = wanted.plane.items()
+        return f"in the plane {axis} = {at:g}"
+    if wanted.box is not None:
+        return f"within the box {wanted.box}"
+    if wanted.point is not None:
+        return f"at ({', '.join(f'{x:g}' for x in wanted.point)})"
+    about = f" about {tuple(wanted.about)}" if wanted.about else ""
+    return f"with the radius {wanted.radius:g}{about}"
+
+
+def _in_words(wanted: NamedFace) -> str:
+    """Return how the faces of a name are chosen, in words."""
+    if wanted.faces is not None:
+        return f"of {', '.join(wanted.faces)}"
+    for what in ("number", "colour", "label"):
+        if (value := getattr(wanted, what)) is not None:
+            return f"{what} {value}"
+    angle = f", and across angles below {wanted.angle:g}°" if wanted.angle is not None else ""
+    return _where(wanted) + angle
+
+
+def _miss(dim: int, tag: int, wanted: NamedFace) -> float:
+    """How far a face is from where a name is for; infinite where its shape is another one."""
     if wanted.plane is not None:
         ((axis, value),) = wanted.plane.items()
-        if shape_of(dim, group.tags[0]) not in ("flat", "straight"):
+        if shape_of(dim, tag) not in ("flat", "straight"):
             return np.inf
-        low, high = box(dim, group.tags)
+        low, high = box(dim, [tag])
         along = AXES.index(axis)
         if high[along] - low[along] > CLOSE * (high - low).max():
             return np.inf
         return float(max(abs(low[along] - value), abs(high[along] - value)))
+    if wanted.box is not None:
+        ends = np.array([wanted.box[0], wanted.box[1]])
+        axes = ends.shape[1]
+        low, high = box(dim, [tag])[:, :axes]
+        return float(max((ends.min(axis=0) - low).max(), (high - ends.max(axis=0)).max(), 0.0))
     if wanted.point is not None:
-        return min(_distance(dim, tag, _in_space(wanted.point)) for tag in group.tags)
-    on = cylinder_of(dim, group.tags[0])
+        return _distance(dim, tag, _in_space(wanted.point))
+    on = cylinder_of(dim, tag)
     if on is None or wanted.radius is None:
         return np.inf
     miss = abs(abs(on.radius) - wanted.radius)
@@ -155,3 +243,55 @@ def _distance(dim: int, tag: int, point: Floats) -> float:
     """From a point to a face; infinite where the face is not opposite to it."""
     foot, _ = gmsh.model.getClosestPoint(dim, tag, point)
     return float(np.linalg.norm(point - foot)) if gmsh.model.isInside(dim, tag, foot) else np.inf
+
+
+def _reached(dim: int, faces: Sequence[FreeFace], first: int, angle: float) -> list[int]:
+    """Return the faces of a body that are reached across edges with smaller angles.
+
+    Args:
+        dim: Of the faces.
+        faces: Free ones.
+        first: Where to begin.
+        angle: Between tangents (degrees).
+    """
+    body = faces[first].body
+    place = {face.tag: k for k, face in enumerate(faces) if face.body == body}
+    found, left = {first}, [first]
+    while left:
+        one = left.pop()
+        edges = gmsh.model.getAdjacencies(dim, faces[one].tag)[1]
+        for edge in map(int, edges):
+            for tag in map(int, gmsh.model.getAdjacencies(dim - 1, edge)[0]):
+                other = place.get(tag)
+                if other is None or other in found:
+                    continue
+                if _angle(dim, edge, faces[one].tag, tag) < angle:
+                    found.add(other)
+                    left.append(other)
+    return sorted(found)
+
+
+def _angle(dim: int, edge: int, one: int, other: int) -> float:
+    """Return the angle between the tangents of two faces in the middle of their edge (degrees)."""
+    at: Floats = np.zeros(0)
+    if dim == 2:
+        low, high = gmsh.model.getParametrizationBounds(1, edge)
+        at = np.array([(low[0] + high[0]) / 2])
+    directions = []
+    for tag in (one, other):
+        if dim == 2:
+            places = gmsh.model.reparametrizeOnSurface(1, edge, at, tag)
+            along = np.array(gmsh.model.getNormal(tag, places))
+        else:
+            point = gmsh.model.getValue(0, edge, [])
+            along = np.array(gmsh.model.getDerivative(1, tag, _parameter(tag, np.array(point))))
+        directions.append(along / np.linalg.norm(along))
+    cosine = abs(float(directions[0] @ directions[1]))
+    return float(np.degrees(np.arccos(min(1.0, cosine))))
+
+
+def _parameter(curve: int, point: Floats) -> Floats:
+    """Return the end of a curve's parameters that is at a point."""
+    low, high = map(np.asarray, gmsh.model.getParametrizationBounds(1, curve))
+    ends = [np.array(gmsh.model.getValue(1, curve, at)) for at in (low, high)]
+    return low if np.linalg.norm(ends[0] - point) < np.linalg.norm(ends[1] - point) else high

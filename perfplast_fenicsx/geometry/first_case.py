@@ -6,7 +6,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.first_loading import loading_for
 from perfplast_fenicsx.geometry.glued import Glued, is_bolt_with_nut
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions, symmetry_name
-from perfplast_fenicsx.geometry.survey import Body, Face, Joint, Survey
+from perfplast_fenicsx.geometry.survey import Body, Face, Joint, NamedFaces, Survey
 from perfplast_fenicsx.materials.common import TABLE, Common
 
 HEAD = """\
@@ -116,7 +116,10 @@ def first_case(
         system=_quoted(TABLE),
     )
     text += "# Free faces, with their areas and centres:\n"
-    return text + "".join(_face(face) for face in survey.faces)
+    text += "".join(_face(face) for face in survey.faces)
+    if survey.sets:
+        text += "# Several free faces with a name together ([[geometry.face]] makes others):\n"
+    return text + "".join(_set(one) for one in survey.sets)
 
 
 def _material(body: Body, material: Common | None) -> str:
@@ -160,6 +163,11 @@ def _face(face: Face) -> str:
     place = ", ".join(f"{x:.5g}" for x in face.centre)
     shape = f"{face.shape} ({face.round_of})" if face.round_of else face.shape
     return f"#   {face.name:32} {shape}, {face.area:.5g}, centre ({place})\n"
+
+
+def _set(one: NamedFaces) -> str:
+    faces = f" of {len(one.faces)} faces" if one.faces else ""
+    return f"#   {one.name:32} {one.why}{faces}, {one.area:.5g}\n"
 
 
 def _quoted(text: str | list[str]) -> str:

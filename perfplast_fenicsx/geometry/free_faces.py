@@ -1,43 +1,58 @@
-"""Free faces of bodies, put together by label, colour, plane or cylinder."""
+"""The free faces of bodies, as they are drawn, and which of them lie in one plane or cylinder."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 
 import gmsh
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.geometry.face_choice import AXES
-from perfplast_fenicsx.geometry.face_colours import Colour, Mark, hex_of, word_of
-from perfplast_fenicsx.geometry.joints import box
-from perfplast_fenicsx.geometry.part_names import plain_name
-from perfplast_fenicsx.geometry.parts import Part
+from perfplast_fenicsx.geometry.face_colours import Colour, Mark
 from perfplast_fenicsx.geometry.surface_kind import kind_of
 
 ALIKE = 1e-6
 """Normals, radii and places that differ by less, relative to the size of the body, are the same."""
 
-Key = tuple[object, ...]
-
 
 @dataclass(frozen=True)
-class FaceGroup:
-    """What one body has free of one label or colour, in one plane or on one cylinder, or one face.
+class FreeFace:
+    """A face of the drawing at which a body touches nothing; in the plane, a curve.
 
     Attributes:
-        number: As in the picture.
+        number: As in the list and the picture.
         body: Its number.
-        tags: The faces.
-        colour: Of their own in the file; None for that of most of the body.
-        label: Of their own in the file; empty where they have none.
+        tag: Of the face.
+        colour: Its own in the file; None for that of most of the body.
+        label: Its own in the file; empty where it has none.
     """
 
     number: int
     body: int
-    tags: tuple[int, ...]
+    tag: int
     colour: Colour | None = None
     label: str = ""
+
+
+@dataclass(frozen=True)
+class FaceSet:
+    """Several faces with a name together.
+
+    Attributes:
+        number: As in the list; 0 where the file or a user has made the set.
+        name: In the mesh; empty before it has one.
+        faces: Places in the list of free faces.
+        why: What they have in common, in words.
+    """
+
+    number: int
+    name: str
+    faces: tuple[int, ...]
+    why: str
 
 
 @dataclass(frozen=True)
@@ -45,7 +60,7 @@ class Cylinder:
     """The cylinder that a face lies on; in the plane, the circle of a curve.
 
     Attributes:
-        radius: Negative for the face of a hole, or of a shaft, as its normal points.
+        radius: Negative for the face of a hole, whose outward normal points to the axis.
         axis: Direction, its largest component positive.
         centre: The point of the axis next to the origin.
     """
@@ -65,69 +80,86 @@ def shape_of(dim: int, tag: int) -> str:
     return words.get(kind, kind.removesuffix(" surface").lower())
 
 
-def put_together(
+def numbered_faces(
     dim: int, faces: Mapping[int, int], size: float, marks: Mapping[int, Mark]
-) -> list[FaceGroup]:
-    """Free faces by body, label, colour, plane and cylinder, numbered from 1.
+) -> tuple[list[FreeFace], list[FaceSet]]:
+    """Return the free faces with numbers, and sets of several that are alike, without names.
+
+    Alike are the faces of one body that have one label and colour or, without these, lie in one
+    plane or on one cylinder. Faces alone and such sets are numbered first, from 1; the faces in
+    the sets have the numbers after these.
 
     Args:
         dim: Of the faces.
         faces: The body of each.
         size: Of the bodies.
         marks: Of the faces that have a label or a colour of their own.
+
+    Returns:
+        The faces, sorted by body and number, and the sets.
     """
-    groups: dict[Key, list[int]] = {}
-    for face, body in faces.items():
-        mark = marks.get(face)
-        alike = _lie_on(dim, face, size) if mark is None else ("mark", mark.label, mark.colour)
-        groups.setdefault((body, *alike), []).append(face)
-    together = sorted(groups.values(), key=lambda tags: faces[tags[0]])
-    marked = [marks.get(tags[0]) for tags in together]
-    return [
-        FaceGroup(k, faces[tags[0]], tuple(tags), mark.colour, mark.label)
-        if mark is not None
-        else FaceGroup(k, faces[tags[0]], tuple(tags))
-        for k, (tags, mark) in enumerate(zip(together, marked, strict=True), start=1)
+    tags = list(faces)
+    kinds, labels = _alike(dim, tags, faces, size, marks)
+    together: dict[int, list[int]] = {}
+    for tag, label in zip(tags, labels, strict=True):
+        together.setdefault(label, []).append(tag)
+    groups = sorted(together.values(), key=lambda some: faces[some[0]])
+    after, numbers = count(len(groups) + 1), dict[int, int]()
+    for number, some in enumerate(groups, start=1):
+        numbers.update({tag: number if len(some) == 1 else next(after) for tag in some})
+    found = []
+    for tag in sorted(tags, key=lambda tag: (faces[tag], numbers[tag])):
+        mark = marks.get(tag)
+        own = (mark.colour, mark.label) if mark is not None else (None, "")
+        found.append(FreeFace(numbers[tag], faces[tag], tag, *own))
+    place = {face.tag: k for k, face in enumerate(found)}
+    sets = [
+        FaceSet(number, "", tuple(sorted(place[tag] for tag in some)), kinds[some[0]])
+        for number, some in enumerate(groups, start=1)
+        if len(some) > 1
     ]
+    return found, sets
 
 
-def usual_names(
-    dim: int, parts: Sequence[Part], groups: Sequence[FaceGroup], taken: set[str]
-) -> list[str]:
-    """A name for each group: by label, colour, the end of the body at which it lies, or number.
-
-    Args:
-        dim: Of the faces.
-        parts: The bodies.
-        groups: Of free faces.
-        taken: Names that others have.
-    """
-    used, around = set(taken), [box(dim + 1, part.tags) for part in parts]
-    labelled: dict[tuple[int, str], str] = {}  # groups of one label and body share a name
-    bodies, names = [part.name for part in parts], list[str]()
-    for group in groups:
-        body = parts[group.body].name
-        known = (group.body, group.label)
-        if known in labelled:
-            names.append(labelled[known])
-            continue
-        if name_part := plain_name(group.label):
-            name: str | None = f"{body}_{name_part}"
-            name = None if name in bodies or re.search(r"joint_\d+$", name_part) else name
-        elif group.colour is not None:
-            name = f"{body}_{word_of(group.colour)}"
-            name = f"{name}_{hex_of(group.colour)[1:]}" if name in used else name
+def _alike(
+    dim: int, tags: Sequence[int], faces: Mapping[int, int], size: float, marks: Mapping[int, Mark]
+) -> tuple[dict[int, str], list[int]]:
+    """Return what each face lies on, in a word, and a number, the same for faces that are alike."""
+    kinds: dict[int, str] = {}
+    families: dict[tuple[object, ...], list[int]] = {}
+    places: dict[int, Floats] = {}
+    for tag in tags:
+        mark = marks.get(tag)
+        if mark is not None:
+            kinds[tag], places[tag] = "mark", np.zeros(1)
+            families.setdefault((faces[tag], mark.label, mark.colour), []).append(tag)
         else:
-            name = _by_end(body, dim, group.tags, around[group.body])
-        if name is None or name in used:
-            name = f"{body}_face_{group.number}"
-        while name in used:
-            name += "_"
-        used.add(name)
-        names.append(name)
-        if group.label:
-            labelled[known] = name
-    return names
+            kinds[tag], places[tag] = _lie_on(dim, tag, size)
+            alone = tag if kinds[tag] == "face" else 0
+            families.setdefault((faces[tag], kinds[tag], alone), []).append(tag)
+    labels: dict[int, int] = {}
+    for family in families.values():
+        same = 10 * ALIKE
+        points = np.array([places[tag] for tag in family])
+        pairs = cKDTree(points).query_pairs(same, p=np.inf, output_type="ndarray")
+        graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(family),) * 2)
+        parts = connected_components(graph, directed=False)[1]
+        first = len(labels)
+        labels.update({tag: first + int(part) for tag, part in zip(family, parts, strict=True)})
+    return kinds, [labels[tag] for tag in tags]
+
+
+def _lie_on(dim: int, tag: int, size: float) -> tuple[str, Floats]:
+    """Return "plane", "cylinder" or "face", and numbers that are the same in one of these."""
+    if dim == 2 and kind_of(dim, tag) == "Plane":
+        middle = np.mean(gmsh.model.getParametrizationBounds(dim, tag), axis=0)
+        normal = np.array(gmsh.model.getNormal(tag, middle))
+        place = float(np.array(gmsh.model.getValue(dim, tag, middle)) @ normal)
+        return "plane", np.array([*normal, place / size])
+    if dim == 2 and (on := cylinder_of(dim, tag)) is not None:
+        along = np.outer(on.axis, on.axis).ravel()  # either direction is the same axis
+        return "cylinder", np.array([*along, on.radius / size, *on.centre / size])
+    return "face", np.zeros(1)
 
 
 def cylinder_of(dim: int, tag: int) -> Cylinder | None:
@@ -149,9 +181,19 @@ def cylinder_of(dim: int, tag: int) -> Cylinder | None:
     straight = abs(large[0]) < abs(small[0])
     axis, curvature = (along_large, small[0]) if straight else (along_small, large[0])
     axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
-    point = np.array(gmsh.model.getValue(dim, tag, middle))
-    centre = point + np.array(gmsh.model.getNormal(tag, middle)) / curvature
-    return Cylinder(1 / curvature, axis, centre - (centre @ axis) * axis)
+    shares = np.array([[0.5, 0.5], [0.3, 0.3], [0.6, 0.2], [0.2, 0.7]])
+    places = (low + shares * (high - low)).ravel()
+    point, *others = np.reshape(gmsh.model.getValue(dim, tag, places), (-1, 3))
+    # Gmsh turns normals to the outside of the body, and curvatures not: the axis is on the side
+    # from which other points are as far.
+    normal, radius = np.array(gmsh.model.getNormal(tag, middle)), 1 / abs(curvature)
+    centres = [point - side * radius * normal for side in (1.0, -1.0)]
+    beside = np.array(others)[None] - np.array(centres)[:, None]
+    across = beside - (beside @ axis)[:, :, None] * axis
+    misses = np.abs(np.linalg.norm(across, axis=2) - radius).max(axis=1)
+    side = int(np.argmin(misses))
+    centre = centres[side]
+    return Cylinder((radius, -radius)[side], axis, centre - (centre @ axis) * axis)
 
 
 def round_of(dim: int, tag: int) -> str:
@@ -166,33 +208,3 @@ def round_of(dim: int, tag: int) -> str:
     axis = np.round(on.axis, 3) + 0.0
     words = AXES[along[0]] if len(along) == 1 else f"({', '.join(f'{a:g}' for a in axis)})"
     return f"{radius}, along {words}"
-
-
-def _by_end(body: str, dim: int, tags: Sequence[int], around: Floats) -> str | None:
-    low, high = box(dim, tags)
-    # boxes are wider by the tolerances of edges, which gaps that were closed have left
-    wider = 3 * gmsh.option.getNumber("Geometry.ToleranceBoolean")
-    none = ALIKE * float(np.linalg.norm(around[1] - around[0])) + wider
-    if shape_of(dim, tags[0]) in ("flat", "straight"):
-        for axis in np.flatnonzero(high - low < none)[: 1 if dim == 2 else None]:
-            for side, end in zip(("low", "high"), around[:, axis], strict=True):
-                if abs(low[axis] - end) < 2 * none and around[1, axis] > around[0, axis]:
-                    return f"{body}_{AXES[axis]}_{side}"
-    return None
-
-
-def _lie_on(dim: int, tag: int, size: float) -> Key:
-    """What is the same for faces in one plane, and for those on one cylinder."""
-    kind = kind_of(dim, tag)
-    if dim == 2 and kind == "Plane":
-        middle = np.mean(gmsh.model.getParametrizationBounds(dim, tag), axis=0)
-        normal = np.array(gmsh.model.getNormal(tag, middle))
-        place = float(np.array(gmsh.model.getValue(dim, tag, middle)) @ normal)
-        return (kind, *_rounded(normal), *_rounded(np.array([place / size])))
-    if dim == 2 and (on := cylinder_of(dim, tag)) is not None:
-        return (kind, *_rounded(on.axis), *_rounded(np.array([on.radius, *on.centre]) / size))
-    return (kind, tag)
-
-
-def _rounded(values: Floats) -> tuple[int, ...]:
-    return tuple(int(n) for n in np.rint(values / (10 * ALIKE)))

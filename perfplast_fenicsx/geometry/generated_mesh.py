@@ -21,7 +21,7 @@ ALGORITHMS = ((6, 1), (6, 10), (1, 1))
 places nodes otherwise; MeshAdapt, which copes with the oddest faces."""
 
 POOR = 0.02
-"""Elements of less quality are told of."""
+"""Elements of less quality are named in a remark."""
 
 
 def generate(

@@ -1,4 +1,4 @@
-"""What a geometry file is by its name and beginning, which is told without gmsh."""
+"""What a geometry file is by its name and beginning, found without gmsh."""
 
 import re
 from pathlib import Path

@@ -22,6 +22,9 @@ READS_OTHERS = re.compile(rb"\b(Merge|Include|ShapeFromFile)\b")
 MARK = b"$Comments\nmade by perfplast of "
 """Begins the section at the end of a .msh file that says what it was made of."""
 
+NAMES = "single faces"
+"""How faces are called: a mesh with names of another kind is replaced."""
+
 END = b"\n$EndComments\n"
 
 
@@ -91,9 +94,10 @@ def make_mesh(
 
 
 def _fingerprint(content: bytes, options: MeshingOptions) -> bytes:
-    """Of a geometry file, the options and the program; how long it may take changes no mesh."""
+    """Return that of a geometry file, options and program; how long it may take changes no mesh."""
     told = msgspec.json.encode(dataclasses.replace(options, patience=1.0))
-    parts = [hashlib.sha256(part).digest() for part in (content, told, __version__.encode())]
+    version = f"{__version__}, {NAMES}".encode()
+    parts = [hashlib.sha256(part).digest() for part in (content, told, version)]
     return hashlib.sha256(b"".join(parts)).hexdigest().encode()
 
 

@@ -1,6 +1,7 @@
 """What there is in gmsh's current mesh: bodies, where they touch, free faces, with their sizes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 
 import gmsh
 import numpy as np
@@ -9,10 +10,10 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.geometry.cad_measures import cad_measure, mesh_centre, mesh_measure
 from perfplast_fenicsx.geometry.face_colours import hex_of, word_of
-from perfplast_fenicsx.geometry.free_faces import FaceGroup, round_of, shape_of
+from perfplast_fenicsx.geometry.free_faces import FaceSet, FreeFace, round_of, shape_of
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.seams import Seam
-from perfplast_fenicsx.geometry.survey import Body, Face, Joint
+from perfplast_fenicsx.geometry.survey import Body, Face, Joint, NamedFaces
 from perfplast_fenicsx.rounding import ROUNDING
 
 
@@ -51,35 +52,92 @@ def measured_joint(dim: int, parts: Sequence[Part], number: int, seam: Seam) -> 
 
 
 def measured_faces(
-    dim: int, parts: Sequence[Part], groups: Sequence[FaceGroup], names: Sequence[str], size: float
+    dim: int, parts: Sequence[Part], faces: Sequence[FreeFace], names: Sequence[str], size: float
 ) -> list[Face]:
-    """Free faces; those of one name are one physical group."""
-    together: dict[str, list[int]] = {}
-    faces = []
-    for group, name in zip(groups, names, strict=True):
-        together.setdefault(name, []).extend(group.tags)
-        middle = mesh_centre(dim - 1, group.tags)
+    """Return free faces, each of which is a physical group from now on."""
+    found = []
+    for face, name in zip(faces, names, strict=True):
+        gmsh.model.addPhysicalGroup(dim - 1, [face.tag], name=name)
+        middle = mesh_centre(dim - 1, [face.tag])
         middle[abs(middle) < ROUNDING * size] = 0.0
-        area = sum(mesh_measure(dim - 1, tag) for tag in group.tags)
-        shape, body = _shape(dim - 1, group), parts[group.body].name
-        centre = tuple(float(x) for x in middle)
-        several = (group.colour or group.label) and len(group.tags) > 1
-        around = "" if several else round_of(dim - 1, group.tags[0])
-        known = (cad_measure(dim - 1, group.tags), around)
-        faces.append(Face(group.number, name, body, shape, area, centre, *known))
-    for name, tags in together.items():
-        gmsh.model.addPhysicalGroup(dim - 1, tags, name=name)
-    return faces
+        found.append(
+            Face(
+                face.number,
+                name,
+                parts[face.body].name,
+                _shape(dim - 1, face),
+                mesh_measure(dim - 1, face.tag),
+                tuple(float(x) for x in middle),
+                cad_measure(dim - 1, [face.tag]),
+                round_of(dim - 1, face.tag),
+            )
+        )
+    return found
 
 
-def _shape(dim: int, group: FaceGroup) -> str:
-    """Such as "flat", and the label and colour of faces that have them of their own."""
-    shapes = " and ".join(sorted({shape_of(dim, tag) for tag in group.tags}))
-    if group.label:
-        shapes += f", '{group.label}'"
-    if group.colour is None:
-        return shapes
-    return f"{shapes}, {word_of(group.colour)} {hex_of(group.colour)}"
+def measured_sets(
+    dim: int,
+    parts: Sequence[Part],
+    faces: Sequence[FreeFace],
+    sets: Sequence[FaceSet],
+    seams: Sequence[Seam],
+    of_file: Mapping[str, AbstractSet[int]],
+) -> tuple[list[NamedFaces], list[str]]:
+    """Return sets of faces with names, each a physical group from now on, and remarks.
+
+    Args:
+        dim: Of the bodies.
+        parts: The bodies.
+        faces: Free ones.
+        sets: Of these.
+        seams: Where bodies touch.
+        of_file: Faces by the names that the file gives them; those at seams have a name for each
+            side, such as ``lower_seam`` and ``upper_seam``.
+    """
+    found, remarks = [], list[str]()
+    free = {one.name: one for one in sets}
+    for name in dict.fromkeys([*free, *of_file]):
+        one = free.get(name, FaceSet(0, name, (), ""))
+        tags = [faces[k].tag for k in one.faces]
+        sides = _sides_of_seams(seams, of_file.get(name, frozenset()))
+        if not tags and not sides:
+            remarks.append(f"the physical group '{name}' bounds no body and is left out")
+            continue
+        if tags:
+            numbers = tuple(faces[k].number for k in one.faces)
+            measures = sum(mesh_measure(dim - 1, tag) for tag in tags), cad_measure(dim - 1, tags)
+            found.append(NamedFaces(one.number, name, numbers, one.why, *measures))
+        shared = {tag for _, some in sides for tag in some if sum(tag in s for _, s in sides) > 1}
+        if tags or shared:
+            gmsh.model.addPhysicalGroup(dim - 1, [*tags, *sorted(shared)], name=name)
+        for body, some in sides:
+            side = f"{parts[body].name}_{name}"
+            if not shared >= {*some}:  # bodies meshed apart
+                gmsh.model.addPhysicalGroup(dim - 1, some, name=side)
+            area = sum(mesh_measure(dim - 1, tag) for tag in some)
+            why = f"'{name}' of the file, where bodies touch"
+            found.append(NamedFaces(0, side, (), why, area, cad_measure(dim - 1, some)))
+    return found, remarks
+
+
+def _sides_of_seams(seams: Sequence[Seam], tags: AbstractSet[int]) -> list[tuple[int, list[int]]]:
+    """Return bodies and those of their faces at seams that are among tags."""
+    found: dict[int, list[int]] = {}
+    for seam in seams:
+        for body, faces in zip(seam.bodies, seam.faces, strict=True):
+            if some := [face for face in faces if face in tags]:
+                found.setdefault(body, []).extend(some)
+    return sorted(found.items())
+
+
+def _shape(dim: int, face: FreeFace) -> str:
+    """Such as "flat", and the label and colour of a face that has them of its own."""
+    shape = shape_of(dim, face.tag)
+    if face.label:
+        shape += f", '{face.label}'"
+    if face.colour is None:
+        return shape
+    return f"{shape}, {word_of(face.colour)} {hex_of(face.colour)}"
 
 
 def elements(dim: int, part: Part) -> npt.NDArray[np.uint64]:

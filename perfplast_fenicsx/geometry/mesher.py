@@ -1,6 +1,6 @@
 """A geometry file as a mesh of bodies with names, and a survey of what is in it. One process."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import gmsh
@@ -11,10 +11,10 @@ from perfplast_fenicsx.geometry.apart import apart_remarks
 from perfplast_fenicsx.geometry.automatic_mesh import EXACT, mesh_with_areas
 from perfplast_fenicsx.geometry.cad_measures import missed_areas
 from perfplast_fenicsx.geometry.closed_gaps import straighten
-from perfplast_fenicsx.geometry.face_colours import set_aside, take_back
+from perfplast_fenicsx.geometry.face_colours import Mark, set_aside, set_aside_named, take_back
 from perfplast_fenicsx.geometry.face_labels import labels_of
 from perfplast_fenicsx.geometry.face_names import face_names
-from perfplast_fenicsx.geometry.free_faces import put_together
+from perfplast_fenicsx.geometry.free_faces import numbered_faces
 from perfplast_fenicsx.geometry.generated_mesh import POOR
 from perfplast_fenicsx.geometry.geometry_file import is_script
 from perfplast_fenicsx.geometry.joints import box, cut_along_each_other, near_misses
@@ -23,12 +23,18 @@ from perfplast_fenicsx.geometry.measured import (
     measured_body,
     measured_faces,
     measured_joint,
+    measured_sets,
     nodes_of,
 )
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.geometry.parts import Part, read_parts
+from perfplast_fenicsx.geometry.parts import Drawing, Part, read_parts
 from perfplast_fenicsx.geometry.progress import Stage, begin
-from perfplast_fenicsx.geometry.seams import find_seams, free_faces, take_apart
+from perfplast_fenicsx.geometry.seams import (
+    faces_of_bodies,
+    find_seams,
+    free_faces,
+    take_apart,
+)
 from perfplast_fenicsx.geometry.skin import skin_of
 from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.geometry.symmetry import cut_in_half
@@ -48,11 +54,15 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         InputError: If the file cannot be read, has no bodies, or a body cannot be meshed.
     """
     begin(Stage("reading it"))
-    dim, parts, remarks = read_parts(source)
+    drawing = read_parts(source)
+    dim, parts, remarks = drawing.dim, drawing.parts, [*drawing.remarks]
     labels, unsure = labels_of(source, parts)
     remarks += unsure
     begin(Stage("cutting its bodies along each other"))
-    marks = set_aside(parts, labels) if dim == 3 and not is_script(source) else []
+    if is_script(source):
+        marks = set_aside_named(dim - 1, drawing.named)
+    else:
+        marks = set_aside(parts, labels)
     parts = without(dim, parts, options.without)
     parts = cut_in_half(dim, parts, options.symmetry)
     parts = cut_along_each_other(dim, parts, options.overlap, options.close_gaps)
@@ -64,9 +74,13 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         parts, seams = take_apart(dim, parts, seams)
     extent = max(float(np.linalg.norm(np.ptp(box(dim, part.tags), axis=0))) for part in parts)
     free = free_faces(dim, parts, seams)
-    marked = take_back(marks, free, parts)
-    groups = put_together(dim - 1, free, extent, marked)
-    names = face_names(dim - 1, parts, groups, options)
+    every = dict(free) if not is_script(source) else faces_of_bodies(dim, parts)
+    marked = take_back(dim - 1, marks, every, parts)
+    of_file = _by_name(dim - 1, drawing, marked)
+    if of_file:
+        marked = {}
+    faces, alike = numbered_faces(dim - 1, free, extent, marked)
+    names, sets = face_names(dim - 1, parts, faces, alike, options, of_file)
     begin(Stage("meshing", _names_of_faces(dim, parts)))
     longest = mesh_with_areas(dim, parts, options)
     if options.close_gaps and dim == 3:
@@ -76,8 +90,10 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     gmsh.model.removePhysicalGroups()
     bodies = [measured_body(dim, part) for part in parts]
     joints = [measured_joint(dim, parts, k, seam) for k, seam in enumerate(seams, start=1)]
-    faces = measured_faces(dim, parts, groups, names, extent)
-    np.savez(target.with_suffix(".npz"), **skin_of(dim, parts, groups, faces))
+    measured = measured_faces(dim, parts, faces, names, extent)
+    named, left_out = measured_sets(dim, parts, faces, sets, seams, of_file)
+    remarks += left_out
+    np.savez(target.with_suffix(".npz"), **skin_of(dim, parts, faces, measured))
     write_split(target)
     nodes = sum(nodes_of(dim, part) for part in parts)
     remarks += [
@@ -104,7 +120,8 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
             " are the forces of pressures on them; more elements about a circle (--curvature) are"
             " nearer, and total = true keeps the force of a traction"
         )
-    return Survey(dim, options.order, nodes, bodies, joints, near, faces, remarks, longest)
+    told = (remarks, longest, named)
+    return Survey(dim, options.order, nodes, bodies, joints, near, measured, *told)
 
 
 def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:
@@ -115,3 +132,20 @@ def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:
             faces = [tag] if dim == 2 else gmsh.model.getAdjacencies(dim, tag)[1]
             names.update({int(face): part.name for face in faces})
     return names
+
+
+def _by_name(dim: int, drawing: Drawing, marked: Mapping[int, Mark]) -> dict[str, set[int]]:
+    """Return faces by the names that a script gives them, after bodies have been cut.
+
+    Args:
+        dim: Of the faces.
+        drawing: What was read; faces of gmsh's built-in kernel are as they were.
+        marked: Faces of OpenCASCADE's kernel that lie on named ones.
+    """
+    here = {tag for _, tag in gmsh.model.getEntities(dim)}
+    made = {tag for _, tag in gmsh.model.occ.getEntities(dim)}
+    found = {name: ({*tags} & here) - made for name, tags in drawing.named.items()}
+    for tag, mark in marked.items():
+        for name in mark.names:
+            found[name].add(tag)
+    return found

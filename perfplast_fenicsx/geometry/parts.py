@@ -1,7 +1,7 @@
 """The bodies of a geometry file, read into gmsh's current model, with names."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import gmsh
@@ -15,6 +15,9 @@ NO_NAME = re.compile(
     r"^the product name$|open cascade step translator|^=>|^\[?\d+[:.\d\]]*$", re.IGNORECASE
 )
 """What writers of STEP files put where a part has no name."""
+
+ENTITY = ("point", "curve", "surface", "volume")
+"""Gmsh's words for entities, by their dimension."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +35,31 @@ class Part:
     tags: tuple[int, ...]
 
 
-def read_parts(path: Path) -> tuple[int, list[Part], list[str]]:
-    """Read a geometry file, which :func:`~geometry_file.check_file` has seen, into gmsh's model.
+@dataclass(frozen=True)
+class Drawing:
+    """Bodies, remarks and names of a geometry file.
 
-    Returns:
-        3 for solids or 2 for faces of a plane model, the bodies, and what a user should know.
+    Attributes:
+        dim: 3 for solids or 2 for faces of a plane model.
+        parts: The bodies.
+        remarks: What a user should know, a sentence each.
+        named: Faces (in the plane, curves) by the names of the physical groups of a script.
+    """
+
+    dim: int
+    parts: list[Part]
+    remarks: list[str] = field(default_factory=list)
+    named: dict[str, tuple[int, ...]] = field(default_factory=dict)
+
+
+def read_parts(path: Path) -> Drawing:
+    """Read a geometry file, which :func:`~geometry_file.check_file` has seen, into gmsh's model.
 
     Raises:
         InputError: If the file cannot be read, or there is no solid in it.
     """
     if is_script(path):
-        return *_read_script(path), []
+        return _read_script(path)
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     if (
         IMPORTED[path.suffix.lower()].pattern == STEP
@@ -66,7 +83,7 @@ def read_parts(path: Path) -> tuple[int, list[Part], list[str]]:
         Part(name, label.removeprefix("Shapes/"), (tag,))
         for name, label, tag in zip(names, labels, tags, strict=True)
     ]
-    return 3, parts, remarks
+    return Drawing(3, parts, remarks)
 
 
 def _leaf(label: str) -> str:
@@ -75,8 +92,8 @@ def _leaf(label: str) -> str:
     return "part" if NO_NAME.search(last) else last
 
 
-def _read_script(path: Path) -> tuple[int, list[Part]]:
-    """Gmsh's own geometry: physical groups are bodies where there are any."""
+def _read_script(path: Path) -> Drawing:
+    """Read gmsh's own geometry: physical groups are bodies where there are any."""
     try:
         gmsh.merge(str(path))
         gmsh.model.geo.synchronize()
@@ -86,28 +103,47 @@ def _read_script(path: Path) -> tuple[int, list[Part]]:
     dim = gmsh.model.getDimension()
     if dim < 2:
         raise InputError(f"'{path}' has no volume and no surface; make the bodies in it.")
-    groups = gmsh.model.getPhysicalGroups(dim)
-    given = [gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups()]
-    labels, entities = [], []
-    for _, group in groups:
-        labels.append(gmsh.model.getPhysicalName(dim, group) or f"group {group}")
-        entities.append(tuple(int(t) for t in gmsh.model.getEntitiesForPhysicalGroup(dim, group)))
+    groups = _physical_groups(dim)
     grouped: dict[int, str] = {}
-    for label, tags in zip(labels, entities, strict=True):
+    for label, tags in groups.items():
         for tag in tags:
             if tag in grouped:
-                what = {2: "surface", 3: "volume"}[dim]
                 raise InputError(
-                    f"{what} {tag} of '{path}' is in the physical groups '{grouped[tag]}' and"
-                    f" '{label}'; an entity can have one name only."
+                    f"{ENTITY[dim]} {tag} of '{path}' is in the physical groups '{grouped[tag]}'"
+                    f" and '{label}'; a body can have one name only."
                 )
             grouped[tag] = label
-    for _, tag in gmsh.model.getEntities(dim):
-        if tag not in grouped:
-            labels.append("part")
-            entities.append((tag,))
+    alone = [tag for _, tag in gmsh.model.getEntities(dim) if tag not in grouped]
+    labels = [*groups, *("part" for _ in alone)]
+    entities = [*groups.values(), *((tag,) for tag in alone)]
+    named = _physical_groups(dim - 1)
+    remarks = [
+        f"the physical {ENTITY[of]} {', '.join(map(repr, left))} of '{path.name}' is left out:"
+        f" supports and loads act on {ENTITY[dim - 1]}s"
+        for of in range(dim - 1)
+        if (left := _physical_groups(of))
+    ]
+    given = [gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups()]
+    numbers = {str(tag) for _, tag in gmsh.model.getPhysicalGroups(dim)} - {*given}
     gmsh.model.removePhysicalGroups()
     for name in given:  # which gmsh keeps, and gives to no other group then
         gmsh.model.removePhysicalName(name)
     names = unique_names(labels)
-    return dim, [Part(*both) for both in zip(names, labels, entities, strict=True)]
+    names = [lab if lab in numbers else name for lab, name in zip(labels, names, strict=True)]
+    remarks += [
+        f"the physical {ENTITY[dim]} '{label}' of '{path.name}' is called '{name}'"
+        for label, name in zip(labels, names, strict=True)
+        if label in groups and label != name
+    ]
+    parts = [Part(*both) for both in zip(names, labels, entities, strict=True)]
+    return Drawing(dim, parts, remarks, named)
+
+
+def _physical_groups(dim: int) -> dict[str, tuple[int, ...]]:
+    """Return the entities of each physical group, by its name or, without one, its number."""
+    found: dict[str, tuple[int, ...]] = {}
+    for _, group in gmsh.model.getPhysicalGroups(dim):
+        name = gmsh.model.getPhysicalName(dim, group) or str(group)
+        entities = gmsh.model.getEntitiesForPhysicalGroup(dim, group)
+        found[name] = (*found.get(name, ()), *(int(tag) for tag in entities))
+    return found

@@ -1,4 +1,4 @@
-"""How far the meshing program has come, told on its standard output, in case it takes too long."""
+"""How far the meshing program has come: lines of its output, in case it takes too long."""
 
 import re
 from dataclasses import dataclass, field

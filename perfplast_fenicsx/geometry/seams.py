@@ -42,6 +42,11 @@ def owners(parts: Sequence[Part]) -> dict[int, int]:
     return {tag: number for number, part in enumerate(parts) for tag in part.tags}
 
 
+def faces_of_bodies(dim: int, parts: Sequence[Part]) -> dict[int, int]:
+    """Return all outer faces, and a body that each belongs to."""
+    return {face: bodies[0] for face, bodies in shared(dim, owners(parts)).items()}
+
+
 def free_faces(dim: int, parts: Sequence[Part], seams: Sequence[Seam]) -> dict[int, int]:
     """The faces at which bodies touch nothing, and whose they are."""
     touching = {face for seam in seams for side in seam.faces for face in side}

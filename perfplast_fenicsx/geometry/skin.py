@@ -7,20 +7,20 @@ import gmsh
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.geometry.free_faces import FaceGroup
+from perfplast_fenicsx.geometry.free_faces import FreeFace
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.survey import Face
 
 
 def skin_of(
-    dim: int, parts: Sequence[Part], groups: Sequence[FaceGroup], faces: Sequence[Face]
+    dim: int, parts: Sequence[Part], free: Sequence[FreeFace], faces: Sequence[Face]
 ) -> dict[str, Any]:
     """The triangles that are seen of the bodies in gmsh's current mesh.
 
     Args:
         dim: Of the bodies.
         parts: The bodies.
-        groups: Of free faces.
+        free: Free faces.
         faces: The same, measured.
 
     Returns:
@@ -31,7 +31,9 @@ def skin_of(
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(tags)
     tags, points = tags[order], coordinates.reshape(-1, 3)[order]
-    shown = [(group.body, group.number, group.tags) for group in groups]
+    shown: list[tuple[int, int, tuple[int, ...]]] = [
+        (face.body, face.number, (face.tag,)) for face in free
+    ]
     if dim == 2:
         shown = [(number, 0, part.tags) for number, part in enumerate(parts)]
     triangles, owners, faces_of, places = [], [], [], []
@@ -40,8 +42,8 @@ def skin_of(
         triangles.append(corners)
         owners.append(np.full(len(corners), number))
         faces_of.append(np.full(len(corners), face_number))
-    for group, face in zip(groups, faces, strict=True):
-        middles = points[np.searchsorted(tags, _corners(group.tags, dim - 1))].mean(axis=1)
+    for one, face in zip(free, faces, strict=True):
+        middles = points[np.searchsorted(tags, _corners([one.tag], dim - 1))].mean(axis=1)
         distance = np.linalg.norm(middles - face.centre, axis=1)
         places.append(middles[np.argmin(distance)])
     return {

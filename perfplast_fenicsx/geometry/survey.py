@@ -1,5 +1,6 @@
 """What there is in a geometry: bodies, where they touch or nearly touch, and their free faces."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 
@@ -47,11 +48,11 @@ class Joint:
 
 @dataclass(frozen=True)
 class Face:
-    """A free face: all that one body has free in one plane or on one cylinder, or one face.
+    """A free face of the drawing; in the plane, a curve.
 
     Attributes:
         number: As in the picture.
-        name: Its name in the mesh.
+        name: Its own name in the mesh.
         body: Whose it is.
         shape: Such as "flat".
         area: Of its mesh.
@@ -69,6 +70,41 @@ class Face:
     centre: tuple[float, ...]
     cad: float | None = None
     round_of: str = ""
+
+
+@dataclass(frozen=True)
+class NamedFaces:
+    """Free faces with a name together, which each of them has besides its own.
+
+    Attributes:
+        number: As in the list; 0 where the file or a user gives the name.
+        name: In the mesh.
+        faces: Numbers of the faces; none of a physical group where bodies touch.
+        why: What they have in common, in words.
+        area: Of their mesh.
+        cad: Their area in the file; None where that is not known.
+    """
+
+    number: int
+    name: str
+    faces: tuple[int, ...]
+    why: str
+    area: float
+    cad: float | None = None
+
+
+def listed(numbers: Sequence[int]) -> str:
+    """Return how many faces there are and their numbers, such as "3: 4-5, 9"."""
+    runs = list[list[int]]()
+    for number in sorted(numbers):
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    words = [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
+    most = 8  # so many stretches of numbers are listed
+    more = [f"and {len(words) - most} more"] if len(words) > most else []
+    return f"{len(numbers)}: {', '.join(words[:most] + more)}" if words else "-"
 
 
 @dataclass(frozen=True)
@@ -95,7 +131,8 @@ class Survey:
         bodies: At least one.
         joints: Where bodies touch.
         near: Where bodies nearly touch.
-        faces: What is free, sorted by number.
+        faces: What is free, sorted by body and number.
+        sets: Faces with names together.
         remarks: What a user should know, a sentence each.
         size: Largest edge length that was asked for.
     """
@@ -109,3 +146,9 @@ class Survey:
     faces: list[Face] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     size: float = 0.0
+    sets: list[NamedFaces] = field(default_factory=list)
+
+    def faces_of(self, name: str) -> list[Face]:
+        """Return the free faces that have a name, their own or one together with others."""
+        numbers = {number for one in self.sets if one.name == name for number in one.faces}
+        return [face for face in self.faces if face.name == name or face.number in numbers]

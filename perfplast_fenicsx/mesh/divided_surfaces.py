@@ -100,8 +100,7 @@ def divided(
     facets, values = tagged_mesh.facet_tags.indices, tagged_mesh.facet_tags.values
     gone = outer.facets[chosen][cut]
     left = (facets < topology.index_map(1).size_local) & ~np.isin(facets, gone)
-    of_gone = np.zeros(len(gone), dtype=np.int32)
-    of_gone[:] = tagged_mesh.surfaces[surface]
+    of_gone = values[np.searchsorted(facets, gone)].astype(np.int32)
     return TaggedMesh(
         finer,
         cell_meshtags(finer, of_part),

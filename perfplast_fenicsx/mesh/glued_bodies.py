@@ -57,8 +57,7 @@ def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> Ta
     every = distributed_tags(
         glued, tdim - 1, numbers[to_vertices[facets[mine]]], values[mine].astype(np.int32)
     )
-    inside = [tagged_mesh.surfaces[name] for name in surfaces]
-    left = np.isin(every.values, inside)
+    left = np.isin(every.values, tagged_mesh.tags_of(surfaces))
     glued.topology.create_connectivity(tdim - 1, tdim)
     outside = np.isin(every.indices, exterior_facet_indices(glued.topology))
     if comm.allreduce(bool((left & outside).any())):

@@ -1,8 +1,9 @@
 """Gmsh on one process: a quiet session, and a .msh file as checked arrays. No MPI."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from types import ModuleType
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.errors import LARGEST, InputError
-from perfplast_fenicsx.mesh.gmsh_subprocess import NO_GMSH, Content, read_content
+from perfplast_fenicsx.mesh.gmsh_subprocess import NO_GMSH, Block, Content, read_content
 
 # Gmsh element type -> polynomial degree, by dimension.
 SIMPLICES = {1: {1: 1, 8: 2}, 2: {2: 1, 9: 2}, 3: {4: 1, 11: 2}}
@@ -29,10 +30,13 @@ class GmshMesh:
         cells: Nodes of each cell in gmsh's order, shape (num_cells, nodes_per_cell).
         cell_values: Tag of each cell's name, shape (num_cells,); 0 where it has none.
         facets: Nodes of each named facet, shape (num_facets, nodes_per_facet).
-        facet_values: Tag of each named facet's name, shape (num_facets,).
+        facet_values: Tag of each named facet, shape (num_facets,): of its physical group, or of
+            its own kind where it is in several groups.
         facet_count: Number of named facets in the file, whether they belong to cells or not.
         volumes: Name to tag of the cells.
-        surfaces: Name to tag of the facets.
+        surfaces: Name to tag of the facets, or to several tags where some are in other groups
+            too. A group without a name is called by its number.
+        remarks: What of the file is left out, a sentence each.
     """
 
     gdim: int
@@ -44,7 +48,8 @@ class GmshMesh:
     facet_values: Ints
     facet_count: int
     volumes: dict[str, int]
-    surfaces: dict[str, int]
+    surfaces: dict[str, int | tuple[int, ...]]
+    remarks: tuple[str, ...] = ()
 
     def without_arrays(self) -> "GmshMesh":
         """The same with arrays of no rows: what the ranks that read nothing contribute."""
@@ -86,12 +91,13 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     """Read the simplices of the largest dimension and their named facets.
 
     Args:
-        path: A .msh file with physical names: tetrahedra, or triangles in a plane z = const.
+        path: A .msh file with physical groups: tetrahedra, or triangles in a plane z = const.
         gdim: 3 or 2, if only such a mesh will do.
 
     Raises:
         InputError: If the file is missing, is not gmsh's, has no simplices of that dimension or
-            others beside them, or names that are missing, double or on the same entity.
+            others beside them, no physical group of bodies, names that are there twice, or a
+            body in two groups.
     """
     content = read_content(Path(path))
     gdim = _dimension(content, path, gdim)
@@ -99,12 +105,17 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     if not volumes:
         entity = _ENTITY[gdim]
         raise InputError(f"'{path}' has no physical {entity}; name each body by one in gmsh")
-    surfaces = _names(content, path, gdim - 1)
-    degree, cells, cell_values = _elements(content, path, gdim)
-    _, facets, facet_values = _elements(content, path, gdim - 1)
+    names = _names(content, path, gdim - 1)
+    blocks = [block for block in content.blocks if block.dim == gdim]
+    degree, cells = _elements(content, path, gdim)
+    cell_values = _values(blocks, [_body_of(block, content, path) for block in blocks])
+    blocks = [block for block in content.blocks if block.dim == gdim - 1]
+    _, facets = _elements(content, path, gdim - 1)
+    surfaces, tags_of_blocks = _surface_tags(names, blocks)
+    facet_values = _values(blocks, tags_of_blocks)
     tags, coordinates = content.tags, content.coordinates
     named = facet_values > 0
-    facets, facet_values = facets[named], facet_values[named]
+    facets, facet_values = _once(facets[named], facet_values[named])
     # Nodes of geometry points, unnamed surfaces, … are left out.
     used = np.unique(cells)
     order = np.argsort(tags)
@@ -120,8 +131,8 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     doubled = len(corners) - len(np.unique(corners, axis=0))
     if doubled:
         raise InputError(
-            f"{doubled} of the {len(facets)} named surface elements of '{path}' are there twice;"
-            " give each surface one name"
+            f"{doubled} of the {len(facets)} named surface elements of '{path}' are there twice,"
+            " in different surfaces; mesh the model again"
         )
     on_cells = np.isin(facets, used).all(axis=1)
     return GmshMesh(
@@ -134,7 +145,8 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
         facet_values=facet_values[on_cells],
         facet_count=facet_values.size,
         volumes={name: tag for name, tag in volumes.items() if tag in cell_values},
-        surfaces={name: tag for name, tag in surfaces.items() if tag in facet_values},
+        surfaces=surfaces,
+        remarks=tuple(_left_out(content, path, gdim, {*surfaces}, cell_values)),
     )
 
 
@@ -195,11 +207,13 @@ def _dimension(content: Content, path: str | Path, gdim: int | None) -> int:
 
 
 def _names(content: Content, path: str | Path, dim: int) -> dict[str, int]:
-    """Name to tag of the physical groups of one dimension."""
+    """Return name to tag of the physical groups of a dimension; the tag is the name where none is.
+
+    Raises:
+        InputError: If two groups have the same name.
+    """
     names: dict[str, int] = {}
-    for tag, name in [(tag, name) for of, tag, name in content.groups if of == dim]:
-        if not name:
-            raise InputError(f"physical {_ENTITY[dim]} {tag} of '{path}' has no name; give it one")
+    for tag, name in [(tag, name or str(tag)) for of, tag, name in content.groups if of == dim]:
         if name in names:
             raise InputError(
                 f"physical {_ENTITY[dim]}s {names[name]} and {tag} of '{path}' are both named "
@@ -209,17 +223,9 @@ def _names(content: Content, path: str | Path, dim: int) -> dict[str, int]:
     return names
 
 
-def _elements(content: Content, path: str | Path, dim: int) -> tuple[int, Longs, Ints]:
-    """Degree, nodes (gmsh's tags) and physical tags (0 for none) of the elements of a dimension."""
+def _elements(content: Content, path: str | Path, dim: int) -> tuple[int, Longs]:
+    """Return degree and nodes (gmsh's tags) of the elements of a dimension."""
     blocks = [block for block in content.blocks if block.dim == dim]
-    for block in blocks:
-        if len(block.groups) > 1:
-            known = {tag: name for of, tag, name in content.groups if of == dim}
-            names = " and ".join(f"'{known[tag]}'" for tag in block.groups)
-            raise InputError(
-                f"{_ENTITY[dim]} {block.entity} of '{path}' is in the physical groups {names}; "
-                "an entity can have one name only"
-            )
     types = {block.kind for block in blocks}
     if len(types) > 1 or not types <= SIMPLICES[dim].keys():
         names = ", ".join(content.types[kind][0] for kind in sorted(types))
@@ -229,7 +235,81 @@ def _elements(content: Content, path: str | Path, dim: int) -> tuple[int, Longs,
     kind = types.pop() if types else min(SIMPLICES[dim])
     size = content.types[kind][1] if blocks else dim + 1
     nodes = [np.empty((0, size), dtype=np.int64), *(block.nodes for block in blocks)]
+    return SIMPLICES[dim][kind], np.concatenate(nodes)
+
+
+def _values(blocks: Sequence[Block], tags: Sequence[int]) -> Ints:
+    """Return the tag of each element of blocks."""
     counts = [len(block.nodes) for block in blocks]
-    tags = [block.groups[0] if block.groups else 0 for block in blocks]
-    values = np.repeat(np.array(tags, dtype=np.int64), np.array(counts, dtype=np.int64))
-    return SIMPLICES[dim][kind], np.concatenate(nodes), values.astype(np.int32)
+    return np.repeat(np.array(tags, dtype=np.int32), np.array(counts, dtype=np.int64))
+
+
+def _body_of(block: Block, content: Content, path: str | Path) -> int:
+    """Return the physical group of cells, 0 where they are in none.
+
+    Raises:
+        InputError: If they are in several.
+    """
+    if len(block.groups) > 1:
+        known = {tag: name or str(tag) for of, tag, name in content.groups if of == block.dim}
+        names = " and ".join(f"'{known[tag]}'" for tag in block.groups)
+        raise InputError(
+            f"{_ENTITY[block.dim]} {block.entity} of '{path}' is in the physical groups {names}; "
+            "a body can have one name only"
+        )
+    return block.groups[0] if block.groups else 0
+
+
+def _surface_tags(
+    names: dict[str, int], blocks: Sequence[Block]
+) -> tuple[dict[str, int | tuple[int, ...]], list[int]]:
+    """Return the tags of each surface and the tag of each block, 0 where it is in no group.
+
+    Blocks that are in the same several groups have a tag of their own.
+
+    Args:
+        names: Name to tag of the physical groups.
+        blocks: Of facets.
+    """
+    kinds = [tuple(sorted(block.groups)) for block in blocks]
+    new = count(max(names.values(), default=0) + 1)
+    tags: dict[tuple[int, ...], int] = {(): 0}
+    tags.update({(tag,): tag for tag in names.values()})
+    for kind in kinds:
+        if kind not in tags:
+            tags[kind] = next(new)
+    there = {kind for kind, block in zip(kinds, blocks, strict=True) if len(block.nodes)}
+    found: dict[str, int | tuple[int, ...]] = {}
+    for name, group in names.items():
+        parts = tuple(sorted(tags[kind] for kind in there if group in kind))
+        if parts:
+            found[name] = parts[0] if len(parts) == 1 else parts
+    return found, [tags[kind] for kind in kinds]
+
+
+def _once(facets: Longs, values: Ints) -> tuple[Longs, Ints]:
+    """Return facets and their tags, each once: older files repeat them for each of their groups."""
+    rows = np.column_stack([np.sort(facets, axis=1), values])
+    first = np.sort(np.unique(rows, axis=0, return_index=True)[1])
+    return facets[first], values[first]
+
+
+def _left_out(
+    content: Content, path: str | Path, gdim: int, surfaces: set[str], cell_values: Ints
+) -> Iterator[str]:
+    """Yield a sentence on the physical groups of each dimension that name nothing here."""
+    for dim in range(gdim + 1):
+        names = {name or str(tag): tag for of, tag, name in content.groups if of == dim}
+        if dim == gdim:
+            names = {name: tag for name, tag in names.items() if tag not in cell_values}
+        if dim == gdim - 1:
+            names = {name: tag for name, tag in names.items() if name not in surfaces}
+        if not names:
+            continue
+        why = (
+            "has no elements"
+            if dim >= gdim - 1
+            else f"is left out: supports and loads act on {_ENTITY[gdim - 1]}s"
+        )
+        listed = ", ".join(f"'{name}'" for name in names)
+        yield f"the physical {_ENTITY[dim]} {listed} of '{path}' {why}"

@@ -23,13 +23,13 @@ class _Part:
     Attributes:
         dim: Dimension of the elements.
         body: Tag of the physical volume that they belong to.
-        name: Physical name to write.
+        names: Physical names to write.
         elements: Gmsh element type and node tags, shape (num_elements, nodes_per_element).
     """
 
     dim: int
     body: int
-    name: str
+    names: tuple[str, ...]
     elements: list[tuple[int, npt.NDArray[np.uint64]]]
 
 
@@ -39,15 +39,16 @@ def write_split(path: str | Path) -> None:
     Each physical volume of the model is a body (physical surface in a plane model). Of the physical
     surfaces (curves), the parts that bound one body keep their name; the parts between two bodies
     are written once for each side, as ``BODY_NAME``: the interface ``seam`` of ``lower`` and
-    ``upper`` becomes ``lower_seam`` and ``upper_seam``. The bodies come apart along interfaces
+    ``upper`` becomes ``lower_seam`` and ``upper_seam``. A surface may have several names; groups
+    without a name are called by their number. The bodies come apart along interfaces
     without a name too. First and second order, any kind of element; not collective, on one process.
 
     Args:
         path: The file to write.
 
     Raises:
-        InputError: If the model has no named volumes, a volume that is in none of them, an
-            entity in two groups, a group without a name, or a named surface on no body.
+        InputError: If the model has no physical volumes, a volume that is in none of them or in
+            two, or a named surface on no body.
     """
     dim = gmsh.model.getDimension()
     bodies = _groups(dim)
@@ -55,18 +56,20 @@ def write_split(path: str | Path) -> None:
         raise InputError("the gmsh model has no physical volume; name each body before splitting")
     parts = []
     for entity in _entities(dim):
-        if entity not in bodies:
-            raise InputError(f"volume {entity} of the gmsh model is in no physical volume")
-        tag = bodies[entity]
-        parts.append(_Part(dim, tag, gmsh.model.getPhysicalName(dim, tag), _elements(dim, entity)))
-    for entity, group in _groups(dim - 1).items():
-        name = gmsh.model.getPhysicalName(dim - 1, group)
-        sides = sorted({bodies[volume] for volume in gmsh.model.getAdjacencies(dim - 1, entity)[0]})
+        own = bodies.get(entity, ())
+        if len(own) != 1:
+            how = f"in {len(own)} physical volumes" if own else "in no physical volume"
+            raise InputError(f"volume {entity} of the gmsh model is {how}; put it in one")
+        parts.append(_Part(dim, own[0], (_name(dim, own[0]),), _elements(dim, entity)))
+    for entity, groups in _groups(dim - 1).items():
+        names = [_name(dim - 1, group) for group in groups]
+        adjacent = gmsh.model.getAdjacencies(dim - 1, entity)[0]
+        sides = sorted({bodies[int(volume)][0] for volume in adjacent})
         if not sides:
-            raise InputError(f"'{name}' is on an entity of the gmsh model that bounds no body")
+            raise InputError(f"'{names[0]}' is on an entity of the gmsh model that bounds no body")
         for tag in sides:
-            body = gmsh.model.getPhysicalName(dim, tag)
-            side = name if len(sides) == 1 else f"{body}_{name}"
+            body = f"{_name(dim, tag)}_" if len(sides) > 1 else ""
+            side = tuple(f"{body}{name}" for name in names)
             parts.append(_Part(dim - 1, tag, side, _elements(dim - 1, entity)))
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(tags)
@@ -90,18 +93,15 @@ def _entities(dim: int) -> list[int]:
     return [tag for _, tag in gmsh.model.getEntities(dim)]
 
 
-def _groups(dim: int) -> dict[int, int]:
-    """Physical tag of each entity that has one."""
-    groups: dict[int, int] = {}
-    for entity in _entities(dim):
-        tags = gmsh.model.getPhysicalGroupsForEntity(dim, entity)
-        if len(tags) > 1:
-            raise InputError(f"entity {entity} of dimension {dim} is in {len(tags)} named groups")
-        if len(tags):
-            groups[entity] = int(tags[0])
-            if not gmsh.model.getPhysicalName(dim, groups[entity]):
-                raise InputError(f"physical group {tags[0]} of dimension {dim} has no name")
-    return groups
+def _groups(dim: int) -> dict[int, tuple[int, ...]]:
+    """Return the physical tags of each entity that has any."""
+    every = {e: gmsh.model.getPhysicalGroupsForEntity(dim, e) for e in _entities(dim)}
+    return {entity: tuple(map(int, tags)) for entity, tags in every.items() if len(tags)}
+
+
+def _name(dim: int, group: int) -> str:
+    """Return the name of a physical group, or its number where it has no name."""
+    return str(gmsh.model.getPhysicalName(dim, group)) or str(group)
 
 
 def _elements(dim: int, entity: int) -> list[tuple[int, npt.NDArray[np.uint64]]]:
@@ -136,7 +136,8 @@ def _write(
             first += used.size
             for part in mine:
                 entity = gmsh.model.addDiscreteEntity(part.dim)
-                groups.setdefault((part.dim, part.name), []).append(entity)
+                for name in part.names:
+                    groups.setdefault((part.dim, name), []).append(entity)
                 if part is solids[0]:
                     gmsh.model.mesh.addNodes(dim, entity, new, points.ravel())
                 for kind, nodes in part.elements:

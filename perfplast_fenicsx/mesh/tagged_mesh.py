@@ -1,6 +1,8 @@
 """Bodies in one mesh, with names, and how to read them from a gmsh file on any number of ranks."""
 
 import math
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,6 +23,9 @@ from perfplast_fenicsx.mesh.gmsh_reader import GmshMesh, read_msh
 from perfplast_fenicsx.mesh.kinematics import KINDS, ON_AXIS, Axisymmetric, Kinematics, PlaneStress
 from perfplast_fenicsx.parallel import bounding_box
 
+Tags = int | tuple[int, ...]
+"""The tag of a surface; several where it has facets in common with others, or consists of them."""
+
 _CELLS = {1: CellType.interval, 2: CellType.triangle, 3: CellType.tetrahedron}
 
 
@@ -33,9 +38,10 @@ class TaggedMesh:
     Attributes:
         mesh: Mesh of triangles or tetrahedra.
         cell_tags: Tag of the volume of each local cell, owned and ghost.
-        facet_tags: Tags of the named facets; a facet has one name at most.
+        facet_tags: Tags of the named facets.
         volumes: Name to tag, the same on all ranks.
-        surfaces: Name to tag, the same on all ranks.
+        surfaces: Name to tag, or to several tags, the same on all ranks. Surfaces that have facets
+            in common have the tags of these in common.
         section: What the plane of a mesh of triangles is: plane strain, or half a section of bodies
             of revolution (:meth:`turned`), or sheets (:meth:`thin`).
         remarks: What a user should know of the mesh, a sentence each.
@@ -46,7 +52,7 @@ class TaggedMesh:
     cell_tags: MeshTags
     facet_tags: MeshTags
     volumes: dict[str, int]
-    surfaces: dict[str, int]
+    surfaces: Mapping[str, Tags]
     section: Kinematics = KINDS["plane-strain"]
     remarks: tuple[str, ...] = ()
     taken: tuple[str, ...] = ()
@@ -133,7 +139,17 @@ class TaggedMesh:
         Raises:
             InputError: If there is no such surface, on every rank alike.
         """
-        return self.facet_tags.find(_tag("surface", name, self.surfaces, self.volumes))
+        tags = _tag("surface", name, self.surfaces, self.volumes)
+        return self.facet_tags.indices[np.isin(self.facet_tags.values, tags)]
+
+    def tags_of(self, names: Iterable[str]) -> tuple[int, ...]:
+        """Return the tags of surfaces together, sorted, each once.
+
+        Raises:
+            InputError: If there is no such surface, on every rank alike.
+        """
+        tags = [_tag("surface", name, self.surfaces, self.volumes) for name in names]
+        return tuple(int(tag) for tag in np.unique(np.concatenate([[], *map(np.atleast_1d, tags)])))
 
     def check_tagged(self) -> None:
         """Make sure that every cell belongs to a named volume. Collective.
@@ -149,7 +165,7 @@ class TaggedMesh:
             raise InputError(f"{missing} cells belong to no named volume; name every body")
 
 
-def _tag(kind: str, name: str, tags: dict[str, int], others: dict[str, int]) -> int:
+def _tag(kind: str, name: str, tags: Mapping[str, Tags], others: Mapping[str, Tags]) -> Tags:
     if name not in tags:
         known = ", ".join(sorted(tags)) or "none"
         if name in others:
@@ -157,12 +173,34 @@ def _tag(kind: str, name: str, tags: dict[str, int], others: dict[str, int]) -> 
             raise InputError(
                 f"'{name}' is a {other} of this mesh, but a {kind} belongs here: {known}"
             )
-        raise InputError(f"'{name}' is not a {kind} of this mesh; it has {known}")
+        raise InputError(
+            f"'{name}' is not a {kind} of this mesh; it has {known}{_hint(name, tags)}"
+        )
     return tags[name]
+
+
+def _hint(name: str, tags: Mapping[str, Tags]) -> str:
+    """Return the remedy for a name of several faces or of a part of a side; else nothing."""
+    if several := re.fullmatch(r"(.+)_face_(\d+)_*", name):
+        for kind in ("plane", "cylinder"):
+            whole = f"{several[1]}_{kind}_{several[2]}"
+            if whole in tags:
+                return (
+                    f". Several faces lie in one {kind} there: '{whole}' is all of them, and"
+                    " perfplast mesh lists the name of each"
+                )
+    if side := re.fullmatch(r"(.+)_([xyz])_(low|high)", name):
+        return (
+            f". Faces of that side of '{side[1]}' have names of their own; [[geometry.face]] with"
+            f' plane = {{{side[2]} = ...}} and body = "{side[1]}" names the whole side'
+        )
+    return ""
 
 
 def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) -> TaggedMesh:
     """Read a .msh file whose physical groups name the bodies and surfaces. Collective.
+
+    A group without a name is called by its number. Surfaces may overlap, as groups of gmsh do.
 
     Rank 0 reads; the mesh is then distributed over ``comm`` without ghost cells. Second-order
     geometry stays second-order. Surfaces inside a body may be named too.
@@ -200,6 +238,7 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
         facet_tags=distributed_tags(mesh, gdim - 1, facets, data.facet_values),
         volumes=data.volumes,
         surfaces=data.surfaces,
+        remarks=data.remarks,
     )
     tagged_mesh.check_tagged()
     owned = mesh.topology.index_map(gdim - 1).size_local

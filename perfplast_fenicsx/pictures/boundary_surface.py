@@ -125,7 +125,7 @@ def make_skin(
         at_points={},
         at_cells={},
         marks={
-            mark: np.isin(tag, [surfaces[name] for name in on if name in surfaces])
+            mark: np.isin(tag, [of for name in on for of in surfaces.get(name, ())])
             for mark, on in named.scene.marks.items()
         },
     )

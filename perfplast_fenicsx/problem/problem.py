@@ -272,7 +272,7 @@ class Problem:
         self.constraints: Constraints = named(self.comm, rows)
         touching = [name for a in contacts for name in (a.primary, a.secondary)]
         touching += [source.on for source in self.constraints.sources if source.on]
-        self.contact_tags = tuple(sorted({tagged_mesh.surfaces[name] for name in touching}))
+        self.contact_tags = tagged_mesh.tags_of(touching)
         self.num_pairs: int = self.comm.allreduce(len(self.constraints.host))
         self.has_gaps: bool = self.comm.allreduce(bool((self.constraints.gap > 0).any()), MPI.LOR)
         told = (contacts, obstacles, self.given.ties, taken, self.guides.held)

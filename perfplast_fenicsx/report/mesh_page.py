@@ -26,6 +26,7 @@ class FaceRow:
         shape: In words.
         area: As text.
         centre: Coordinates, as text.
+        together: Names that it has together with other faces, as text.
     """
 
     number: int
@@ -33,11 +34,13 @@ class FaceRow:
     shape: str
     area: str
     centre: str
+    together: str = ""
 
     @property
     def in_words(self) -> str:
-        """What a click on it tells."""
-        return f"{self.name}: {self.shape}, area {self.area}, centre ({self.centre})"
+        """Return what a click on it shows."""
+        words = f"{self.name}: {self.shape}, area {self.area}, centre ({self.centre})"
+        return f"{words}; one of {self.together}" if self.together else words
 
 
 def mesh_page(title: str, skin: Path, faces: Sequence[FaceRow]) -> str:
@@ -86,13 +89,16 @@ def mesh_page(title: str, skin: Path, faces: Sequence[FaceRow]) -> str:
 
 
 def _table(faces: Sequence[FaceRow]) -> str:
-    titles = ("No.", "Name", "Shape", "Area", "Centre")
+    titles = ["No.", "Name", "Shape", "Area", "Centre"]
+    if any(face.together for face in faces):
+        titles.append("One of")
     heads = "".join(f'<th scope="col">{head}</th>' for head in titles)
     rows = "".join(
         f'<tr data-face="{face.number}"><td>{face.number}</td>'
         f'<th scope="row"><button type="button">{escape(face.name)}</button></th>'
         f"<td>{escape(face.shape)}</td><td>{escape(face.area)}</td>"
-        f"<td>{escape(face.centre)}</td></tr>"
+        f"<td>{escape(face.centre)}</td>"
+        + (f"<td>{escape(face.together)}</td></tr>" if len(titles) > 5 else "</tr>")
         for face in faces
     )
     return (

@@ -64,9 +64,8 @@ def _ticks(reader: ResultReader) -> tuple[Floats, Floats]:
     half = TICK * surface.size
     most_marks = 20  # about so many places show a support
     for support in reader.summary.given.get("supports", []):
-        tag = reader.named.surfaces.get(support["on"])
-        chosen = np.flatnonzero(tags == tag)
-        if tag is None or not len(chosen):
+        chosen = np.flatnonzero(np.isin(tags, reader.named.surfaces.get(support["on"], [])))
+        if not len(chosen):
             continue
         facets = surface.facets[chosen]
         total = np.linalg.norm(surface.normals[chosen], axis=1).sum()

@@ -65,12 +65,13 @@ def test_they_have_its_name_and_what_is_cut_off_too(
     survey = found(shared_tmp_path, **options)
     half = 2 if "symmetry" in options else 1
     areas = {face.name: face.area for face in survey.faces}
+    areas |= {one.name: one.area for one in survey.sets}
     plate, block = (body.name for body in survey.bodies)
     assert areas[f"{plate}_red"] == pytest.approx(4 / half)
     assert areas[f"{plate}_blue"] == pytest.approx((40 + 20) / half)  # below, and free on top
     assert areas[f"{block}_red"] == pytest.approx(16 / half)
-    assert sum("red" in face.shape or "blue" in face.shape for face in survey.faces) == 3
-    total = sum(areas.values())
+    assert sum("red" in face.shape or "blue" in face.shape for face in survey.faces) == 4
+    total = sum(face.area for face in survey.faces)
     ends = 2 * (10 + 4) * 1 + 2 * 40 + 2 * (5 + 4) * 4 + 2 * 20 - 2 * 20
     if half == 1:
         assert total == pytest.approx(ends)
@@ -80,8 +81,7 @@ def test_they_are_chosen_by_it(shared_tmp_path: Path) -> None:
     survey = found(
         shared_tmp_path, NamedFace("held", colour="red"), NamedFace("b", colour="#3333cc")
     )
-    named = [face.name for face in survey.faces]
-    assert (named.count("held"), named.count("b")) == (2, 1)
+    assert (len(survey.faces_of("held")), len(survey.faces_of("b"))) == (2, 2)
 
 
 def test_a_colour_that_there_is_not(shared_tmp_path: Path) -> None:

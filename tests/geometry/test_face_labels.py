@@ -67,7 +67,8 @@ def drilled() -> None:
 
 def test_faces_of_one_label_are_one_surface(shared_tmp_path: Path) -> None:
     survey = surveyed(shared_tmp_path, drilled, {1: "held", 3: "held", 6: "bore"})
-    (held,) = (face for face in survey.faces if face.name.endswith("_held"))
+    (held,) = (one for one in survey.sets if one.name.endswith("_held"))
+    assert (len(held.faces), held.why) == (2, "label 'held'")
     assert held.area == pytest.approx(2 * 4 * 2)  # at y = 0 and y = 3
     (bore,) = (face for face in survey.faces if face.name.endswith("_bore"))
     assert bore.shape == "cylindrical, 'bore'"
@@ -77,9 +78,10 @@ def test_faces_of_one_label_are_one_surface(shared_tmp_path: Path) -> None:
 def test_a_label_goes_before_a_colour(shared_tmp_path: Path) -> None:
     step = labelled(write(shared_tmp_path / "box.step", drilled), {0: "held", 1: "held"})
     survey = survey_of(painted(step, {1: RED, 2: RED}), shared_tmp_path / "box.msh")
-    names = [face.name for face in survey.faces]
-    assert sum(name.endswith("_held") for name in names) == 2  # groups of one surface
-    assert sum(name.endswith("_red") for name in names) == 1
+    (held,) = (one for one in survey.sets if one.name.endswith("_held"))
+    assert len(held.faces) == 2
+    (red,) = (face for face in survey.faces if face.name.endswith("_red"))
+    assert red.number not in held.faces
 
 
 def twice() -> None:
@@ -152,7 +154,7 @@ def test_another_order_than_gmsh_has_is_noticed(shared_tmp_path: Path, moved: bo
     other.write_text(text[:at] + moved * "#9999=MAPPED_ITEM('',#1,#2);" + text[at:])
     assert read_solids(other)[1] is not moved
     with gmsh_session():
-        _, parts, _ = read_parts(step)
+        parts = read_parts(step).parts
         assert list(labels_of(step, parts)[0].values()) == ["left"]
         found, remarks = labels_of(other, parts)
     assert not found

@@ -1,4 +1,4 @@
-"""Faces that a user names."""
+"""Faces are the drawing's, with names of their own and together, and those that a user gives."""
 
 from pathlib import Path
 
@@ -19,10 +19,9 @@ def named(folder: Path, *faces: NamedFace) -> dict[str, list[int]]:
     """Name free faces of the plate with a pin; the numbers of those with each name."""
     step, mesh = write(folder / "pin.step", pin_in_plate), folder / "named.msh"
     found = survey_of(step, mesh, MeshingOptions(size=12.0, curvature=8.0, face=list(faces)))
-    assert {face.name for face in found.faces} < set(read_gmsh(MPI.COMM_WORLD, mesh).surfaces)
-    return {
-        one.name: [face.number for face in found.faces if face.name == one.name] for one in faces
-    }
+    named = {face.name for face in found.faces} | {one.name for one in found.sets}
+    assert named < set(read_gmsh(MPI.COMM_WORLD, mesh).surfaces)
+    return {one.name: [face.number for face in found.faces_of(one.name)] for one in faces}
 
 
 def test_by_plane_point_and_number(shared_tmp_path: Path) -> None:
@@ -49,7 +48,10 @@ def test_by_plane_point_and_number(shared_tmp_path: Path) -> None:
         (NamedFace("a", point=[20.0, 0.0, 8.0]), "give a point within one face"),
         (NamedFace("a", point=[9e3, 0.0, 0.0]), r"no free face lies at \(9000, 0, 0\)"),
         (NamedFace("a", radius=5.0), "no free face lies with the radius 5"),
-        (NamedFace("a", number=99), "number 99, but there are"),
+        (NamedFace("a", number=99), "number 99, but no free face and no set of them has it"),
+        (NamedFace("a", box=[[90.0, 0.0], [99.0, 1.0]]), "within the box .*; the nearest is"),
+        (NamedFace("a", label="lid"), "has the label 'lid' of its own; there are no faces with"),
+        (NamedFace("a", faces=["part_1_x_lo"]), "no such free face; did you mean 'part_1_x_low'"),
     ],
 )
 def test_no_such_face(shared_tmp_path: Path, face: NamedFace, says: str) -> None:
@@ -73,10 +75,11 @@ def test_holes_by_radius(shared_tmp_path: Path) -> None:
         source.write_text(PLATE)
     MPI.COMM_WORLD.barrier()
     faces = [NamedFace("hole", radius=0.5, about=[3.0, 1.0]), NamedFace("top", plane={"y": 2.0})]
-    found = {face.name: face for face in survey_of(source, mesh, MeshingOptions(face=faces)).faces}
-    assert found["hole"].centre == pytest.approx([3.0, 1.0, 0.0], abs=0.05)
-    assert found["hole"].shape == "round"
-    assert found["top"].area == pytest.approx(4.0)
+    survey = survey_of(source, mesh, MeshingOptions(face=faces))
+    (hole,), (top,) = survey.faces_of("hole"), survey.faces_of("top")
+    assert hole.centre == pytest.approx([3.0, 1.0, 0.0], abs=0.05)
+    assert hole.shape == "round"
+    assert top.area == pytest.approx(4.0)
 
 
 @pytest.mark.parametrize(
@@ -89,6 +92,11 @@ def test_holes_by_radius(shared_tmp_path: Path) -> None:
         ({"point": [1.0]}, "is no point"),
         ({"radius": -1.0}, "must be positive"),
         ({"number": 1, "about": [0.0, 0.0]}, "goes with a radius"),
+        ({"number": 1, "angle": 20.0}, "goes with a point"),
+        ({"point": [0.0, 0.0], "angle": 90.0}, "between 0 and 90 degrees"),
+        ({"box": [[0.0, 0.0]]}, "has 1 corners"),
+        ({"box": [[0.0, 0.0], [1.0]]}, "corner 2 of box = .* is no point"),
+        ({"faces": []}, "is empty"),
     ],
 )
 def test_choices(keys: dict[str, object], says: str) -> None:

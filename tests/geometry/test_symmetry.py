@@ -29,7 +29,7 @@ def test_a_quarter(shared_tmp_path: Path) -> None:
     assert [body.name for body in found.bodies] == ["part_1", "part_2", "part_4"]
     assert found.bodies[2].volume == pytest.approx(80)
     assert sum(body.volume for body in found.bodies) == pytest.approx(100 + 80)
-    cut = [face for face in found.faces if face.name == "symmetry_y"]
+    cut = found.faces_of("symmetry_y")
     assert {face.body for face in cut} == {"part_1", "part_2", "part_4"}
     assert sum(face.area for face in cut) == pytest.approx(20 + 16)
     assert {joint.bodies for joint in found.joints} == {("part_1", "part_2"), ("part_1", "part_4")}

@@ -20,8 +20,9 @@ from perfplast_fenicsx.compat import entity_nodes, geometry_dofmap, interpolatio
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
 from perfplast_fenicsx.mesh.sample_meshes import build
-from perfplast_fenicsx.mesh.split_bodies import write_split
+from perfplast_fenicsx.mesh.split_bodies import on_plane, write_split
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
+from perfplast_fenicsx.problem.assembled.total_loads import area_of
 
 # Area vectors ∫ n ds of the named surfaces, and volumes, of the builders with their arguments.
 BUILT = [
@@ -356,8 +357,6 @@ def test_plane_split(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     [
         ({}, "has no physical surface; name each body by one in gmsh"),
         ({"low": "a"}, "cells belong to no named volume"),
-        ({"low": "a", "high": ""}, "physical surface 2 of "),
-        ({"low": "a", "high": "b", "seam": ""}, "has no name; give it one"),
         ({"low": "a", "high": "b", "high2": "c"}, "physical groups 'b' and 'c'"),
     ],
 )
@@ -368,6 +367,36 @@ def test_bad_names_in_file(
     if comm.rank == 0:
         write_plane(path, names)
     assert expected in message(lambda: read_gmsh(comm, path, gdim=2))
+
+
+@pytest.mark.parametrize("version", [2.2, 4.1])
+def test_groups_overlap_and_have_numbers(
+    comm: MPI.Intracomm, shared_tmp_path: Path, version: float
+) -> None:
+    """Lines in two groups, groups without a name, and what is left out with a sentence."""
+    path = shared_tmp_path / "groups.msh"
+    if comm.rank == 0:
+        with gmsh_session() as gmsh:
+            plate = gmsh.model.occ.addRectangle(0, 0, 0, 2, 1)
+            gmsh.model.occ.synchronize()
+            gmsh.model.addPhysicalGroup(2, [plate], 7)
+            lines = {"low": on_plane(1, 1, 0), "high": on_plane(1, 1, 1), "end": on_plane(1, 0, 0)}
+            gmsh.model.addPhysicalGroup(1, lines["low"], 12)
+            gmsh.model.addPhysicalGroup(1, [*lines["low"], *lines["end"]], 13, name="held")
+            gmsh.model.addPhysicalGroup(1, lines["high"], 14, name="top")
+            gmsh.model.addPhysicalGroup(0, [1], 3, name="corner")
+            gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+            gmsh.option.setNumber("Mesh.MshFileVersion", version)
+            gmsh.model.mesh.generate(2)
+            gmsh.write(str(path))
+    read = read_gmsh(comm, path)
+    assert set(read.volumes) == {"7"}
+    assert set(read.surfaces) == {"12", "held", "top"}
+    lengths = {name: area_of(read, name) for name in read.surfaces}
+    assert lengths == pytest.approx({"12": 2.0, "held": 3.0, "top": 2.0})
+    assert [remark.partition(" of ")[0] for remark in read.remarks] == [
+        "the physical point 'corner'"
+    ]
 
 
 def test_wrong_dimension(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
@@ -441,8 +470,7 @@ def test_folder_instead_of_file(comm: MPI.Intracomm, shared_tmp_path: Path) -> N
     [
         ({}, "the gmsh model has no physical volume"),
         ({"low": "a"}, "is in no physical volume"),
-        ({"low": "a", "high": "b", "high2": "c"}, "is in 2 named groups"),
-        ({"low": "a", "high": ""}, "has no name"),
+        ({"low": "a", "high": "b", "high2": "c"}, "is in 2 physical volumes"),
     ],
 )
 def test_bad_model_to_split(tmp_path: Path, names: dict[str, str], expected: str) -> None:

@@ -74,7 +74,7 @@ def load_mesh(
     else:
         found = read_gmsh(comm, case.parent / mesh.file)
     meant = any(contact.interference and contact.gap is None for contact in contacts)
-    return replace(found, remarks=tuple(check_bodies(found, meant)))
+    return replace(found, remarks=(*found.remarks, *check_bodies(found, meant)))
 
 
 def read_adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:

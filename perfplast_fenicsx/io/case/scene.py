@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
@@ -82,18 +84,18 @@ def write_scene(scene: Scene, tagged_mesh: "TaggedMesh", path: Path) -> None:
         entry["shape"] = shapes[type(obstacle)]
     for entry, contact in zip(table["contacts"], scene.contacts, strict=True):
         entry["interface"] = interfaces[type(contact)]
-    names = {"volumes": tagged_mesh.volumes, "surfaces": tagged_mesh.surfaces}
+    names = {"volumes": tagged_mesh.volumes, "surfaces": dict(tagged_mesh.surfaces)}
     text = json.dumps(names | table, indent=2, ensure_ascii=False, default=list)
     replace(path, f"{text}\n".encode())
 
 
 @dataclass(frozen=True)
 class NamedScene:
-    """What is in ``scene.json``: a scene, and the tag of each name in ``fields/mesh.vtkhdf``."""
+    """What is in ``scene.json``: a scene, and the tags of each name in ``fields/mesh.vtkhdf``."""
 
     scene: Scene
     volumes: dict[str, int]
-    surfaces: dict[str, int]
+    surfaces: dict[str, list[int]]
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ class _Document:
 
     title: str
     volumes: dict[str, int]
-    surfaces: dict[str, int]
+    surfaces: dict[str, int | list[int]]
     loads: list[Table]
     contacts: list[Table]
     obstacles: list[Table]
@@ -142,4 +144,5 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
             top.axisymmetric,
             top.driven,
         )
-    return NamedScene(scene, top.volumes, top.surfaces)
+    surfaces = {name: list(np.atleast_1d(tags)) for name, tags in top.surfaces.items()}
+    return NamedScene(scene, top.volumes, surfaces)

@@ -306,7 +306,8 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
     around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
     facets = np.take_along_axis(cells[of_cells], around[sides], axis=1)
 
-    tags = {name: number for number, name in enumerate(sorted(tagged_mesh.surfaces), start=1)}
+    named = {name for it in body.interfaces for name in it.surfaces} | {*body.rigid.names}
+    tags = {name: number for number, name in enumerate(sorted(named), start=1)}
     surface = np.zeros(len(outer), dtype=np.int64)
     for name, number in tags.items():
         surface[np.isin(outer, tagged_mesh.facets(name))] = number

@@ -113,17 +113,18 @@ def _columns(*columns: Floats | float) -> Floats:
 def kinds_of_facets(tagged_mesh: TaggedMesh, given: Given) -> Longs:
     """A number for each local facet, the same where the same holds and pushes it. Collective."""
     loads = [load for load in given.loads if not load.in_volume]
-    acting: dict[str, set[Hashable]] = {name: set() for name in tagged_mesh.surfaces}
+    tags = tagged_mesh.tags_of(tagged_mesh.surfaces)
+    acting: dict[int, set[Hashable]] = {tag: set() for tag in tags}
     surroundings: list[Any] = [*given.supports, *given.rigid, *loads, *given.obstacles]
-    for what in surroundings:
-        acting[what.on].add(repr(replace(what, on="")))
-    for contact in given.contacts:
-        for name in (contact.primary, contact.secondary):
-            acting[name].add("contact")
+    what_on = [(repr(replace(what, on="")), what.on) for what in surroundings]
+    what_on += [("contact", name) for it in given.contacts for name in (it.primary, it.secondary)]
+    for acts, name in what_on:
+        for tag in tagged_mesh.tags_of([name]):
+            acting[tag].add(acts)
     known = list(dict.fromkeys([frozenset[Hashable](), *map(frozenset, acting.values())]))
     topology = tagged_mesh.mesh.topology
     facets = topology.index_map(topology.dim - 1)
     kinds = np.zeros(facets.size_local + facets.num_ghosts, dtype=np.int64)
-    for name, acts in acting.items():
-        kinds[tagged_mesh.facets(name)] = known.index(frozenset(acts))
+    for tag, held in acting.items():
+        kinds[tagged_mesh.facet_tags.find(tag)] = known.index(frozenset(held))
     return kinds

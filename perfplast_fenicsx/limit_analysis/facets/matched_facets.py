@@ -77,8 +77,8 @@ def matched_facets(
     slowest = 0.0 if displacement is None else least_speed(problem, displacement)
     found = []
     for contact in problem.given.contacts:
-        tags = [problem.tagged_mesh.surfaces[it] for it in (contact.primary, contact.secondary)]
-        primary, secondary = (rows[rows["tag"] == tag] for tag in tags)
+        tags = [problem.tagged_mesh.tags_of([it]) for it in (contact.primary, contact.secondary)]
+        primary, secondary = (rows[np.isin(rows["tag"], some)] for some in tags)
         gdim = rows["normal"].shape[1]
         low, high = bounding_box(comm, np.concatenate([primary["x"], secondary["x"]]))
         reach = REACH * float(np.linalg.norm(high - low))

@@ -118,8 +118,7 @@ def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
         for name in (contact.primary, contact.secondary)
     }
     names |= {obstacle.on for obstacle in problem.given.obstacles if obstacle.rubs}
-    tags = [problem.tagged_mesh.surfaces[name] for name in names]
-    rubs: PairFlags = np.isin(facets.tags, tags)
+    rubs: PairFlags = np.isin(facets.tags, problem.tagged_mesh.tags_of(names))
     return rubs
 
 

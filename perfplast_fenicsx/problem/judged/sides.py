@@ -86,14 +86,14 @@ class Sides:
         sides: All sides.
         side: The side of each facet, shape (n,).
         piece: The connected part of a side that each facet is in, shape (n,).
-        surfaces: The tag of each name.
+        surfaces: The tag of each name, or its tags.
     """
 
     facets: OuterFacets
     sides: Sequence[Side]
     side: Longs
     piece: Longs
-    surfaces: dict[str, int]
+    surfaces: Mapping[str, int | tuple[int, ...]]
 
     def area(self, name: str) -> float:
         """Return the area of a surface on the outside of bodies."""
@@ -101,19 +101,25 @@ class Sides:
 
     def on(self, name: str) -> npt.NDArray[np.bool_]:
         """Return which facets a surface has, shape (n,)."""
-        return np.asarray(self.facets.tag == self.surfaces[name])
+        return np.isin(self.facets.tag, self.surfaces[name])
+
+    def names_of_tags(self) -> dict[int, str]:
+        """Return a name of each tag: of the surfaces that have it, the one with the fewest tags."""
+        widest_first = sorted(self.surfaces, key=lambda name: -np.size(self.surfaces[name]))
+        return {int(tag): name for name in widest_first for tag in np.ravel(self.surfaces[name])}
 
     def covers(self, name: str) -> list[Cover]:
         """Return what a surface covers of each side that it lies on, the largest part first."""
         facets, own = self.facets, self.on(name)
-        named = {tag: other for other, tag in self.surfaces.items()}
+        named = self.names_of_tags()
         found = []
         for number in np.unique(self.side[own]):
             here = self.side == number
             rest: dict[str, float] = {}
             for tag in np.unique(facets.tag[here & ~own]).tolist():
                 there = here & (facets.tag == tag)
-                rest[named.get(tag, "")] = float(facets.area[there].sum())
+                other = named.get(tag, "")
+                rest[other] = rest.get(other, 0.0) + float(facets.area[there].sum())
             left = np.unique(self.piece[here & ~own])
             whole = len(np.setdiff1d(self.piece[here & own], left))
             area = float(facets.area[here & own].sum())
@@ -162,7 +168,9 @@ def gathered_facets(problem: Problem) -> OuterFacets | None:
     return OuterFacets(*(np.concatenate(part) for part in zip(*gathered, strict=True)))
 
 
-def sides_of(facets: OuterFacets, axes: str, size: float, surfaces: Mapping[str, int]) -> Sides:
+def sides_of(
+    facets: OuterFacets, axes: str, size: float, surfaces: Mapping[str, int | tuple[int, ...]]
+) -> Sides:
     """Put facets together to sides.
 
     Facets in one plane, of one body and of one direction, are a side, whether they touch or not.
@@ -172,7 +180,7 @@ def sides_of(facets: OuterFacets, axes: str, size: float, surfaces: Mapping[str,
         facets: All outer facets.
         axes: Letters of the coordinates.
         size: Of the bodies (length).
-        surfaces: The tag of each name.
+        surfaces: The tag of each name, or its tags.
     """
     count, gdim = len(facets.area), facets.x.shape[2]
     pairs = _neighbours(facets.vertex)
