@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from perfplast_fenicsx import (
     Elastic,
     Flow,
     InputError,
+    MohrCoulomb,
     Pressure,
     Problem,
     Support,
@@ -26,7 +28,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.limit_analysis.body import factor_roots
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
-from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED, upper_bound
+from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED, lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.body.safety_factor import times_in_words
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import weakened
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
@@ -67,9 +69,12 @@ def test_the_slope_of_griffiths_and_lane(read: Read) -> None:
     assert 1 <= (found.stands.lower.value or 0) <= 1.02
     assert 0.98 <= (found.falls.upper.value or 2) <= 1
     assert found.searches <= 14
-    for side in (1, 2):  # each root is sought with its own bound alone
-        values = [(it[0], it[side]) for it in sorted(seen) if it[side] is not None]
-        assert 2 <= len(values) < len(seen)
+    both = [k for k, it in enumerate(seen) if it[1] is not None and it[2] is not None]
+    assert len({seen[k][0] for k in both}) > 2  # F is sought again on each mesh
+    last = seen[both[-1] :]
+    for side in (1, 2):  # and on the last one each root with its own bound alone
+        values = [(it[0], it[side]) for it in sorted(last) if it[side] is not None]
+        assert 2 <= len(values) < len(last)
         assert all(b < a for (_, a), (_, b) in pairwise(values))
     assert "stands with F = 1.3" in found.in_words()
 
@@ -138,6 +143,68 @@ def test_values_that_are_not_strict_steer_the_search(
     assert 0.9 < (roots.found["upper"][found].upper.value or 0.0) <= 1.0
     assert roots.found["upper"][found].upper.strict
     assert 3 <= len(asked) <= 5
+
+
+SAND, GENTLE = 32.0, 2.5
+"""Angle of friction, and run over height of a slope of 21.8°."""
+
+NO_COHESION = GENTLE * math.tan(math.radians(SAND))
+"""Its factor of safety as the cohesion tends to zero: tan φ/tan β."""
+
+
+def gentle(read: Read, cohesion: float) -> Problem:
+    mesh = read(write_slope, run=GENTLE, size=0.25)
+    sand = MohrCoulomb(1e4, 0.3, cohesion, SAND)
+    return Problem(mesh, {"soil": sand}, SUPPORTS, [WEIGHT], degree=2)
+
+
+@pytest.mark.parametrize("cohesion", [1e-3, 1e-4])
+def test_loads_that_next_to_no_strength_carries(read: Read, cohesion: float) -> None:
+    """Searches ended at 0.1 and 0.01 of the weight, 50 times what a viscous flow carries."""
+    problem = weakened(gentle(read, cohesion), 0.93 * NO_COHESION)
+    beside = upper_bound(problem, 1e-3)
+    assert beside.upper.value is None
+    bounds = lower_bound(problem, beside, 1e-3)
+    assert bounds.lower.strict
+    assert (bounds.lower.value or 0.0) > 1
+
+
+def test_a_slope_with_a_skin_of_sand(read: Read) -> None:
+    """F is sought again on each mesh, as the first one carries its weight far too long."""
+    factors = []
+    found = factor_of_safety(
+        gentle(read, 1e-3),
+        5e-3,
+        Adaptation(0.2, 450),
+        monitor=lambda factor, low, high: factors.append(factor),
+    )
+    assert found.lower is not None
+    assert found.upper is not None
+    assert 0.99 * NO_COHESION < found.lower < found.upper < 1.07 * NO_COHESION
+    assert len(set(factors[:4])) > 2
+
+
+def test_where_the_next_mesh_is_bounded() -> None:
+    """Between what stands and what falls on any mesh before."""
+    mesh, none = Bound(None, "lower", Scope.MESH), Bound(None, "upper", Scope.MESH)
+
+    def curve(factor: float, low: float | None, high: float | None) -> factor_roots.FactorRoots:
+        lower = mesh if low is None else Bound(low, "lower", Scope.BODY)
+        upper = none if high is None else Bound(high, "upper", Scope.BODY)
+        roots = factor_roots.FactorRoots(None, 1e-3, None, None, 2.0)  # type: ignore[arg-type]
+        roots.keep(factor, SimpleNamespace(lower=lower, upper=upper))  # type: ignore[arg-type]
+        return roots
+
+    def then(*curves: factor_roots.FactorRoots) -> float:
+        (factor,) = curves[-1].found["lower"]
+        return factor_roots.next_factor(curves, factor, curves[-1].found["lower"][factor])
+
+    assert then(curve(1.5, 0.9, 1.1)) == pytest.approx(1.5 * (0.9 * 1.1) ** 0.25)
+    assert then(curve(1.5, 0.1, None)) == 1.5  # no mechanism yet
+    assert then(curve(1.5, 4.0, None)) > 1.6  # it carries them for certain
+    assert then(curve(1.5, 0.9, 0.95)) < 1.5
+    stood = curve(1.45, 4.0, None)
+    assert 1.45 < then(stood, curve(1.5, 0.01, 0.02)) < 1.5
 
 
 def test_why_there_is_no_bound_is_told() -> None:

@@ -167,7 +167,7 @@ def adaptive_bounds(
                 break
             finer_problem = problem.on(finer)
             try:
-                found = limit_bounds(finer_problem, _near(rtol, gap), steps)
+                found = limit_bounds(finer_problem, nearness(rtol, gap), steps)
             except TooLarge as fault:
                 reason = f"the next mesh has {number_of_cells(finer)} cells: {fault}"
                 break
@@ -213,8 +213,8 @@ def _round(
     )
 
 
-def _near(rtol: float, gap: float | None) -> float:
-    """How near each bound is to come to the best of its kind on the next mesh, relative.
+def nearness(rtol: float, gap: float | None) -> float:
+    """Return how near each bound is to come to the best of its kind on the next mesh, relative.
 
     Args:
         rtol: What is asked for.

@@ -1,7 +1,7 @@
 """Factors that divide strengths until loads are carried just once, a root of each strict bound."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
@@ -95,26 +95,40 @@ class FactorRoots:
         times = None if found.standing is None else found.standing.lower
         return math.log(times) if times is not None and times > 0 else None
 
-    def root(self, kind: str) -> float | None:
+    def root(self, kind: str, known_elsewhere: float | None = None) -> float | None:
         """Return the factor at which a bound of μ is 1, on its safe side. Collective.
 
         None where no strict bound was found. Values that are not strict steer the search as well,
         and are never what is returned.
+
+        Args:
+            kind: "lower" or "upper".
+            known_elsewhere: A factor on the safe side that another mesh has shown.
         """
         sign, found = 1 if kind == "lower" else -1, self.found[kind]
-        best: float | None = None
+        first, last = (max, min) if kind == "lower" else (min, max)
         aim = 0.5  # where in the tolerance a root is aimed at, from its safe side
+        failures, most_failures = 0, 3  # in a row, as of rounding, once a factor is known
         for _ in range(MOST_SEARCHES):
             known, strict = _known(found, kind)
-            safe = [factor for factor in strict if sign * known[factor] >= 0]
-            best = (max(safe) if kind == "lower" else min(safe)) if safe else None
+            safe = [*self.shown(kind), *([known_elsewhere] if known_elsewhere else [])]
+            best = first(safe) if safe else None
             room = self.tolerance * _steepness(known, self.steepness)
-            if best is not None and abs(known[best]) <= room:
+            if best in known and abs(known[best]) <= room:
                 break
             near = [it for it, times in known.items() if 0 <= sign * times <= 2 * aim * room]
             if near and not strict & set(near):  # further away from the root one may be strict
                 aim *= 4
-            if known:
+            beyond = [it for it in found if it not in known or sign * known[it] < 0]
+            if best is not None:
+                beyond = [it for it in beyond if sign * (it - best) > 0]
+            other = last(beyond) if beyond else None
+            if best is not None and other is not None:
+                if abs(math.log(other / best)) <= self.tolerance or failures >= most_failures:
+                    break
+                aimed = _next(known, sign * aim * room, self.steepness) if known else other
+                factor = _within(aimed, best, other)
+            elif known:
                 factor = _next(known, sign * aim * room, self.steepness)
             else:  # confined bodies fall with less strength, coarse meshes carry more with more
                 factor = (max if sign < 0 else min)(found) * STEP**-sign
@@ -122,16 +136,28 @@ class FactorRoots:
                 factor = math.sqrt(factor * min(known, key=lambda it: abs(math.log(it / factor))))
             if factor in found:
                 break
-            self.searches += 1
-            reduced = weakened(self.problem, factor)
-            if kind == "upper":
-                bounds = upper_bound(reduced, self.rtol, self.steps)
-            else:
-                beside = self.found["upper"]
-                nearest = min(beside, key=lambda it: abs(math.log(it / factor)))
-                bounds = lower_bound(reduced, beside[nearest], self.rtol, self.steps)
-            self.keep(factor, bounds, kind)
-        return best
+            self._bound(kind, factor)
+            failures = 0 if factor in _known(found, kind)[0] else failures + 1
+        shown = self.shown(kind)
+        return first(shown) if shown else None
+
+    def _bound(self, kind: str, factor: float) -> None:
+        """Bound μ at F from one side. Collective."""
+        self.searches += 1
+        reduced = weakened(self.problem, factor)
+        if kind == "upper":
+            bounds = upper_bound(reduced, self.rtol, self.steps)
+        else:
+            beside = self.found["upper"]
+            nearest = min(beside, key=lambda it: abs(math.log(it / factor)))
+            bounds = lower_bound(reduced, beside[nearest], self.rtol, self.steps)
+        self.keep(factor, bounds, kind)
+
+    def shown(self, kind: str) -> dict[float, BodyBounds]:
+        """Return bounds by F of those F with which the bodies are shown to stand, or to fall."""
+        known, strict = _known(self.found[kind], kind)
+        sign = 1 if kind == "lower" else -1
+        return {F: self.found[kind][F] for F in strict if sign * known[F] >= 0}
 
     def keep(self, factor: float, bounds: BodyBounds, *kinds: str) -> None:
         """Take bounds at some F, of all kinds that they have."""
@@ -139,6 +165,45 @@ class FactorRoots:
             self.found[kind][factor] = bounds
         if self.monitor is not None:
             self.monitor(factor, bounds.lower, bounds.upper)
+
+
+def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds) -> float:
+    """Return the F at which the next mesh is bounded, by what is known of those before it.
+
+    It is where ln μ of both bounds is zero in the mean, between the largest F that is known to
+    stand and the least that is known to fall. Where a mesh has no mechanism F grows as long as the
+    loads are carried for certain, and else stays until finer cells have one.
+
+    Args:
+        curves: Of the meshes so far.
+        factor: F of the last one.
+        bounds: Of μ there.
+    """
+    most = 0.15  # by which ln F changes at most, as μ may be steep
+    stands = max((F for it in curves for F in it.shown("lower")), default=0.0)
+    falls = min((F for it in curves for F in it.shown("upper")), default=math.inf)
+    lower, upper = (it.value or 0.0 for it in (bounds.lower, bounds.upper))
+    change = 0.0
+    if lower > 0 and upper > 0:
+        change = math.log(lower * upper) / 2 / curves[-1].steepness
+        change = min(max(change, -most), most)
+    elif lower >= 1:
+        change = most
+    found = factor * math.exp(change)
+    if stands < found < falls:
+        return found
+    if stands > 0 and math.isfinite(falls):
+        return _within(found, stands, falls)
+    return factor
+
+
+def _within(factor: float, one: float, other: float) -> float:
+    """Return F if it is well between two others, and else their mean."""
+    low, high = sorted((math.log(one), math.log(other)))
+    margin = 0.05 * (high - low)
+    if low + margin < math.log(factor) < high - margin:
+        return factor
+    return math.exp((low + high) / 2)
 
 
 def _known(found: dict[float, BodyBounds], kind: str) -> tuple[dict[float, float], set[float]]:

@@ -8,16 +8,18 @@ over ln F, with that bound alone.
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from perfplast_fenicsx.factor_words import factor_words
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
-from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import nearness
+from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_words import sentences, taken_as
-from perfplast_fenicsx.limit_analysis.body.factor_roots import FactorRoots
+from perfplast_fenicsx.limit_analysis.body.factor_roots import FactorRoots, next_factor
+from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
@@ -29,8 +31,8 @@ from perfplast_fenicsx.limit_analysis.statements.strength_path import StrengthPa
 from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
+from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 
 log = logging.getLogger(__name__)
 
@@ -104,7 +106,7 @@ def factor_of_safety(
     Args:
         problem: The bodies and their loads, all of which are constant.
         tolerance: Of the roots on their mesh, relative.
-        adaptation: When to end with finer meshes, at the factor of safety of the first mesh; its
+        adaptation: When to end with finer meshes, on each of which F is sought again; its
             ``until`` is of μ, which falls by more than F rises where there is friction. None for
             the problem's own mesh.
         monitor: Called on every rank with F, and lower and upper bound of μ there.
@@ -117,22 +119,24 @@ def factor_of_safety(
     check_tolerance(tolerance)
     check_stands(problem.given.loads, all_elastic(problem.given.materials.values()))
     problem = with_matching_facets(problem)
-    below, above = _curves(problem, tolerance, monitor, steps, adaptation)
-    lower, upper = below.root("lower"), above.root("upper")
+    curves = _curves(problem, tolerance, monitor, steps, adaptation)
+    for kind in ("lower", "upper"):
+        curves[-1].root(kind, _best(curves, kind)[0])
+    (lower, stands), (upper, falls) = (_best(curves, kind) for kind in ("lower", "upper"))
     rows: dict[float, tuple[float | None, float | None]] = {}
-    for curve in (below,) if below is above else (below, above):
+    for curve in curves:
         for of_kind in curve.found.values():
             for factor, bounds in of_kind.items():
                 rows[factor] = _better_of(_strict(bounds), rows.get(factor, (None, None)))
     return FactorOfSafety(
         lower=lower,
         upper=upper,
-        stands=None if lower is None else below.found["lower"][lower],
-        falls=None if upper is None else above.found["upper"][upper],
-        last=list(above.found["upper"].values())[-1],
-        bodies=above.problem,
+        stands=stands,
+        falls=falls,
+        last=list(curves[-1].found["upper"].values())[-1],
+        bodies=curves[-1].problem,
         curve=tuple(sorted((factor, *sides) for factor, sides in rows.items())),
-        searches=above.searches + (0 if below is above else below.searches),
+        searches=sum(curve.searches for curve in curves),
         taken=taken_as(problem),
         estimate=by_davis(problem.given.materials),
     )
@@ -190,23 +194,47 @@ def _curves(
     monitor: Callable[[float, Bound, Bound], None] | None,
     steps: Callable[[InteriorStep], None] | None,
     adaptation: Adaptation | None,
-) -> tuple[FactorRoots, FactorRoots]:
-    """Where a lower and an upper root are sought; the same where one mesh is best. Collective."""
-    curve = FactorRoots(problem, tolerance, monitor, steps)
-    first = curve.of_mesh()
+) -> list[FactorRoots]:
+    """Return what is known on each mesh, the last of which is where roots are sought. Collective.
+
+    F is sought again on each mesh: a coarse one may carry its loads with strengths that are far
+    too small, and is then finer in wrong places.
+    """
+    first = FactorRoots(problem, tolerance, monitor, steps)
+    factor = first.of_mesh()
     if adaptation is None:
-        curve.searches = 2
-        curve.keep(first, limit_bounds(weakened(problem, first), curve.rtol, steps))
-        return curve, curve
-    log.info("adapted meshes at F = %.6g", first)
-    adapted = adaptive_bounds(weakened(problem, first), adaptation, steps=steps)
+        first.searches = 2
+        first.keep(factor, limit_bounds(weakened(problem, factor), first.rtol, steps))
+        return [first]
+    adaptation.check(problem.tagged_mesh)
+    adaptation.check_design(None)
+    problem, gap = with_room_for_stress(problem), None
     curves: list[FactorRoots] = []
-    for source, bounds in zip(adapted.sources, (adapted.low, adapted.high), strict=True):
-        if not curves or bounds is not adapted.low:
-            given = problem.given
-            rubbing = given.contacts, given.obstacles
-            source = variant(source, materials=given.materials, rubbing=rubbing)
-            curves.append(FactorRoots(source, tolerance, monitor, steps, curve.steepness))
-            curves[-1].keep(first, bounds)
-    curves[0].searches += 2 * len(adapted.rounds)
-    return curves[0], curves[-1]
+    while True:
+        reduced = weakened(problem, factor)
+        try:
+            bounds = limit_bounds(reduced, nearness(first.rtol, gap), steps)
+        except TooLarge:
+            if not curves:
+                raise
+            return curves
+        curves.append(FactorRoots(problem, tolerance, monitor, steps, first.steepness))
+        curves[-1].searches = 2
+        curves[-1].keep(factor, bounds)
+        gap = bounds.lower.apart(bounds.upper)
+        if adaptation.ends(bounds.lower, bounds.upper, 1.0):
+            return curves
+        finer = finer_mesh(reduced, bounds, gap, adaptation)
+        if isinstance(finer, str):
+            log.info("F = %.6g: %s", factor, finer)
+            return curves
+        problem = problem.on(finer)
+        factor = next_factor(curves, factor, bounds)
+
+
+def _best(curves: Sequence[FactorRoots], kind: str) -> tuple[float | None, BodyBounds | None]:
+    """Return the best factor that a strict bound of any mesh shows, with that bound."""
+    told = [(F, bounds) for curve in curves for F, bounds in curve.shown(kind).items()]
+    if not told:
+        return None, None
+    return (max if kind == "lower" else min)(told, key=lambda it: it[0])

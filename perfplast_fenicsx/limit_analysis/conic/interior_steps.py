@@ -67,6 +67,7 @@ def iterate(
     steps: list[InteriorStep],
     monitor: Callable[[InteriorStep], None] | None,
     share: float = 1.0,
+    least: float = 0.0,
 ) -> tuple[Verdict, str]:
     """Step until it is known what the limit load is. Collective.
 
@@ -79,12 +80,14 @@ def iterate(
         steps: To which the steps are added.
         monitor: Called on every rank after each step.
         share: Of the tolerance that the steps may leave.
+        least: Load factor up to which a load is not taken for one without a bound.
     """
     program, began = iteration.program, time.perf_counter()
     good: tuple[Unknowns, Floats] | None = None  # an iterate and its velocity's entries
     # A load so many times that of a viscous flow, without any mechanism in sight, has no bound.
     unbounded = 50.0
     far = unbounded * (program.degree + program.dead_to_live())
+    far = max(far, least / program.load_unit)
     # Forces without balance, and work that is missing, that the bounds then do away with.
     least_residual = 1e-5
     # Forces without balance that may be left where they do next to no work on the

@@ -182,7 +182,7 @@ def _search(
         # raises the upper bound, and this leaves room for it.
         closer = 0.1
         try:
-            verdict, reason = iterate(iteration, rtol, steps, monitor, closer)
+            verdict, reason = iterate(iteration, rtol, steps, monitor, closer, question.enough)
         except StopSearch as stop:
             reason = f"the search was stopped after {len(steps)} steps"
             verdict = Verdict.STALLED

@@ -16,6 +16,14 @@ class Question(StrEnum):
     LIMIT = "limit"
     STANDS = "stands"
 
+    @property
+    def enough(self) -> float:
+        """A factor up to which a search goes on, however far beyond that of a viscous flow it is.
+
+        Constant loads are carried or not: whether by little strength or by none matters below 1.
+        """
+        return 4.0 if self is Question.STANDS else 0.0
+
     def loads(self, live: PETSc.Vec, dead: PETSc.Vec) -> tuple[PETSc.Vec, PETSc.Vec, PETSc.Vec]:
         """Those whose factor is sought, those that stay, and those whose factor may be any.
 

@@ -36,7 +36,10 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.stress.balanced_stress import BalancedStress
 from perfplast_fenicsx.limit_analysis.stress.static_balance import StaticIteration
-from perfplast_fenicsx.limit_analysis.stress.static_certificate import certify_stress
+from perfplast_fenicsx.limit_analysis.stress.static_certificate import (
+    StaticCertificate,
+    certify_stress,
+)
 from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm, static_form
 from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound, no_stress
@@ -160,7 +163,7 @@ def _search(
         iteration = StaticIteration(static)
         made.callback(iteration.destroy)
         steps: list[InteriorStep] = []
-        verdict, reason = iterate(iteration, rtol, steps, monitor)
+        verdict, reason = iterate(iteration, rtol, steps, monitor, least=question.enough)
         taken = static.factorisations
         if verdict is Verdict.NO_RESISTANCE:
             found = no_stress(body, verdict, COARSE, none)
@@ -259,8 +262,9 @@ def _result(
     told = BalancedStress(pressure, deviator, value, aside)
     if program.keeps:
         told = told.with_some_of(reached, static)
+    told, certificate, part = _certified(static, told)
+    share *= part
     pressure, deviator, value, aside = told.pressure, told.deviator, told.load, told.aside
-    certificate = certify_stress(static, pressure, deviator, value, aside)
     scope = Scope.MESH if why_not else Scope.BODY
     bound = Bound(value, "lower", scope, why_not)
     if not certificate.holds:
@@ -298,3 +302,28 @@ def _result(
         factorisations=static.factorisations,
     )
     return bounded, told
+
+
+def _certified(
+    static: StaticProgram, stress: BalancedStress
+) -> tuple[BalancedStress, StaticCertificate, float]:
+    """Return a stress with what it is worth, or as much of it as rounding lets be. Collective.
+
+    A part of a stress is in equilibrium with the same part of the loads, and what is left of its
+    balance beside strengths is that part as well.
+
+    Returns:
+        The stress, its certificate, and what part of the given one it is.
+    """
+    share = 1.0
+    most_reductions = 3  # rounding is not all in proportion
+    for number in range(most_reductions + 1):
+        pressure, deviator = stress.pressure, stress.deviator
+        load, aside = stress.load, stress.aside
+        certificate = certify_stress(static, pressure, deviator, load, aside)
+        if static.program.keeps or certificate.excess <= 1 or number == most_reductions:
+            break
+        less = 0.9 / certificate.excess
+        share *= less
+        stress = BalancedStress(less * pressure, less * deviator, less * load, less * aside)
+    return stress, certificate, share

@@ -63,6 +63,11 @@ class StaticCertificate:
         return self.in_equilibrium and self.overstress <= ROUNDING
 
     @property
+    def excess(self) -> float:
+        """By what factor forces without balance exceed what may be left, where that is most."""
+        return max(self.equilibrium, self.traction, self.shear, self.tension) / ROUNDING
+
+    @property
     def in_equilibrium(self) -> bool:
         """Whether the stress is in equilibrium, but for rounding."""
         each = (self.equilibrium, self.traction, self.shear, self.tension)
