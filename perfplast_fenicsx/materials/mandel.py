@@ -11,7 +11,12 @@ vanishing out-of-plane strain: its out-of-plane stress is kept.
 import math
 from typing import Any, TypeAlias
 
+import numpy as np
 import ufl
+from ufl.algorithms import expand_derivatives
+from ufl.utils.stacks import StackDict
+
+from perfplast_fenicsx.arrays import Floats
 
 Expr: TypeAlias = Any
 """A UFL expression; UFL brings no types."""
@@ -44,3 +49,10 @@ def tensor(s: Expr) -> Expr:
     shears = [s[i] / math.sqrt(2) for i in range(3, len(s))]
     yz, xz, xy = (zero, zero, *shears) if len(shears) == 1 else shears
     return ufl.as_tensor([[s[0], xy, xz], [xy, s[1], yz], [xz, yz, s[2]]])
+
+
+def numbers_of(expression: Expr) -> Floats:
+    """Return the numbers of an expression of numbers, entry by entry, as UFL evaluates scalars."""
+    plain = expand_derivatives(ufl.as_ufl(expression))  # which each call of it would do again
+    entries = [plain.evaluate((), {}, i, StackDict()) for i in np.ndindex(*plain.ufl_shape)]
+    return np.array(entries, dtype=np.float64).reshape(plain.ufl_shape)

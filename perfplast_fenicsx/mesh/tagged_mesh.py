@@ -152,17 +152,26 @@ class TaggedMesh:
         return tuple(int(tag) for tag in np.unique(np.concatenate([[], *map(np.atleast_1d, tags)])))
 
     def check_tagged(self) -> None:
-        """Make sure that every cell belongs to a named volume. Collective.
+        """Make sure that cells are simplices, each of a named volume. Collective.
 
         Raises:
-            InputError: With the number of cells that do not.
+            InputError: With the kind of the cells, or the number of those that are in no volume.
         """
+        kind = self.mesh.topology.cell_name()
+        if kind not in ("triangle", "tetrahedron"):
+            raise InputError(
+                f"the mesh has cells of the kind {kind}, but only triangles and tetrahedra are"
+                " computed with; divide them, for instance by CellType.triangle of DOLFINx."
+            )
         tags = list(self.volumes.values())
         named = self.cell_tags.indices[np.isin(self.cell_tags.values, tags)]
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
         missing = self.mesh.comm.allreduce(owned - np.count_nonzero(named < owned))
         if missing:
-            raise InputError(f"{missing} cells belong to no named volume; name every body")
+            wrong = np.setdiff1d(self.cell_tags.values, tags)
+            found = np.unique(np.concatenate(self.mesh.comm.allgather(wrong))).tolist()
+            told = f" (there are the tags {str(found)[1:-1]}, which no volume has)" if found else ""
+            raise InputError(f"{missing} cells belong to no named volume{told}; name every body")
 
 
 def _tag(kind: str, name: str, tags: Mapping[str, Tags], others: Mapping[str, Tags]) -> Tags:

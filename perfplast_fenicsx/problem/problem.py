@@ -127,10 +127,11 @@ class Problem:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.tagged_mesh = tagged_mesh
+        tagged_mesh.check_tagged()
+        given = Given(materials, supports, loads, contacts, obstacles, degree, initial, ties, rigid)
+        given.check(tagged_mesh)
         loads = on_this_mesh(tagged_mesh, loads, rigid)
-        self.given = Given(
-            materials, supports, loads, contacts, obstacles, degree, initial, ties, rigid
-        )
+        self.given = replace(given, loads=loads)
         spaces = make_spaces(tagged_mesh.mesh, degree, self.kinematics)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q

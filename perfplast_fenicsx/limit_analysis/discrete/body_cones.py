@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 import ufl
-from ufl.algorithms import expand_derivatives
-from ufl.utils.stacks import StackDict
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
@@ -23,7 +21,7 @@ from perfplast_fenicsx.limit_analysis.discrete.standard_cones import (
 )
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.materials.law import Material
-from perfplast_fenicsx.materials.mandel import Expr, mandel_size
+from perfplast_fenicsx.materials.mandel import mandel_size, numbers_of
 from perfplast_fenicsx.materials.plane_stress import in_plane_stress
 from perfplast_fenicsx.materials.yield_set import Cone, PrincipalCone
 from perfplast_fenicsx.problem.once import once_a_problem
@@ -251,10 +249,3 @@ def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:
             " yields.cones returns."
         )
     return found
-
-
-def numbers_of(expression: Expr) -> Floats:
-    """Numbers of an expression of numbers, entry by entry, as UFL evaluates scalars."""
-    plain = expand_derivatives(ufl.as_ufl(expression))  # which each call of it would do again
-    entries = [plain.evaluate((), {}, i, StackDict()) for i in np.ndindex(*plain.ufl_shape)]
-    return np.array(entries, dtype=np.float64).reshape(plain.ufl_shape)

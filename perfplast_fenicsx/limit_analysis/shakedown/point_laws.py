@@ -11,11 +11,11 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import (
     materials_of,
-    numbers_of,
     plain_cone,
 )
 from perfplast_fenicsx.limit_analysis.discrete.standard_cones import PlainCone
 from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.materials.mandel import numbers_of
 from perfplast_fenicsx.materials.yield_set import Cone
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING

@@ -3,6 +3,7 @@
 Bodies whose materials name the same class of law are evaluated together.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -17,7 +18,7 @@ from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Law, Material
-from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.materials.mandel import Expr, mandel_size, numbers_of
 from perfplast_fenicsx.materials.plane_stress import in_plane_stress
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.spaces import Spaces, space_at_points
@@ -97,12 +98,57 @@ def _check(tagged_mesh: TaggedMesh, materials: Mapping[str, Material]) -> None:
                 f"the material of volume '{name}' is {material!r}, which names no law and no"
                 " parameters; give one of perfplast_fenicsx.materials."
             )
+    _check_numbers(materials, mandel_size(tagged_mesh.mesh.geometry.dim))
     missing = sorted(set(tagged_mesh.volumes) - set(materials))
     if missing:
         raise InputError(
             f"volume '{missing[0]}' has no material; add one for it (this mesh has the volumes"
             f" {', '.join(sorted(tagged_mesh.volumes))})."
         )
+
+
+def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
+    """Refuse materials whose numbers are none, or that a strain costs no energy.
+
+    Those of the program check their own numbers; of others nothing else would.
+
+    Args:
+        materials: Of each volume.
+        size: Components of Mandel vectors.
+
+    Raises:
+        InputError: Naming the volume and the material.
+    """
+    known = set[tuple[Any, ...]]()
+    for name, material in materials.items():
+        what = f"the material of volume '{name}' ({type(material).__name__})"
+        try:
+            numbers = {key: float(one) for key, one in material.parameters().items()}
+        except ZeroDivisionError as error:
+            raise InputError(
+                f"{what} divides by zero where it makes the numbers of its law, as with poisson ="
+                " 0.5; give numbers inside of their range."
+            ) from error
+        for key, number in numbers.items():
+            if not math.isfinite(number):
+                raise InputError(f"{what} has {key} = {number}; give a finite number.")
+        same = (material.law, *numbers.items())
+        if same in known:
+            continue
+        known.add(same)
+        elastic = material.law(**{key: ufl.as_ufl(one) for key, one in numbers.items()}).elastic
+        units = [ufl.as_vector(list(map(float, row))) for row in np.eye(size)]
+        stiffness = np.column_stack([numbers_of(elastic.hooke(unit)) for unit in units])
+        if not np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[0] > 0:
+            raise InputError(
+                f"{what} has an elastic stiffness that is not positive ({_shown(numbers)}), so that"
+                " some strain costs no energy; give young > 0 and poisson between -1 and 1/2, or"
+                " what stands for them in its law."
+            )
+
+
+def _shown(numbers: Mapping[str, float]) -> str:
+    return ", ".join(f"{key} = {number:.6g}" for key, number in numbers.items())
 
 
 def _parameters(

@@ -2,15 +2,22 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.supports import Support
+
+if TYPE_CHECKING:
+    from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 @dataclass(frozen=True)
@@ -26,6 +33,42 @@ class Given:
     initial: Sequence[Initial]
     ties: Sequence[Tie]
     rigid: Sequence[RigidSurface]
+
+    def check(self, tagged_mesh: "TaggedMesh") -> None:
+        """Refuse what is in the wrong place, and surfaces that no facet is on. Collective.
+
+        Args:
+            tagged_mesh: What it is declared on.
+
+        Raises:
+            InputError: Naming what it is.
+        """
+        for contact in self.contacts:
+            if isinstance(contact, Tie):
+                raise InputError(
+                    f"the tie of '{contact.primary}' and '{contact.secondary}' is among the"
+                    " contacts; give it as ties = [...]."
+                )
+        for load in self.loads:
+            numbers = load.value if isinstance(load.value, Sequence) else [load.value]
+            if not isinstance(load.value, str) and any(map(callable, numbers)):
+                raise InputError(
+                    f"the load on '{load.on}' has a function as value; give numbers, or formulas in"
+                    " x, y and z as text, such as '10*x'."
+                )
+        used = [one.on for one in (*self.supports, *self.obstacles, *self.rigid)]
+        used += [load.on for load in self.loads if not load.in_volume]
+        for pairs in (self.contacts, self.ties):
+            used += [name for pair in pairs for name in (pair.primary, pair.secondary)]
+        names = [name for name in dict.fromkeys(used) if name in tagged_mesh.surfaces]
+        counts = [len(tagged_mesh.facets(name)) for name in names]
+        counts = tagged_mesh.mesh.comm.allreduce(np.array(counts, dtype=np.int64))
+        for name, count in zip(names, counts, strict=True):
+            if not count:
+                raise InputError(
+                    f"the surface '{name}' has the tag {tagged_mesh.surfaces[name]}, which no facet"
+                    " of the mesh has; tag its facets, or name another surface."
+                )
 
     @property
     def holding(self) -> list[Support | RigidSurface]:
