@@ -418,9 +418,9 @@ CASES = {
         {"left": LEFT, **FLOOR, "top": TOP},
     ),
     "pressure all around": Told(
-        HOLD + load("rest") + PULL,
+        HOLD + load("rest"),
         ("force (-2, 0)", "all of side x = 4"),
-        {"left": LEFT, "rest": lambda x: RIGHT(x) | TOP(x) | BOTTOM(x), "right": RIGHT},
+        {"left": LEFT, "rest": lambda x: RIGHT(x) | TOP(x) | BOTTOM(x)},
     ),
     "a load that turns": Told(
         HOLD + load("top", 'pressure = "x"'),
