@@ -60,7 +60,7 @@ def punch_problem(
 
 
 def two_blocks_problem(
-    n: int, gap: float | str = 0.0, comm: MPI.Intracomm = MPI.COMM_WORLD
+    n: int, gap: float | str = 0.0, comm: MPI.Intracomm = MPI.COMM_WORLD, **friction: float
 ) -> Problem:
     """Two cantilevers on top of each other; ζ is the traction on the upper one's free half."""
     return Problem(
@@ -68,7 +68,7 @@ def two_blocks_problem(
         {"lower": STEEL, "upper": STEEL},
         [Support("left")],
         [Traction("top", (0.0, 0.0, -1.0))],
-        [Contact("upper_bottom", "lower_top", gap)],
+        [Contact("upper_bottom", "lower_top", gap, **friction)],
     )
 
 

@@ -154,11 +154,17 @@ class RunLog:
     def level(self, report: LevelReport) -> None:
         """Log the end of a level."""
         told = "solved" if report.converged else "NO SOLUTION"
+        contact = ""
+        if report.contact_programs:
+            contact = (
+                f", {report.snes_vi_programs} of {report.contact_programs} contact programs by"
+                f" SNES-VI in {report.snes_vi_iterations} iterations"
+            )
         log.info(
             "level %d: %s (%s): zeta %.10g, alpha %.10g, duality gap %.1e, equilibrium %.1e,"
-            " %d linear solves, %d set-ups, %.2f s",
+            " %d linear solves, %d set-ups%s, %.2f s",
             *(self._number, told, report.reason, report.zeta, report.alpha, report.duality_gap),
-            *(report.equilibrium, report.linear_solves, report.setups, report.seconds),
+            *(report.equilibrium, report.linear_solves, report.setups, contact, report.seconds),
         )
         self._number += 1
 

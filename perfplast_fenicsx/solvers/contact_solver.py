@@ -1,4 +1,4 @@
-"""What solves the contact quadratic program of a Newton step: active sets, or Total FETI."""
+"""What solves the contact quadratic program of a Newton step: SNES-VI, or Total FETI."""
 
 from typing import Any, Protocol
 
@@ -44,6 +44,17 @@ class ContactSolver(Protocol):
         """δ under a load where these pairs keep their jumps. Collective."""
         ...
 
+    def counts(self) -> tuple[int, int, int]:
+        """Contact QPs so far, those that SNES-VI solved by itself, and SNES-VI's iterations."""
+        ...
+
+
+def counts(linear: LinearSolver, program: ContactSolver) -> dict[str, int]:
+    """Return what has been counted so far, by names of :class:`report.LevelReport`."""
+    names = ("linear_solves", "setups", "linear_iterations")
+    more = ("contact_programs", "snes_vi_programs", "snes_vi_iterations")
+    return dict(zip((*names, *more), (*linear.counts(), *program.counts()), strict=True))
+
 
 def make_tfeti(
     problem: Problem, linear: LinearSolver, subdivision: Subdivision
@@ -60,7 +71,7 @@ def make_tfeti(
     """
     if problem.friction.count:
         raise InputError(
-            'contact_solver = "tfeti" knows no friction; take contact_solver = "active-set", or'
+            'contact_solver = "tfeti" knows no friction; take contact_solver = "snes-vi", or'
             " leave the friction of the contacts out."
         )
     wanted = subdivision.wanted(problem.num_dofs, problem.bodies.gdim)

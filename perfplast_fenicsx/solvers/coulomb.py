@@ -121,6 +121,7 @@ def _together(rounds: list[Level], converged: bool, reason: str) -> Level:
         for name in (
             *("newton_iterations", "active_set_iterations", "linear_iterations"),
             *("linear_solves", "setups", "seconds"),
+            *("contact_programs", "snes_vi_programs", "snes_vi_iterations"),
         )
     }
     report = replace(last.report, converged=converged, reason=reason, rounds=len(rounds), **sums)

@@ -42,6 +42,7 @@ class Stepper(Protocol):
     Attributes:
         iterate: u, which steps advance.
         linear: The linear solver, for its counts.
+        program: Solver of the contact quadratic programs, for its counts.
         max_iterations: Most steps of a level.
         tolerance: Value of the stopping criterion that ends them.
         steps_called: What a message calls them.
@@ -50,6 +51,7 @@ class Stepper(Protocol):
 
     iterate: Iterate
     linear: LinearSolver
+    program: ContactSolver
     max_iterations: int
     tolerance: float
     steps_called: str
@@ -103,7 +105,9 @@ def solve_level(
         iterate, which is not a solution.
     """
     zeta, active = stepper.begin(value, start)
-    progress = Progress(stepper.iterate, stepper.linear, monitor, stepper.tolerance)
+    progress = Progress(
+        stepper.iterate, stepper.linear, stepper.program, monitor, stepper.tolerance
+    )
     loads = stepper.iterate.problem.loads
     driven = stepper.iterate.problem.free.driven([loads.dead, loads.live])
     if driven is not None:

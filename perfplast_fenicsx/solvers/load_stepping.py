@@ -8,7 +8,7 @@ import dataclasses
 import logging
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from dolfinx import fem
@@ -16,6 +16,7 @@ from dolfinx import fem
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.contact_solver import counts
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
 from perfplast_fenicsx.solvers.next_work import LARGEST_FACTOR, Leap, Reached, next_work
@@ -23,9 +24,6 @@ from perfplast_fenicsx.solvers.work_newton import WorkNewton
 
 MOST_HALVINGS = 6
 """A level is tried again with half the step so many times."""
-
-Counts = tuple[int, int, int]
-"""Systems solved, set-ups and Krylov iterations."""
 
 log = logging.getLogger(__name__)
 
@@ -119,7 +117,7 @@ def work_path(
             return
         steps, rest = level.report.newton_iterations, level.state.alpha
         reached = Reached(level.state, None, steps, rest)
-    began, counts = time.perf_counter(), solver.linear.counts()
+    began, before_all = time.perf_counter(), counts(solver.linear, solver.program)
     if reached is None:
         elastic = solver.near_yield()
         target, start = elastic.alpha, None if problem.has_gaps else elastic
@@ -127,7 +125,7 @@ def work_path(
         if reached is not None:
             before, last, rest = reached.before, reached.last, reached.rest
             leap = ahead(reached) if ahead is not None else None
-            began, counts = time.perf_counter(), solver.linear.counts()
+            began, before_all = time.perf_counter(), counts(solver.linear, solver.program)
             if from_rest and before is None and leap is None:
                 target, before = rest + solver.first_step(last), last
             else:
@@ -140,23 +138,20 @@ def work_path(
             log.info("alpha = %.6g failed (%s): half the step", target, level.report.reason)
             target = _nearer(target, last.alpha if last else rest, rest)
             start = _start(problem, before, last, leap, target)
-        level = _with_all(level, time.perf_counter() - began, solver.linear.counts(), counts)
+        level = _with_all(level, solver, time.perf_counter() - began, before_all)
         yield level
         if not level.report.converged:
             return
         reached = Reached(level.state, last, level.report.newton_iterations, rest)
 
 
-def _with_all(level: Level, seconds: float, now: Counts, before: Counts) -> Level:
+def _with_all(
+    level: Level, solver: LevelSolver, seconds: float, before: Mapping[str, int]
+) -> Level:
     """A level with what led to it: the state near first yield, and steps that were too long."""
-    solves, setups, iterations = (a - b for a, b in zip(now, before, strict=True))
-    report = dataclasses.replace(
-        level.report,
-        seconds=seconds,
-        linear_solves=solves,
-        setups=setups,
-        linear_iterations=iterations,
-    )
+    now = counts(solver.linear, solver.program)
+    counted = {name: count - before[name] for name, count in now.items()}
+    report = dataclasses.replace(level.report, seconds=seconds, **counted)
     return dataclasses.replace(level, report=report)
 
 

@@ -11,7 +11,7 @@ Monitor = Callable[[Iteration], None]
 """Called on every rank after each iteration."""
 
 
-CONTACT_SOLVERS = ("active-set", "tfeti")
+CONTACT_SOLVERS = ("snes-vi", "tfeti")
 """What solves the contact quadratic program of a step."""
 
 
@@ -50,8 +50,8 @@ class NewtonOptions:
             times after a damped step (without friction; with it to the end), and goes on to the
             end behind the tenth step.
         max_iterations: Most Newton steps of a level, at least 1.
-        contact_solver: "active-set" searches for the closed pairs, with one linear system for each
-            set; "tfeti" cuts the bodies into subdomains and solves for the forces between them
+        contact_solver: "snes-vi" solves for the closed pairs by PETSc's SNES-VI, with one linear
+            system for each active set; "tfeti" cuts the bodies into subdomains and solves for the forces between them
             (Total FETI), where contact is a bound and is solved to its end in every step.
         subdomains: How many "tfeti" makes on all ranks together; it makes one or more of each body
             on each rank. By default one for so many unknowns as are quick to factorise.
@@ -66,7 +66,7 @@ class NewtonOptions:
     tolerance: float = 1e-8
     active_set: Literal["adaptive", "exact", "once"] = "adaptive"
     max_iterations: int = 60
-    contact_solver: Literal["active-set", "tfeti"] = "active-set"
+    contact_solver: Literal["snes-vi", "tfeti"] = "snes-vi"
     subdomains: int | None = None
 
     def __post_init__(self) -> None:

@@ -13,6 +13,7 @@ from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.problem.judged.certificate import certify
 from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 from perfplast_fenicsx.problem.judged.state import Level
+from perfplast_fenicsx.solvers.contact_solver import ContactSolver, counts
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor
@@ -55,15 +56,16 @@ class Progress:
         self,
         iterate: Iterate,
         linear: LinearSolver,
+        program: ContactSolver,
         monitor: Monitor | None,
         tolerance: float,
     ) -> None:
-        """Start the clock and note the solver's counts; ``tolerance`` is that of the steps."""
+        """Start the clock and note the solvers' counts; ``tolerance`` is that of the steps."""
         self._slides = max(SLIDES, 10 * tolerance)
         self.history: list[Iteration] = []
         self._iterate, self._linear, self._monitor = iterate, linear, monitor
         self._began = time.perf_counter()
-        self._before = linear.counts()
+        self._program, self._before = program, counts(linear, program)
         self._krylov = linear.iterations
 
     def add(self, step: Step) -> None:
@@ -119,9 +121,7 @@ class Progress:
             refuted = True
         nodal = fields.u.x.array.reshape(-1, problem.V.dofmap.index_map_bs)
         largest = float(np.linalg.norm(nodal, axis=1).max(initial=0))
-        solves, setups, krylov = (
-            now - then for now, then in zip(self._linear.counts(), self._before, strict=True)
-        )
+        counted = counts(self._linear, self._program)
         state = iterate.state(zeta, active)
         report = LevelReport(
             zeta=zeta,
@@ -130,9 +130,6 @@ class Progress:
             reason=reason,
             newton_iterations=len(history),
             active_set_iterations=sum(record.active_set_iterations for record in history),
-            linear_iterations=krylov,
-            linear_solves=solves,
-            setups=setups,
             damping_min=min((record.beta for record in history), default=1.0),
             plastic_fraction=fields.plastic_fraction(),
             plastic_cells=fields.plastic_cells(),
@@ -153,6 +150,7 @@ class Progress:
             driving_force=certificate.resultants.driving,
             driving_forces=certificate.resultants.driving_by_name,
             bolts=fields.bolt_forces(),
+            **{name: count - self._before[name] for name, count in counted.items()},
         )
         stress = fem.Function(problem.S, name="stress")
         stress.x.array[:] = fields.stress.x.array

@@ -64,6 +64,7 @@ STEP_KEYS = (
     *("max_penetration", "duality_gap", "max_displacement", "seconds", "reactions", "balance"),
     *("driving_force", "stage", "factors", "works", "driving_forces", "bolts"),
     *("slipping", "friction_dissipation", "friction_excess", "rounds"),
+    *("contact_programs", "snes_vi_programs", "snes_vi_iterations"),
 )
 """Keys of a step of ``summary.json``, on which other tools rely; ``path.csv`` has all there is."""
 

@@ -94,6 +94,11 @@ class LevelReport:
         driving_forces: Work that what each of these motions moves does on the bodies for a growth
             of its factor by 1.
         bolts: Force in the shank of each bolt (force), tension positive.
+        contact_programs: Contact quadratic programs solved; 0 without contact.
+        snes_vi_programs: Those that PETSc's SNES-VI solved by itself. It solved none with Total
+            FETI, nor those in which active sets went in circles, so that the condensed program
+            chose the set.
+        snes_vi_iterations: Iterations of SNES-VI, an active set each.
     """
 
     zeta: float
@@ -129,6 +134,9 @@ class LevelReport:
     works: Mapping[str, float] = field(default_factory=dict)
     driving_forces: Mapping[str, float] = field(default_factory=dict)
     bolts: Mapping[str, float] = field(default_factory=dict)
+    contact_programs: int = 0
+    snes_vi_programs: int = 0
+    snes_vi_iterations: int = 0
 
     def __repr__(self) -> str:
         return f"LevelReport({self.summary()})"

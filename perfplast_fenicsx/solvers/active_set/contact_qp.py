@@ -1,22 +1,20 @@
-"""The contact QP of one Newton step, by a primal-dual active set method.
+"""The contact QP of one Newton step.
 
     minimise ½ δᵀAδ + rᵀδ  subject to  δ_s ≤ room at the bounded unknowns of the jump basis
     and, where asked,  ℓᵀδ = work
 
-First the equality-constrained QP is solved on the active set that the last step ended with. Held
-pairs that pull are then released and open ones that penetrate are held, all at once, until there
-are none. Pairs are judged by the solution as it is, before anything is pushed back. The operator is
-no M-matrix; near collapse and with quadratic elements these sets may go in circles, and the pairs
-that change then are condensed to a small dense program of their own (:mod:`condensed_qp`), which
-has an exact solution.
+PETSc's SNES-VI solves it (:mod:`variational_inequality`), from the active set that the last step
+ended with. Each of its iterations solves the equality-constrained QP of one active set; then held
+pairs that pull are released and open ones that penetrate are held, all at once. Without contact
+the first QP is the solution.
 
-PETSc's SNES-VI has the last word (:mod:`variational_inequality`): started from what was found, it
-must find nothing to change, or goes on.
+The operator is no M-matrix. Near collapse and with quadratic elements the active sets may go in
+circles. Then the pairs that change are condensed to a small dense program of their own
+(:mod:`condensed_qp`), which has an exact solution, and SNES-VI starts from the set of that.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -26,14 +24,13 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.condensed_qp import condense
 from perfplast_fenicsx.solvers.active_set.equality_qp import (
     NOTHING_HELD,
-    ROUNDING,
     EqualityProgram,
     Held,
     QuadraticModel,
     Solution,
 )
 from perfplast_fenicsx.solvers.active_set.variational_inequality import (
-    MOST_ACTIVE_SETS,
+    Found,
     VariationalInequality,
 )
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
@@ -77,6 +74,7 @@ class ContactProgram:
         self._T, self._index = problem.basis.T, problem.basis.index
         self._contact = problem.num_pairs > 0
         self._r, self._delta, self._gradient = (problem.create_vector() for _ in range(3))
+        self._programs = self._condensed = 0
 
     def set_operator(self, A: ContactOperator) -> None:
         """Take a new operator A in the jump basis, or the same with new values. Collective."""
@@ -110,19 +108,31 @@ class ContactProgram:
         """
         r.copy(self._r)
         model = QuadraticModel(self._r, room, work, rtol, given, first)
-        solution = self.equality.minimise(model, active, self._delta)
         if not self._contact:
-            return self._step(solution, active, True)
-        if most_sets is not None:
-            return self._approach(solution, most_sets)
-        solution, circling = self._search(solution)
-        settled = circling is None
-        if circling is not None:
-            solution, settled = self._condense(solution, circling)
-        self._push_back(solution)
-        if settled:
-            solution, settled = self._inequality.solve(solution)
-        return self._step(solution, solution.held, settled)
+            solution = self.equality.minimise(model, active, self._delta)
+            forces = self._given_forces(solution)
+            return ContactStep(
+                solution.delta, active, True, solution.solves, solution.multiplier, forces
+            )
+        self._programs += 1
+        found = self._inequality.solve(model, active, most_sets)
+        iterations, active = found.solution.solves, found.solution.held ^ found.wrong
+        if found.circling is not None:
+            self._condensed += 1
+            found, iterations = self._condense(found, found.circling)
+            active = found.solution.held
+        return ContactStep(
+            found.delta,
+            active,
+            found.settled,
+            iterations,
+            found.solution.multiplier,
+            found.given_forces,
+        )
+
+    def counts(self) -> tuple[int, int, int]:
+        """Contact QPs so far, those that SNES-VI solved alone, and SNES-VI's iterations."""
+        return self._programs, self._programs - self._condensed, self._inequality.iterations
 
     def response(
         self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
@@ -146,85 +156,32 @@ class ContactProgram:
         model = QuadraticModel(self._r, np.zeros(len(held)), None, rtol, given)
         return self.equality.minimise(model, held, self._delta).delta
 
-    def _step(self, solution: Solution, active: PairFlags, settled: bool) -> ContactStep:
-        """What a solution tells. Collective."""
-        forces: Floats = np.zeros(0)
-        if solution.model.given is not NOTHING_HELD:
-            self.equality.gradient(solution, self._gradient)
-            forces = -self._gradient.array_r[solution.model.given.index]
-        return ContactStep(
-            solution.delta, active, settled, solution.solves, solution.multiplier, forces
-        )
-
-    def _push_back(self, solution: Solution) -> None:
-        """Open the pairs that δ closes beyond their room."""
-        delta = solution.delta
-        delta.array[self._index] = np.minimum(delta.array_r[self._index], solution.model.jumps)
-
-    def _wrong(self, solution: Solution) -> PairFlags:
-        """Pairs that ought not to be as they are: held ones that pull, others that penetrate."""
+    def _given_forces(self, solution: Solution) -> Floats:
+        """What holds the unknowns that were given, shape (num_held,). Collective."""
+        if solution.model.given is NOTHING_HELD:
+            return np.zeros(0)
         self.equality.gradient(solution, self._gradient)
-        pull = self._gradient.array_r[self._index]
-        excess = solution.delta.array_r[self._index] - solution.model.jumps
-        least = ROUNDING * solution.delta.norm(PETSc.NormType.NORM_INFINITY)
-        wrong: PairFlags = np.where(solution.held, pull > solution.force_tolerance, excess > least)
-        return wrong
+        forces: Floats = -self._gradient.array_r[solution.model.given.index]
+        return forces
 
-    def _approach(self, solution: Solution, most_sets: int) -> ContactStep:
-        """Solve with so many sets at most, and push back what penetrates. Collective."""
-        while True:
-            wrong = self._wrong(solution)
-            settled = not self._comm.allreduce(int(wrong.sum()))
-            if settled or solution.solves >= most_sets:
-                break
-            solution = self.equality.correct(solution, solution.held ^ wrong)
-        step = self._step(solution, solution.held ^ wrong, settled)
-        self._push_back(solution)
-        return step
-
-    def _search(self, solution: Solution) -> tuple[Solution, PairFlags | None]:
-        """Go on from the held pairs until none is wrong. Collective.
-
-        Returns:
-            The last solution, and the pairs that go in circles; None if no pair is wrong.
-        """
-        seen: list[PairFlags] = []
-        while True:
-            held, wrong = solution.held, self._wrong(solution)
-            if not self._comm.allreduce(int(wrong.sum())):
-                return solution, None
-            again = np.array([(earlier == held).all() for earlier in seen], dtype=np.int32)
-            self._comm.Allreduce(MPI.IN_PLACE, again, MPI.MIN)
-            seen.append(held)
-            repeated = np.flatnonzero(again)
-            if repeated.size or len(seen) > MOST_ACTIVE_SETS:
-                circle = seen[repeated[-1] if repeated.size else -len(seen) // 2 :]
-                return solution, np.any([other != held for other in circle], axis=0) | wrong
-            solution = self.equality.correct(solution, held ^ wrong)
-
-    def _condense(self, solution: Solution, circling: PairFlags) -> tuple[Solution, bool]:
+    def _condense(self, found: Found, circling: PairFlags) -> tuple[Found, int]:
         """Find the active set among the pairs that go in circles. Collective.
 
         Returns:
-            The last solution, and whether it is that of the contact QP.
+            What SNES-VI has come to from there, and how many systems were solved in all.
         """
+        solution, iterations = found.solution, found.solution.solves
         model, held = solution.model, solution.held & ~circling
         # So many pairs are condensed at most; beyond, the step is used as it is.
         most_condensed = 300
         while 0 < self._comm.allreduce(int(circling.sum())) <= most_condensed:
             condensed = condense(self.equality, model, held=held, undecided=circling)
             held = np.where(circling, condensed.closed, held)
-            # not corrected: condensing has solved for other things
-            fresh = self.equality.minimise(model, held, solution.delta)
-            solves = solution.solves + condensed.solves + fresh.solves
-            solution = replace(fresh, solves=solves)
-            wrong = self._wrong(solution)
-            outside = wrong & ~circling
-            found = self._comm.allreduce(np.array([wrong.sum(), outside.sum()]))
-            if not found[0]:
-                return solution, True
-            if not found[1]:
-                return solution, False
+            found = self._inequality.solve(model, held, most_sets=1)
+            iterations += condensed.solves + found.solution.solves
+            outside = found.wrong & ~circling
+            if found.settled or not self._comm.allreduce(int(outside.sum())):
+                break
             circling = circling | outside
             held = held & ~circling
-        return solution, False
+        return found, iterations

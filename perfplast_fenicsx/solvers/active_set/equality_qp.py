@@ -128,13 +128,36 @@ class EqualityProgram:
         Raises:
             LinearFailure: If the system cannot be solved.
         """
+        return self.complete(self.begin(model, held, delta))
+
+    def begin(self, model: QuadraticModel, held: PairFlags, delta: PETSc.Vec) -> Solution:
+        """Return the start of :meth:`minimise`, for :meth:`complete`. Collective.
+
+        Args:
+            model: What is minimised.
+            held: Pairs hosted here that are held, shape (num_pairs,).
+            delta: Takes δ, which is zero but at held unknowns.
+        """
         delta.set(0)
         self._set_rhs(model, held, delta, 0.0)
         largest = self._rhs.norm(PETSc.NormType.NORM_INFINITY)
         force = max(model.first, model.r.norm(PETSc.NormType.NORM_INFINITY))
         noise = max(model.rtol * largest, ROUNDING * force)
         accuracy = model.rtol * self._rhs.norm()
-        return self._solve(Solution(model, delta, held, 0.0, accuracy, noise, 0), held, False)
+        return Solution(model, delta, held.copy(), 0.0, accuracy, noise, 0)
+
+    def begun_gradient(self, f: PETSc.Vec) -> None:
+        """Set f to the gradient at the last :meth:`begin`, zero at held unknowns."""
+        self._rhs.copy(f)
+        f.scale(-1)
+
+    def complete(self, begun: Solution) -> Solution:
+        """Solve what was begun last. Collective.
+
+        Raises:
+            LinearFailure: If the system cannot be solved.
+        """
+        return self._solve(begun, begun.held, False)
 
     def correct(self, previous: Solution, held: PairFlags) -> Solution:
         """Solve with other pairs held, from a solution that becomes the new one. Collective.

@@ -1,20 +1,40 @@
-"""The contact QP as a variational inequality: PETSc's SNES-VI looks at a solution, and may go on.
+"""The contact QP as a variational inequality, solved by PETSc's SNES-VI.
 
-SNES-VI (reduced space, ``vinewtonrsls``) pushes penetrating pairs back before it looks at forces,
-so that it goes in circles more easily than the search before it, and has the last word only. Its
-own reduced matrices lose block size and near-nullspace; so its linear solves are
-equality-constrained QPs of the full space (:class:`ReducedSolve`).
+    find δ ≤ room  with  F_i(δ) = 0 where δ_i < room_i,  F_i(δ) ≤ 0 where δ_i = room_i,
+    F(δ) = Aδ + r − ζℓ
+
+``vinewtonrsls`` takes these steps, again and again: it evaluates F, reads the active set from it
+(at the bound, and F_i < 0), solves the Newton equation on the other unknowns, takes the full step
+and projects onto the bounds. Two things are given to it.
+
+*F at pairs.* Projected pairs that penetrated carry no force yet, so that F at the projection would
+count them as open, and SNES-VI would go in circles. So F is that of the solution before the
+projection, with the sign at pairs that the primal–dual active set strategy gives (M. Hintermüller,
+K. Ito, K. Kunisch, SIAM J. Optim. 13 (2003) 865): negative where a closed pair pushes or an open
+one penetrates. That strategy is a semismooth Newton method for the same program.
+
+*The linear solves.* SNES-VI's own reduced matrices lose block size and near-nullspace. Its
+preconditioner is therefore an equality-constrained QP of the full space (:class:`ReducedSolve`).
 """
 
-from dataclasses import replace
+import weakref
+from dataclasses import dataclass, replace
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
+from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.solvers.active_set.equality_qp import EqualityProgram, Solution
+from perfplast_fenicsx.solvers.active_set.equality_qp import (
+    ROUNDING,
+    EqualityProgram,
+    QuadraticModel,
+    Solution,
+)
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
+from perfplast_fenicsx.solvers.linear.option_trial import check_snes_vi
 from perfplast_fenicsx.solvers.linear.petsc_options import ACTIVE_SET, own_prefix
 
 MOST_ACTIVE_SETS = 50
@@ -24,118 +44,276 @@ PRESET = {
     "snes_type": "vinewtonrsls",
     "snes_linesearch_type": "basic",
     "snes_vi_zero_tolerance": 0.0,  # the default, 1e-8, is a length; closed pairs are exactly so
-    "snes_max_it": MOST_ACTIVE_SETS + 1,
+    "snes_max_it": MOST_ACTIVE_SETS,
+    "snes_atol": 0.0,  # the active set ends the iteration, unless the user gives tolerances
+    "snes_rtol": 0.0,
+    "snes_stol": 0.0,
 }
+
+LEAST = np.finfo(np.float64).tiny
+"""The least force that has a sign."""
+
+Reason = PETSc.SNES.ConvergedReason
+
+
+@dataclass(frozen=True)
+class Found:
+    """What SNES-VI has come to.
+
+    Attributes:
+        solution: The last equality-constrained solution, before it was projected.
+        delta: SNES-VI's δ, which is feasible; valid until the next solve.
+        wrong: Pairs that the next active set would have otherwise, shape (num_pairs,).
+        settled: Whether no pair is wrong, on all ranks.
+        circling: Pairs whose states the last active sets change to and fro, shape (num_pairs,);
+            None if the sets do not go in circles, or were not followed so far.
+        given_forces: −F at the unknowns of ``model.given``, shape (num_held,).
+    """
+
+    solution: Solution
+    delta: PETSc.Vec
+    wrong: PairFlags
+    settled: bool
+    circling: PairFlags | None
+    given_forces: Floats
 
 
 class ReducedSolve:
-    """What SNES-VI calls as a preconditioner: its Newton step on the unknowns that are inactive.
+    """SNES-VI's preconditioner: its Newton step on the unknowns that are inactive."""
 
-    SNES-VI takes y, with A y = f on these unknowns, from its iterate δ. So y = δ − δ', where δ' is
-    the solution with the active pairs held; signs turn here and nowhere else.
-
-    Attributes:
-        solution: The last one; its δ is not SNES-VI's, but a copy.
-        failure: Why a system could not be solved, for whoever called SNES-VI, which knows nothing
-            of it; None if all could.
-    """
-
-    def __init__(
-        self, program: EqualityProgram, snes: PETSc.SNES, start: Solution, image: PETSc.Vec
-    ) -> None:
-        """Begin with a solution; ``image`` is room for others."""
-        self._program, self._snes, self._image = program, snes, image
-        self.solution = start
-        self.failure: LinearFailure | None = None
+    def __init__(self, inequality: "VariationalInequality") -> None:
+        """Refer to the solver weakly, or PETSc would keep it for ever."""
+        self._inequality = weakref.proxy(inequality)
 
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Solve for y (called by PETSc); b, f at the inactive unknowns, is made anew from δ."""
-        delta = self._snes.getSolution()
-        index_set = self._snes.getVIInactiveSet()
-        inactive = index_set.getIndices() - delta.getOwnershipRange()[0]
-        index_set.destroy()
-        free = np.zeros(delta.getLocalSize(), dtype=bool)
-        free[inactive] = True
-        delta.copy(self._image)
-        try:
-            self.solution = self._program.correct(
-                replace(self.solution, delta=self._image), ~free[self._program.index]
-            )
-        except LinearFailure as failure:
-            self.failure = failure
-            delta.copy(self._image)
-        y.array[:] = delta.array_r[inactive] - self._image.array_r[inactive]
+        """Solve for y (called by PETSc), see :meth:`VariationalInequality.newton_step`."""
+        self._inequality.newton_step(y)
+
+
+class _Jacobian:
+    """A as SNES-VI sees it, whose submatrices :class:`ReducedSolve` makes unnecessary."""
+
+    def __init__(self, inequality: "VariationalInequality") -> None:
+        """Refer to the solver weakly, or PETSc would keep it for ever."""
+        self._inequality = weakref.proxy(inequality)
+
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Set y to A x (called by PETSc, for line searches that ask for slopes). Collective."""
+        self._inequality.multiply(x, y)
+
+    def createSubMatrix(  # noqa: N802, PETSc's name
+        self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS, out: PETSc.Mat | None
+    ) -> PETSc.Mat:
+        """Return the identity in place of a submatrix (called by PETSc). Collective."""
+        sizes = (rows.getLocalSize(), PETSc.DETERMINE)
+        return PETSc.Mat().createConstantDiagonal((sizes, sizes), 1.0, comm=matrix.comm)
 
 
 class VariationalInequality:
-    """SNES-VI for the contact QPs of a problem."""
+    """SNES-VI for the contact QPs of a problem.
+
+    Attributes:
+        iterations: SNES-VI's iterations so far.
+    """
 
     def __init__(self, problem: Problem, program: EqualityProgram) -> None:
-        """Keep what all QPs share. Collective."""
-        self._program = program
-        self._prefix = own_prefix(ACTIVE_SET, PRESET)
-        self._gradient, self._image, self._upper, self._lower = (
-            problem.create_vector() for _ in range(4)
-        )
-        self._lower.set(PETSc.NINFINITY)
+        """Create the SNES, which is kept. Collective.
 
-    def solve(self, start: Solution) -> tuple[Solution, bool]:
-        """Look for an active set that is the solution's. Collective.
+        Raises:
+            InputError: If the user's options ask for another solver.
+        """
+        self.iterations = 0
+        self._program = program
+        self._delta, self._x, self._force, self._upper, self._lower, self._off = (
+            problem.create_vector() for _ in range(6)
+        )
+        self._solution: Solution
+        self._wrong: PairFlags = np.zeros(len(program.index), dtype=bool)
+        self._seen: list[PairFlags] = []
+        self._first_norm = 0.0
+        self._settled = self._limited = self._elsewhere = False
+        self._circling: PairFlags | None = None
+        self._failure: LinearFailure | None = None
+        self._given: Ints = np.zeros(0, dtype=np.int32)
+        self._given_forces: Floats = np.zeros(0)
+        self._snes = self._create()
+        self._most_iterations = self._snes.max_it
+
+    def _create(self) -> PETSc.SNES:
+        """Create the SNES. Collective."""
+        me, comm = weakref.proxy(self), self._program.comm
+        sizes = self._x.getSizes()
+        jacobian = PETSc.Mat().createPython((sizes, sizes), _Jacobian(self), comm=comm)
+        jacobian.setUp()
+        prefix = own_prefix(ACTIVE_SET, PRESET)
+        options = PETSc.Options(prefix)
+        check_snes_vi(options.getAll())
+        snes = PETSc.SNES().create(comm)
+        snes.setOptionsPrefix(prefix)
+        ksp = snes.getKSP()
+        ksp.setType("preonly")
+        ksp.getPC().setType("python")
+        ksp.getPC().setPythonContext(ReducedSolve(self))
+        snes.setFromOptions()
+        damping = options.getReal("snes_linesearch_damping", 1.0)
+        self._full_steps = options.getString("snes_linesearch_type") == "basic" and damping == 1
+        snes.setConvergenceTest(lambda snes, its, norms: me.test(its, norms[-1]))
+        snes.setFunction(lambda snes, x, f: me.evaluate(x, f), self._force)
+        snes.setJacobian(lambda *_: None, jacobian, jacobian)
+        self._lower.set(PETSc.NINFINITY)
+        self._upper.set(PETSc.INFINITY)
+        snes.setVariableBounds(self._lower, self._upper)
+        return snes
+
+    def solve(
+        self, model: QuadraticModel, active: PairFlags, most_sets: int | None = None
+    ) -> Found:
+        """Solve the contact QP, or take a few steps towards its solution. Collective.
 
         Args:
-            start: Solution with the pairs held that seem to be active; its δ is overwritten.
-
-        Returns:
-            The last solution, with the δ of ``start``, and whether it is that of the contact QP.
+            model: What is minimised, with ``jumps`` the room of each pair.
+            active: Active set to begin with, shape (num_pairs,).
+            most_sets: Most iterations; None to go on until the active set is right or goes in
+                circles.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
         """
-        program = self._program
-        upper = self._upper.array
-        upper[:] = PETSc.INFINITY
-        upper[program.index] = start.model.jumps
-        A = program.operator.matrix  # what it holds does not matter here
-        snes = PETSc.SNES().create(program.comm)
-        ksp = snes.getKSP()
-        reduced = ReducedSolve(program, snes, start, self._image)
+        most = self._most_iterations if most_sets is None else min(most_sets, self._most_iterations)
+        self._limited = most < MOST_ACTIVE_SETS
+        self._settled, self._failure = False, None
+        self._circling, self._seen = None, []
+        self._begin(model, active)
+        self._snes.setTolerances(max_it=most)
+        self._snes.solve(None, self._x)
+        self.iterations += self._snes.its
+        if self._failure is not None:
+            raise self._failure
+        if self._snes.reason == Reason.DIVERGED_MAX_IT and not self._limited:
+            self._circling = self._changing(self._seen[-len(self._seen) // 2 :])
+        return Found(
+            self._solution,
+            self._x,
+            self._wrong,
+            self._settled,
+            self._circling,
+            self._given_forces,
+        )
 
-        def evaluate(snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
-            program.gradient(replace(reduced.solution, delta=x), f)
+    def _begin(self, model: QuadraticModel, active: PairFlags) -> None:
+        """Begin with the closed pairs of an active set at their bounds, all else at zero."""
+        program, given = self._program, model.given
+        upper, lower, before = self._upper.array, self._lower.array, self._given
+        upper[before], lower[before] = PETSc.INFINITY, PETSc.NINFINITY
+        upper[program.index] = model.jumps
+        upper[given.index] = lower[given.index] = given.values
+        self._given, self._given_forces = given.index, np.zeros(len(given.index))
+        self._solution = program.begin(model, active, self._delta)
+        self._delta.copy(self._x)
 
-        def settled(snes: PETSc.SNES, its: int, norms: tuple[float, ...]) -> int | None:
-            return self._settled(snes, reduced, its)
+    def evaluate(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """Set f to F as SNES-VI is to see it (called by PETSc). Collective."""
+        program, solution = self._program, self._solution
+        model, index, held = solution.model, program.index, solution.held
+        self._elsewhere = False
+        if solution.solves == 0:
+            program.begun_gradient(f)
+            forces, wanted = f.array_r[index], held
+            self._wrong = np.zeros_like(held)
+        elif not self._full_steps and self._is_elsewhere(x):
+            program.gradient(replace(solution, delta=x), f)
+            forces, self._elsewhere = f.array_r[index], True
+            wanted = (x.array_r[index] >= model.jumps) & (forces < 0)
+            self._wrong = held ^ wanted
+        else:
+            program.gradient(solution, f)
+            forces = f.array_r[index]
+            self._wrong = self._judge(forces)
+            wanted = held ^ self._wrong
+        if model.given.index.size:
+            self._given_forces = -f.array_r[model.given.index]
+        size = np.maximum(np.abs(forces), LEAST)
+        f.array[index] = np.where(wanted, -size, size)
 
+    def _is_elsewhere(self, x: PETSc.Vec) -> bool:
+        """Whether a line search of the user's has not taken the full step. Collective."""
+        index, delta = self._program.index, self._delta
+        off = self._off
+        off.waxpy(-1.0, x, delta)
+        off.array[index] = 0
+        rounding = 1e-10 * delta.norm(PETSc.NormType.NORM_INFINITY)
+        return bool(off.norm(PETSc.NormType.NORM_INFINITY) > rounding)
+
+    def _judge(self, pull: Floats) -> PairFlags:
+        """Pairs that ought not to be as they are: held ones that pull, others that penetrate."""
+        solution, index = self._solution, self._program.index
+        excess = self._delta.array_r[index] - solution.model.jumps
+        least = ROUNDING * self._delta.norm(PETSc.NormType.NORM_INFINITY)
+        wrong: PairFlags = np.where(solution.held, pull > solution.force_tolerance, excess > least)
+        return wrong
+
+    def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Set y to A x (called by PETSc). Collective."""
+        self._off.set(0)
+        self._program.operator.mult_add(x, self._off, y)
+
+    def newton_step(self, y: PETSc.Vec) -> None:
+        """Set y to δ − δ' at the inactive unknowns, with δ' the solution with the active ones held.
+
+        SNES-VI's δ is its last iterate; what cannot be solved is kept for :meth:`solve` to raise,
+        and y is then zero. Called by PETSc; collective.
+        """
+        program, solution, x = self._program, self._solution, self._x
+        index_set = self._snes.getVIInactiveSet()
+        inactive = index_set.getIndices() - x.getOwnershipRange()[0]  # in ascending order
+        index_set.destroy()
+        held = np.searchsorted(inactive, program.index, "right") == np.searchsorted(
+            inactive, program.index
+        )
         try:
-            snes.setOptionsPrefix(self._prefix)
-            ksp.setType("preonly")
-            ksp.getPC().setType("python")
-            ksp.getPC().setPythonContext(reduced)
-            snes.setFromOptions()
-            snes.setConvergenceTest(settled)
-            snes.setFunction(evaluate, self._gradient)
-            snes.setJacobian(lambda *_: None, A, A)
-            snes.setVariableBounds(self._lower, self._upper)
-            snes.solve(None, start.delta)
-            converged = bool(snes.getConvergedReason() > 0)
-        finally:
-            for thing in (ksp, snes):
-                thing.destroy()
-        if reduced.failure is not None:
-            raise reduced.failure
-        return replace(reduced.solution, delta=start.delta), converged
+            if solution.solves == 0:
+                self._solution = program.complete(solution)
+            else:
+                self._solution = program.correct(solution, held)
+        except LinearFailure as failure:
+            self._failure = failure
+            y.set(0)
+            return
+        y.array[:] = (x.array_r - self._delta.array_r)[inactive]
 
-    def _settled(self, snes: PETSc.SNES, reduced: ReducedSolve, its: int) -> int | None:
-        """Stop where the active set is the one just solved for, but for forces that are noise."""
-        if reduced.failure is not None:
-            return PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
-        program, solution = self._program, reduced.solution
-        x, f = snes.getSolution().array_r, snes.getFunction()[0].array_r
-        jumps, gradient = x[program.index], f[program.index]
-        active = (jumps >= self._upper.array_r[program.index]) & (gradient < 0)
-        wrong = (active != solution.held) & (np.abs(gradient) > solution.force_tolerance)
-        if program.comm.allreduce(int(wrong.sum())) == 0:
-            return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
-        if its >= MOST_ACTIVE_SETS:
-            return PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT
+    def test(self, iteration: int, norm: float) -> int | None:
+        """Whether to stop, and why (called by PETSc). Collective."""
+        if self._failure is not None:
+            return int(Reason.DIVERGED_LINEAR_SOLVE)
+        if iteration == 0:
+            self._first_norm = norm
+            return None
+        comm, held = self._program.comm, self._solution.held
+        if not self._elsewhere:
+            self._settled = comm.allreduce(int(self._wrong.sum())) == 0
+            if self._settled:
+                return int(Reason.CONVERGED_FNORM_RELATIVE)
+            if not self._limited and self._repeats(held):
+                return int(Reason.DIVERGED_INNER)
+        if norm <= self._snes.atol:
+            return int(Reason.CONVERGED_FNORM_ABS)
+        if norm <= self._snes.rtol * self._first_norm:
+            return int(Reason.CONVERGED_FNORM_RELATIVE)
         return None
+
+    def _repeats(self, held: PairFlags) -> bool:
+        """Note an active set, and whether it was there before. Collective."""
+        again = np.array([(earlier == held).all() for earlier in self._seen], dtype=np.int32)
+        self._seen.append(held)
+        if again.size:
+            self._program.comm.Allreduce(MPI.IN_PLACE, again, MPI.MIN)
+        if not again.any():
+            return False
+        self._circling = self._changing(self._seen[np.flatnonzero(again)[-1] :])
+        return True
+
+    def _changing(self, circle: list[PairFlags]) -> PairFlags:
+        """Pairs that are held in one of these sets and not in the last one, or wrong there."""
+        held = self._solution.held
+        changing: PairFlags = np.any([other != held for other in circle], axis=0) | self._wrong
+        return changing

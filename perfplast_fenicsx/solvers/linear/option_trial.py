@@ -92,6 +92,30 @@ def _check(kind: str, options: Options) -> None:
                     f"the PETSc option '-{kind}{within}{name}' is unknown to the solvers that it is"
                     " for; check its name, or leave it out."
                 )
+    if kind == ACTIVE_SET:
+        check_snes_vi(options)
+
+
+def check_snes_vi(options: Options) -> None:
+    """Refuse options by which SNES-VI would be another solver, or would take no step.
+
+    Args:
+        options: Values by names without any prefix.
+
+    Raises:
+        InputError: Naming the option.
+    """
+    for name, value in options.items():
+        told = f"the PETSc option '-{ACTIVE_SET}{name} {value}' cannot be used:"
+        if name == "snes_type" and value != "vinewtonrsls":
+            raise InputError(f"{told} contact programs are for vinewtonrsls alone; leave it out.")
+        if name == "snes_max_it" and int(value) < 1:
+            raise InputError(f"{told} at least one iteration is needed; give 1 or more.")
+        if not name.startswith("snes_"):
+            raise InputError(
+                f"{told} the linear systems of SNES-VI are those of all steps; give"
+                f" '-{LINEAR}{name} {value}' if it is for these."
+            )
 
 
 def _culprit(kind: str, tried: Options) -> str:

@@ -67,6 +67,7 @@ class TfetiProgram:
         self.multipliers: Floats = np.zeros(self._dual.size)
         self._border: Floats = np.zeros(0)
         self._unit = 1.0
+        self._programs = 0
 
     def set_operator(self, A: TornStiffness) -> None:
         """Take a new stiffness, or the same with new values. Collective.
@@ -106,6 +107,7 @@ class TfetiProgram:
             LinearFailure: If the dual cannot be solved.
         """
         asked = self._ask(r, room, active, rtol, work, first)
+        self._programs += 1
         self._forget()
         closed, searches = active, 0
         search: TornProgram | None = None
@@ -128,6 +130,10 @@ class TfetiProgram:
         if wrong is None:
             raise LinearFailure(MOVES)
         return self._step(asked, closed, settled, len(seen))
+
+    def counts(self) -> tuple[int, int, int]:
+        """Contact QPs so far, of which SNES-VI solves none, in no iterations."""
+        return self._programs, 0, 0
 
     def _new(self, closed: PairFlags, seen: list[PairFlags]) -> bool:
         """Whether a face may be tried next. Collective."""

@@ -8,7 +8,7 @@ import pytest
 from perfplast_fenicsx import Problem
 from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
-from perfplast_fenicsx.solvers.active_set.equality_qp import Solution
+from perfplast_fenicsx.solvers.active_set.variational_inequality import VariationalInequality
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from tests.models import l_plate_problem, two_blocks_problem
@@ -91,14 +91,16 @@ def test_sets_are_tried_until_there_have_been_enough(case: Case) -> None:
 def test_pairs_that_go_in_circles_are_condensed(
     case: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A search that gives up at once, with the pairs that are wrong."""
+    """SNES-VI is stopped at the first set, as if it were one of a circle."""
     expected = case.program.solve(case.r, case.room, case.first, RTOL, work=case.work)
     delta, multiplier = expected.delta.copy(), expected.multiplier
+    assert case.program.counts() == (1, 1, expected.iterations)
 
-    def give_up(self: ContactProgram, solution: Solution) -> tuple[Solution, PairFlags]:
-        return solution, self._wrong(solution)
+    def repeats(self: VariationalInequality, held: PairFlags) -> bool:
+        self._circling = self._wrong
+        return True
 
-    monkeypatch.setattr(ContactProgram, "_search", give_up)
+    monkeypatch.setattr(VariationalInequality, "_repeats", repeats)
     step = case.program.solve(case.r, case.room, case.first, RTOL, work=case.work)
     assert step.settled
     assert (step.active == expected.active).all()
@@ -106,6 +108,7 @@ def test_pairs_that_go_in_circles_are_condensed(
     delta.axpy(-1.0, step.delta)
     assert delta.norm() < 1e-7 * step.delta.norm()
     assert step.iterations > expected.iterations
+    assert case.program.counts()[:2] == (2, 1), "the condensed program chose the set"
 
 
 def test_without_contact_there_is_one_system() -> None:

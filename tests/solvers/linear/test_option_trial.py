@@ -17,7 +17,7 @@ GOOD: list[Any] = [
     {"perfplast_mat_mumps_icntl_14": "40", "perfplast_limit_mat_mumps_icntl_22": "1"},
     {"perfplast_pc_type": "lu", "perfplast_pc_factor_mat_solver_type": "superlu_dist"},
     {"perfplast_coarse_pc_gamg_coarse_eq_limit": "50"},
-    {"perfplast_vi_snes_max_it": "20", "perfplast_vi_ksp_rtol": "1e-9"},
+    {"perfplast_vi_snes_max_it": "20", "perfplast_vi_snes_monitor": None},
     {"perfplast_ksp_monitor": None, "perfplast_ksp_converged_reason": None},
     pytest.param(
         {"perfplast_pc_type": "hypre", "perfplast_pc_hypre_boomeramg_max_iter": "2"},
@@ -36,6 +36,9 @@ BAD: list[tuple[dict[str, str | None], str]] = [
     ({"perfplast_ksp_max_it": "1.5"}, "no integer value"),
     ({"perfplast_mg_levels_ksp_typo": "5"}, "'-perfplast_mg_levels_ksp_typo' is unknown"),
     ({"perfplast_vi_snes_typo": "5"}, "'-perfplast_vi_snes_typo' is unknown"),
+    ({"perfplast_vi_snes_type": "vinewtonssls"}, "contact programs are for vinewtonrsls alone"),
+    ({"perfplast_vi_snes_max_it": "0"}, "at least one iteration"),
+    ({"perfplast_vi_ksp_rtol": "1e-9"}, "give '-perfplast_ksp_rtol 1e-9'"),
     ({"perfplast_24_ksp_rtol": "1e-8"}, "'-perfplast_24_ksp_rtol' is unknown"),
     ({"perfplst_ksp_rtol": "1e-8"}, "did you mean '-perfplast_ksp_rtol'"),
     ({"perfplast_pc_factor_mat_solver_type": "mumsp"}, "mumsp"),
