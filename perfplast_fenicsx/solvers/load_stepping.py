@@ -9,6 +9,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -146,7 +147,7 @@ def work_path(
 
 
 def _with_all(
-    level: Level, solver: LevelSolver, seconds: float, before: Mapping[str, int]
+    level: Level, solver: LevelSolver, seconds: float, before: Mapping[str, Any]
 ) -> Level:
     """A level with what led to it: the state near first yield, and steps that were too long."""
     now = counts(solver.linear, solver.program)

@@ -51,8 +51,9 @@ class NewtonOptions:
             end behind the tenth step.
         max_iterations: Most Newton steps of a level, at least 1.
         contact_solver: "snes-vi" solves for the closed pairs by PETSc's SNES-VI, with one linear
-            system for each active set; "tfeti" cuts the bodies into subdomains and solves for the forces between them
-            (Total FETI), where contact is a bound and is solved to its end in every step.
+            system for each active set; "tfeti" cuts the bodies into subdomains and solves for the
+            forces between them (Total FETI), where contact is a bound and is solved to its end in
+            every step.
         subdomains: How many "tfeti" makes on all ranks together; it makes one or more of each body
             on each rank. By default one for so many unknowns as are quick to factorise.
 

@@ -101,7 +101,7 @@ class _Jacobian:
         """Set y to A x (called by PETSc, for line searches that ask for slopes). Collective."""
         self._inequality.multiply(x, y)
 
-    def createSubMatrix(  # noqa: N802, PETSc's name
+    def createSubMatrix(
         self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS, out: PETSc.Mat | None
     ) -> PETSc.Mat:
         """Return the identity in place of a submatrix (called by PETSc). Collective."""
