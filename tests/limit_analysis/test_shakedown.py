@@ -163,8 +163,8 @@ STAYS = Traction("top", (0.0, 0.0, 1.0), name="stays", constant=True)
     ("loads", "ranges", "part"),
     [
         ([PULL], {}, "ranges is empty"),
-        ([PULL], {"pull": [1.0, 1.0]}, r"the range of 'pull' is \[1, 1\], which is none"),
-        ([PULL], {"pull": [1.0]}, r"the range of 'pull' is \[1\], which is none"),
+        ([PULL], {"pull": [1.0, 1.0]}, r"\[1, 1\] is not a valid range for 'pull'"),
+        ([PULL], {"pull": [1.0]}, r"\[1\] is not a valid range for 'pull'"),
         ([PULL], {"pul": [0.0, 1.0]}, "'pul' varies, but there is no load"),
         ([PULL, STAYS], {"stays": [0, 1], "pull": [0, 1]}, "'stays' varies, but it is a constant"),
         ([PULL, Pressure("top", 2.0)], {"pull": [0.0, 1.0]}, "the load 'top' has no range"),

@@ -45,8 +45,8 @@ class LoadDomain:
             if len(given) != 2 or not all(map(math.isfinite, given)) or not given[0] < given[1]:
                 shown = ", ".join(f"{value:g}" for value in given)
                 raise InputError(
-                    f"the range of '{name}' is [{shown}], which is none; give two factors, the"
-                    " less one first. What does not vary is constant = true."
+                    f"[{shown}] is not a valid range for '{name}'; give two different factors, the"
+                    " smaller one first. For what does not vary set constant = true."
                 )
         corners = np.array(list(itertools.product(*ranges.values())), dtype=np.float64)
         return LoadDomain(tuple(ranges), corners)

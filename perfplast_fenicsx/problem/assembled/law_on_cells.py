@@ -58,7 +58,7 @@ def lay_out(
         materials: Of each volume.
 
     Raises:
-        InputError: If a volume is unknown or has no material, a material is none, or laws have
+        InputError: If a volume is unknown or has no material, a material is no material, or laws have
             variables of different shapes by the same name in their history.
     """
     _check(tagged_mesh, materials)
@@ -108,7 +108,7 @@ def _check(tagged_mesh: TaggedMesh, materials: Mapping[str, Material]) -> None:
 
 
 def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
-    """Refuse materials whose numbers are none, or that a strain costs no energy.
+    """Refuse materials whose numbers are not finite, or that a strain costs no energy.
 
     Those of the program check their own numbers; of others nothing else would.
 
