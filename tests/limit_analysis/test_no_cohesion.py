@@ -23,6 +23,7 @@ from perfplast_fenicsx import (
     Support,
     Tie,
     adaptive_bounds,
+    stacked_blocks,
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
@@ -160,3 +161,14 @@ def test_loads_of_one_kind_are_refused(read: Read) -> None:
         sand = MohrCoulomb(1e4, 0.3, 0.0, 30.0)
         with pytest.raises(InputError, match="give one load that grows beside constant ones"):
             limit_bounds(Problem(tagged_mesh, {"ground": sand}, supports, [load], degree=2))
+
+
+def test_sand_in_space_is_refused_with_a_remedy() -> None:
+    """It said to take limit_method = 'path', which bounds do not know."""
+    sand = MohrCoulomb(1e4, 0.3, 0.0, 30.0)
+    loads = [Pressure("top", 1.0), BodyForce("lower", (0.0, 0.0, -1.0), constant=True)]
+    bodies, ties = {"lower": sand, "upper": sand}, [Tie("lower_top", "upper_bottom")]
+    blocks, supports = stacked_blocks(COMM, 1), [Support("bottom")]
+    problem = Problem(blocks, bodies, supports, loads, ties=ties, degree=2)
+    with pytest.raises(InputError, match="give one, such as a thousandth"):
+        limit_bounds(problem)

@@ -143,6 +143,12 @@ def body_cones(problem: Problem) -> BodyCones:
     found: list[BodyCone] = []
     for name in sorted(tagged_mesh.volumes):
         cone = _cone_of(materials[name], size, flat, tagged_mesh.is_thin)
+        if cone is None and getattr(materials[name], "cohesion", None) == 0:
+            raise InputError(
+                f"cohesion = 0 in volume '{name}': in space the interior point method needs a"
+                " cohesion of Mohr and Coulomb's law; give one, such as a thousandth of the"
+                " constant pressures, or of the weight times the height."
+            )
         if cone is None:
             raise InputError(
                 f"the interior point method knows no yield set of"
