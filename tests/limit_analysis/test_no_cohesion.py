@@ -28,6 +28,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
+from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import strong_bodies, weak_bodies
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.proof import check
 from tests.models import Read
@@ -172,3 +173,13 @@ def test_sand_in_space_is_refused_with_a_remedy() -> None:
     problem = Problem(blocks, bodies, supports, loads, ties=ties, degree=2)
     with pytest.raises(InputError, match="give one, such as a thousandth"):
         limit_bounds(problem)
+
+
+def test_sand_is_no_weak_body() -> None:
+    """Its strength is that of its pressure: no ratio of strengths is formed with it."""
+    mesh = stacked_blocks(COMM, 1)
+    laws = {"lower": MohrCoulomb(1e4, 0.3, 0.0, 30.0), "upper": MohrCoulomb(1e4, 0.3, 1.0, 30.0)}
+    supports = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
+    contact = [Contact("lower_top", "upper_bottom")]
+    problem = Problem(mesh, laws, supports, [Pressure("top", 1.0)], contact, degree=2)
+    assert strong_bodies(problem, 0.1) == weak_bodies(problem) == ()

@@ -52,13 +52,16 @@ def weak_bodies(problem: Problem) -> tuple[str, ...]:
 
 
 def _radii(problem: Problem) -> dict[str, float]:
-    """Yield radius of each body that has one, the least of its cells. Collective."""
+    """Return the least yield radius of each body that has a positive one. Collective.
+
+    Sand without cohesion has none: its strength is that of its pressure.
+    """
     found, (of_cells, *_) = {}, body_cones(problem).at_cells()
     for name in sorted(problem.tagged_mesh.volumes):
         cells = problem.tagged_mesh.cells(name)
         mine = float(of_cells[cells[cells < len(of_cells)]].min(initial=np.inf))
         radius = problem.comm.allreduce(mine, MPI.MIN)
-        if np.isfinite(radius):
+        if np.isfinite(radius) and radius > 0:
             found[name] = radius
     return found
 
