@@ -175,11 +175,9 @@ def test_sand_in_space_is_refused_with_a_remedy() -> None:
         limit_bounds(problem)
 
 
-def test_sand_is_no_weak_body() -> None:
+def test_sand_is_no_weak_body(read: Read) -> None:
     """Its strength is that of its pressure: no ratio of strengths is formed with it."""
-    mesh = stacked_blocks(COMM, 1)
-    laws = {"lower": MohrCoulomb(1e4, 0.3, 0.0, 30.0), "upper": MohrCoulomb(1e4, 0.3, 1.0, 30.0)}
-    supports = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
-    contact = [Contact("lower_top", "upper_bottom")]
-    problem = Problem(mesh, laws, supports, [Pressure("top", 1.0)], contact, degree=2)
-    assert strong_bodies(problem, 0.1) == weak_bodies(problem) == ()
+    sand, clay = MohrCoulomb(1e4, 0.3, 0.0, 30.0), MohrCoulomb(1e4, 0.3, 1.0, 30.0)
+    problem = on_heavy_sand(read, "rough", size=2.0)
+    beside = variant(problem, materials={"ground": sand, "punch": clay})
+    assert strong_bodies(beside, 0.1) == weak_bodies(beside) == ()
