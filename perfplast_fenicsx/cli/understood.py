@@ -178,15 +178,15 @@ class _Told:
 
     def rest(self, volumes: dict[str, float]) -> None:
         """Tell what the case does not name, and which bodies have no load or support."""
-        facets, named = self.sides.facets, self.sides.names_of_tags()
+        facets, of_tags = self.sides.facets, self.sides.names_of_tags()
         used = self.problem.tagged_mesh.tags_of(self.marked)
         free: dict[str, float] = {}
-        for tag, name in named.items():
+        for tag, name in of_tags.items():
             if tag not in used:
                 area = float(facets.area[facets.tag == tag].sum())
                 free[name] = free.get(name, 0.0) + area
         parts = [f"'{name}' ({_number(area)})" for name, area in sorted(free.items()) if area]
-        tagged = np.isin(facets.tag, list(named))
+        tagged = np.isin(facets.tag, list(of_tags))
         unnamed = float(self.sides.facets.area[~tagged].sum())
         total = float(self.sides.facets.area.sum())
         if unnamed > ROUNDING * total:

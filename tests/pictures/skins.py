@@ -38,7 +38,8 @@ def skin(tagged_mesh: TaggedMesh, scene: Scene) -> Surface:
     assert mesh.comm.size == 1
     tags = tagged_mesh.facet_tags
     corners = entity_nodes(mesh, mesh.topology.dim - 1, tags.indices)
-    named = NamedScene(scene, tagged_mesh.volumes, tagged_mesh.surfaces)
+    surfaces = {name: np.ravel(tags).tolist() for name, tags in tagged_mesh.surfaces.items()}
+    named = NamedScene(scene, tagged_mesh.volumes, surfaces)
     body = tagged_mesh.cell_tags.values[np.argsort(tagged_mesh.cell_tags.indices)]
     x = mesh.geometry.x[:, : mesh.geometry.dim]
     return make_skin(x, geometry_dofmap(mesh), body, corners, tags.values, named).surface

@@ -144,5 +144,5 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
             top.axisymmetric,
             top.driven,
         )
-    surfaces = {name: list(np.atleast_1d(tags)) for name, tags in top.surfaces.items()}
+    surfaces = {name: np.ravel(tags).tolist() for name, tags in top.surfaces.items()}
     return NamedScene(scene, top.volumes, surfaces)

@@ -40,7 +40,7 @@ def test_written_and_read(tmp_path: Path) -> None:
     found = read_scene(json.loads(path.read_text(encoding="utf-8")), "scene.json")
     assert found.scene == SCENE
     assert found.volumes == {"lower": 1, "upper": 2}
-    assert found.surfaces == tagged_mesh.surfaces
+    assert found.surfaces == {name: [tag] for name, tag in tagged_mesh.surfaces.items()}
     assert found.scene.marks == {
         "load 0": ["top"],
         "load 1": ["left"],
