@@ -43,6 +43,9 @@ degree = 1
 [loading]
 control = "load"
 values = [1.0]
+
+[output]
+pictures = false
 """
 
 
@@ -209,7 +212,10 @@ def mail(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Ho
             for name, content in {hostile.name: hostile.content, **hostile.beside}.items():
                 (shared_tmp_path / name).write_text(content, encoding="latin-1")
             source = f"[{hostile.table}]\nfile = '{hostile.name}'\n{hostile.more}"
-            path.write_text(CASE.format(source=source), encoding="utf-8")
+            text = CASE.format(source=source)
+            if "[output]" in hostile.more:  # a table may be there once
+                text = text.split("\n[output]\npictures")[0]
+            path.write_text(text, encoding="utf-8")
         MPI.COMM_WORLD.barrier()
         monkeypatch.chdir(shared_tmp_path)
         monkeypatch.setenv("HOME", str(shared_tmp_path))

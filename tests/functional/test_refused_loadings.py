@@ -101,7 +101,7 @@ REFUSED = {
     ),
     "a value that is no number": (
         BLOCKS + CONTACT + moved("top", '"far"') + LOADING,
-        "value = 'far' cannot be used",
+        "value of the support on 'top': the formula 'far' has the name 'far'",
     ),
     "a limit of bodies that harden": (
         BLOCKS.replace('law = "von-mises"', 'law = "von-mises-hardening"\nisotropic = 1.0')

@@ -132,7 +132,8 @@ def _rest(cone: Cone) -> tuple[Expr, Expr]:
 
 
 def test_each_law_of_case_files_is_here() -> None:
-    assert set(LAWS) | set(PRINCIPAL) == set(MATERIALS)
+    """All but rigid bodies, which bear any stress."""
+    assert set(LAWS) | set(PRINCIPAL) == set(MATERIALS) - {"rigid"}
     for name, given in (LAWS | PRINCIPAL).items():
         assert type(given[0]) is MATERIALS[name]
 

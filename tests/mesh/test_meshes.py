@@ -241,7 +241,10 @@ def test_unknown_names(comm: MPI.Intracomm) -> None:
 def test_untagged_cells(comm: MPI.Intracomm) -> None:
     whole = build(comm, "stacked_blocks", n=1)
     lower = TaggedMesh(whole.mesh, whole.cell_tags, whole.facet_tags, {"lower": 1}, whole.surfaces)
-    assert message(lower.check_tagged) == "6 cells belong to no named volume; name every body"
+    assert message(lower.check_tagged) == (
+        "6 cells belong to no named volume (there are the tags 2, which no volume has);"
+        " name every body"
+    )
 
 
 @pytest.mark.mpi2("1")

@@ -179,7 +179,7 @@ FORGED: dict[str, tuple[Forgery, str]] = {
     "numbers as floats": (both(make("cone", lambda a: a.astype(float))), "whole numbers"),
     "that there is not": (both(put("cone", 0, 2)), "there are not"),
     "before the first": (both(put("cone", 0, -2)), "there are not"),
-    "no cell yields": (both(make("cone", lambda a: 0 * a - 1)), "no cell can yield"),
+    "no cell yields": (both(make("cone", lambda a: 0 * a - 1)), "joint_force is missing"),
     "bound zero": (both(put("cone_bound", 0, 0.0)), "not positive"),
     "bound infinite": (both(put("cone_bound", 0, np.inf)), "not positive"),
     "slope nan": (both(put("cone_slope", (0, 0), np.nan)), "not finite"),
