@@ -58,7 +58,7 @@ def lay_out(
         materials: Of each volume.
 
     Raises:
-        InputError: If a volume is unknown or has no material, a material is no material, or laws have
+        InputError: If a volume is unknown or has no material, one is no material, or laws have
             variables of different shapes by the same name in their history.
     """
     _check(tagged_mesh, materials)
