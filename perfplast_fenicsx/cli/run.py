@@ -81,7 +81,7 @@ def run(
         command: What makes the several cases anew.
 
     Returns:
-        :data:`SOLVED`, :data:`NO_SOLUTION` where a level has none, or the status of an interrupt.
+        ``SOLVED``, ``NO_SOLUTION`` where a level has none, or the status of an interrupt.
 
     Raises:
         InputError: If the case or the folder cannot be used.
