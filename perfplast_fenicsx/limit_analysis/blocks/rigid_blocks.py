@@ -18,6 +18,7 @@ from perfplast_fenicsx.limit_analysis.facets.facing_vertices import REACH, facin
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
 from perfplast_fenicsx.mesh.connected_bodies import components
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.problem.problem import Problem
 
 CURVED = "cells are curved; use first-order cells"
@@ -34,34 +35,23 @@ class Frames:
     """The frame of each block's rigid motions, which turn about the middle, over the extent.
 
     Attributes:
+        kinematics: What a rigid motion is.
         middle: Shape (num_blocks, d).
         extent: Shape (num_blocks,).
     """
 
+    kinematics: Kinematics
     middle: Floats
     extent: Floats
 
     @property
     def modes(self) -> int:
         """Motions of a block: 3 in the plane and 6 in space."""
-        return 3 * (self.middle.shape[1] - 1)
+        return len(self.kinematics.motions)
 
     def at(self, block: Longs, x: Floats) -> Floats:
         """Return velocities of points in the motions of their blocks, shape (n, d, modes)."""
-        return modes_at((x - self.middle[block]) / self.extent[block][:, None])
-
-
-def modes_at(arms: Floats) -> Floats:
-    """Return velocities of arms in rigid motions, shape (n, d, 3 or 6)."""
-    count, d = arms.shape
-    found = np.zeros((count, d, 3 * (d - 1)))
-    found[:, :, :d] = np.eye(d)
-    if d == 2:
-        found[:, 0, 2], found[:, 1, 2] = -arms[:, 1], arms[:, 0]
-    else:
-        for turn, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
-            found[:, i, d + turn], found[:, j, d + turn] = -arms[:, j], arms[:, i]
-    return found
+        return self.kinematics.rigid_modes((x - self.middle[block]) / self.extent[block][:, None])
 
 
 def _row_type(d: int) -> np.dtype:
@@ -177,7 +167,7 @@ def rigid_blocks(problem: Problem) -> RigidBlocks:
     around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
     corners = body.vertices[cell[:, None], around[side]]
     of_outer = of_cell[cell]
-    frames = Frames(middle, extent)
+    frames = Frames(problem.kinematics, middle, extent)
     gram = _held(comm, body, frames, of_outer, corners)
     loads = [
         _loads(comm, body, frames, of, (of_cell, of_outer, corners))
