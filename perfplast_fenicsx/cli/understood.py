@@ -1,6 +1,5 @@
 """What a case was taken to say, before it is solved: loads, supports, contacts, free faces."""
 
-import logging
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -24,8 +23,6 @@ from perfplast_fenicsx.problem.judged.load_resultants import LoadResultant, size
 from perfplast_fenicsx.problem.judged.sides import Cover, Sides, find_sides
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
-
-log = logging.getLogger(__name__)
 
 PICTURE = "case.png"
 """What ``check`` draws beside a case file."""
@@ -178,18 +175,15 @@ class _Told:
 
     def rest(self, volumes: dict[str, float]) -> None:
         """Tell what the case does not name, and which bodies have no load or support."""
-        facets, of_tags = self.sides.facets, self.sides.names_of_tags()
+        areas, of_tags = self.sides.area_of_tags(), self.sides.names_of_tags()
         used = self.problem.tagged_mesh.tags_of(self.marked)
         free: dict[str, float] = {}
         for tag, name in of_tags.items():
             if tag not in used:
-                area = float(facets.area[facets.tag == tag].sum())
-                free[name] = free.get(name, 0.0) + area
+                free[name] = free.get(name, 0.0) + areas.get(tag, 0.0)
         parts = [f"'{name}' ({_number(area)})" for name, area in sorted(free.items()) if area]
-        tagged = np.isin(facets.tag, list(of_tags))
-        unnamed = float(self.sides.facets.area[~tagged].sum())
-        total = float(self.sides.facets.area.sum())
-        if unnamed > ROUNDING * total:
+        unnamed = sum(area for tag, area in areas.items() if tag not in of_tags)
+        if unnamed > ROUNDING * sum(areas.values()):
             parts.append(f"{_number(unnamed)} without a name")
         what = "length" if self._flat else "area"
         self.lines.append(f"Free of all of these ({what}): {_few(parts) or 'nothing'}")
@@ -315,17 +309,15 @@ def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: P
         owned = mesh.topology.index_map(2).size_local
         own = mesh.geometry.x[geometry_dofmap(mesh)[:owned, :3], :2]
         cells = np.concatenate(comm.gather(own) or [own])
-    drawn = False
-    if meant is not None:
+
+    def draw() -> None:
+        assert meant is not None  # on rank 0
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "case.npz"
             save_arrays(file, case.title, meant, cells, problem.tagged_mesh.axisymmetric)
-            try:
-                drawing_process.draw_case(file, picture)
-                drawn = True
-            except Exception as error:  # the other ranks wait, and a picture is no reason to stop
-                log.warning("%s", error)
-    return bool(comm.bcast(drawn))
+            drawing_process.draw_case(file, picture)
+
+    return drawing_process.drawn_on_rank0(comm, draw)
 
 
 def save_arrays(file: Path, title: str, meant: Understood, cells: Floats, revolved: bool) -> None:

@@ -20,6 +20,8 @@ from perfplast_fenicsx.child_process import REFUSED, environment_with_package
 from perfplast_fenicsx.errors import InputError
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from perfplast_fenicsx.io.results.result_folder import ResultFolder
 
 PATIENCE = {"plot": 900.0, "animate": 2400.0, "parts": 600.0, "case": 600.0}
@@ -39,14 +41,24 @@ def draw(folder: "ResultFolder") -> bool:
     Returns:
         Whether all is drawn that there is to draw, on every rank alike.
     """
+    return drawn_on_rank0(folder.comm, lambda: plot(folder.path))
+
+
+def drawn_on_rank0(comm: "MPI.Intracomm", draw: Callable[[], None]) -> bool:
+    """Draw by rank 0, log a warning where that fails, and return whether it was drawn. Collective.
+
+    Args:
+        comm: The ranks.
+        draw: Draws; called on rank 0 alone.
+    """
     drawn = False
-    if folder.comm.rank == 0:
+    if comm.rank == 0:
         try:
-            plot(folder.path)
+            draw()
             drawn = True
         except Exception as error:  # the other ranks wait
             log.warning("%s", error)
-    return bool(folder.comm.bcast(drawn))
+    return bool(comm.bcast(drawn))
 
 
 def plot(

@@ -103,6 +103,12 @@ class Sides:
         """Return which facets a surface has, shape (n,)."""
         return np.isin(self.facets.tag, self.surfaces[name])
 
+    def area_of_tags(self) -> dict[int, float]:
+        """Return the area of all facets with each tag that any has."""
+        tags, place = np.unique(self.facets.tag, return_inverse=True)
+        areas = np.bincount(place, weights=self.facets.area, minlength=len(tags))
+        return {int(tag): float(area) for tag, area in zip(tags, areas, strict=True)}
+
     def names_of_tags(self) -> dict[int, str]:
         """Return a name of each tag: of the surfaces that have it, the one with the fewest tags."""
         widest_first = sorted(self.surfaces, key=lambda name: -np.size(self.surfaces[name]))
@@ -210,15 +216,15 @@ def sides_of(
     _, first, side = np.unique(group[patch], return_index=True, return_inverse=True)
     side = np.asarray(side, dtype=np.int64).ravel()
     piece = np.where(smooth[patch], len(normal) + side, patch).astype(np.int64)
+    area = np.bincount(side, weights=facets.area, minlength=len(first))
+    pieces = np.bincount(np.unique(np.column_stack([side, piece]), axis=0)[:, 0])
     found = []
     for number, one in enumerate(first.tolist()):
-        here = side == number
         words = "curved side"
         if not smooth[patch[one]]:
             words = _plane(normal[patch[one]], float(offset[patch[one]]), axes, size)
-        pieces = len(np.unique(piece[here]))
-        area = float(facets.area[here].sum())
-        found.append(Side(int(facets.body[one]), words, area, pieces))
+        size = float(area[number])
+        found.append(Side(int(facets.body[one]), words, size, int(pieces[number])))
     return Sides(facets, found, side, piece, dict(surfaces))
 
 
