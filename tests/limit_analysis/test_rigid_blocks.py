@@ -89,7 +89,7 @@ def test_arch_of_oppenheim(shared_tmp_path: Path) -> None:
     """It collapses at 0.37 of gravity (I. J. Oppenheim, Earthquake Engng Struct. Dyn. 21, 1992)."""
     low, up = proven(shared_tmp_path, limit_bounds(oppenheim()))
     assert low == pytest.approx(up, rel=1e-10)
-    assert round(up, 2) == 0.37
+    assert up == pytest.approx(0.37, abs=5e-3)
 
 
 def half_circle(thickness: float, stones_of_half: int = 20) -> Problem:
@@ -170,7 +170,7 @@ def test_an_arch_without_friction_from_below() -> None:
     )
     assert bounds.lower.value is None
     assert "associated = true" in " ".join(bounds.why_not)
-    assert round(bounds.upper.value or 0.0, 2) == 0.37
+    assert bounds.upper.value == pytest.approx(0.37, abs=5e-3)
     assert "not the best" not in bounds.in_words()
 
 
