@@ -43,9 +43,7 @@ TITLES = (
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process reads, whatever the ranks")
 def test_titles_are_text_in_pages(case: Path) -> None:
     """One run, and its page with each title: as many tags and handlers as with a plain one."""
-    case.write_text(
-        case.read_text().replace("from the mail", "TITLE") + "[output]\npictures = false"
-    )
+    case.write_text(case.read_text().replace("from the mail", "TITLE"))
     assert main(["run", str(case), "-o", "out", "--quiet"]) == 0
     files = {name: Path("out", name).read_text("utf-8") for name in ("summary.json", "scene.json")}
     assert any("TITLE" in text for text in files.values())
