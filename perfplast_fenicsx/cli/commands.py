@@ -77,7 +77,7 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
             mesh_model(comm, chosen)
             return SOLVED
         if chosen.command == "mesh":
-            glued = Glued.ALL if chosen.tied else Glued.BOLTS if chosen.bolted else Glued.NOTHING
+            glued = Glued.ALL if chosen.tied else Glued.BOLTS if chosen.bolted else Glued.SHARED
             where = (chosen.geometry, chosen.output, meshing_options(chosen))
             mesh(comm, *where, chosen.material, glued, chosen.force, chosen.trust)
             return SOLVED

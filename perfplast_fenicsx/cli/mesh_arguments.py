@@ -60,7 +60,10 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
         help="plane of symmetry, such as x=0; the half beyond is kept (may be repeated)",
     )
     mesh.add_argument(
-        "--apart", action="store_true", help="mesh each body by itself; contact is then mortar"
+        "--apart",
+        action="store_true",
+        help="mesh each body by itself; contact is then mortar, also where bodies share a face in"
+        " the drawing",
     )
     mesh.add_argument(
         "--overlap",
@@ -87,6 +90,8 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
         help="longest time for it, in seconds (default: 600)",
     )
     glued = mesh.add_mutually_exclusive_group()
-    glued.add_argument("--tied", action="store_true", help="glue bodies that touch")
+    glued.add_argument(
+        "--glued", "--tied", dest="tied", action="store_true", help="glue bodies that touch"
+    )
     glued.add_argument("--bolted", action="store_true", help="glue bolts and their nuts alone")
     mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")

@@ -43,7 +43,7 @@ def mesh(
     output: str,
     options: MeshingOptions,
     material: str | None = None,
-    glued: Glued = Glued.NOTHING,
+    glued: Glued = Glued.SHARED,
     force: bool = False,
     trust: bool = False,
 ) -> None:
@@ -73,7 +73,7 @@ def mesh(
 
     survey = on_rank0(comm, meshed)
     if survey is not None:
-        terminal.say(describe(survey))
+        terminal.say(describe(survey, glued))
         case = Path(output) / CASE
         terminal.say(
             f"\nWritten to {output}: {written(Path(output))}. Fill in what is marked with <- in"
@@ -96,6 +96,7 @@ def meshing_options(chosen: argparse.Namespace) -> MeshingOptions:
         without=chosen.without,
         order=chosen.order,
         meshed="apart" if chosen.apart else "together",
+        shared="apart" if chosen.apart else "glued",
         symmetry=_pairs("--symmetry", chosen.symmetry, "a plane; write for instance x=0"),
         overlap=chosen.overlap,
         close_gaps=chosen.close_gaps,
@@ -138,8 +139,13 @@ def common_materials(system: Name) -> str:
     return "\n".join([*text, *_aligned(rows)])
 
 
-def describe(survey: Survey) -> str:
-    """Return what there is in a geometry, as tables."""
+def describe(survey: Survey, glued: Glued = Glued.SHARED) -> str:
+    """Return what there is in a geometry, as tables.
+
+    Args:
+        survey: What there is.
+        glued: What of that which touches.
+    """
     volume, area = ("volume", "area") if survey.dim == 3 else ("area", "length")
     rows: list[tuple[str, ...]] = [("body", "elements", volume, "of CAD", "from", "to")]
     for body in survey.bodies:
@@ -148,9 +154,13 @@ def describe(survey: Survey) -> str:
     what = "body" if len(survey.bodies) == 1 else "bodies"
     text = [f"{len(survey.bodies)} {what}, {survey.nodes} nodes", *_aligned(rows)]
     if survey.joints:
-        rows = [("touching", "", "area" if survey.dim == 3 else "length", "shape")]
+        rows = [("touching", "", "area" if survey.dim == 3 else "length", "shape", "in the case")]
         for joint in survey.joints:
-            rows.append((*joint.surfaces, f"{joint.area:.5g}", " and ".join(joint.shapes)))
+            shape = " and ".join(joint.shapes) + (
+                ", one face of the drawing" if joint.shared else ""
+            )
+            kind = "tie" if glued.glues(joint) else "contact"
+            rows.append((*joint.surfaces, f"{joint.area:.5g}", shape, kind))
         text += ["", *_aligned(rows)]
     if survey.near:
         rows = [("apart", "", "gap")]

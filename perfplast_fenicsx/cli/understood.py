@@ -144,7 +144,7 @@ class _Told:
 
     def interfaces(self, gaps: dict[str, tuple[int, float, float]]) -> None:
         """Tell contacts, obstacles and ties: areas, pairs of nodes, gaps."""
-        contacts, ties = self.case.contacts, self.case.ties
+        contacts, ties = self.case.contacts, self.problem.given.ties
         if contacts or self.case.obstacles:
             self.lines.append("Contacts:")
         for contact in contacts:
@@ -170,7 +170,8 @@ class _Told:
         for tie in ties:
             both = (tie.primary, tie.secondary)
             areas = " and ".join(_number(self.sides.area(name)) for name in both)
-            self.lines.append(f"  '{both[0]}' and '{both[1]}': areas {areas}")
+            told = "" if tie in self.case.ties else "; the drawing has one face for both"
+            self.lines.append(f"  '{both[0]}' and '{both[1]}': areas {areas}{told}")
             self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
 
     def rest(self, volumes: dict[str, float]) -> None:

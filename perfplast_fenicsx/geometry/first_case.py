@@ -73,7 +73,7 @@ def first_case(
     file: str,
     options: MeshingOptions | None = None,
     material: Common | None = None,
-    glued: Glued = Glued.NOTHING,
+    glued: Glued = Glued.SHARED,
 ) -> str:
     """A case file with all bodies and joints; materials, supports and loads are to be filled in.
 
@@ -132,8 +132,8 @@ def _material(body: Body, material: Common | None) -> str:
 def _others(options: MeshingOptions) -> str:
     """The options besides the size, where they are not the usual ones."""
     usual, text = MeshingOptions(), ""
-    keys = ("sizes", "curvature", "order", "meshed", "symmetry", "overlap", "close_gaps", "without")
-    for key in keys:
+    keys = ("sizes", "curvature", "order", "meshed", "shared", "symmetry", "overlap")
+    for key in (*keys, "close_gaps", "without"):
         value = getattr(options, key)
         if value == getattr(usual, key):
             continue
@@ -147,12 +147,16 @@ def _others(options: MeshingOptions) -> str:
 
 def _joint(joint: Joint, glued: Glued, options: MeshingOptions) -> str:
     bolt, tied = is_bolt_with_nut(joint), glued.glues(joint)
+    if tied and joint.shared and glued is not Glued.ALL:
+        bolt, why = False, "; the drawing has one face for both; [[contact]] parts them"
+    else:
+        why = ""
     other = "; a bolt and its nut, which [[tie]] holds" if bolt else "; [[tie]] glues instead"
     return CONTACT.format(
         kind="tie" if tied else "contact",
         shapes=" and ".join(joint.shapes),
         area=joint.area,
-        other="" if tied else other,
+        other=why if tied else other,
         primary=_quoted(joint.surfaces[0]),
         secondary=_quoted(joint.surfaces[1]),
         formulation="" if tied or options.meshed == "together" else 'formulation = "mortar"\n',

@@ -13,13 +13,15 @@ NUT = re.compile(r"(^|_)nut|mutter|ecrou|tuerca|dado|matice|matka")
 class Glued(Enum):
     """What of that which touches is glued in a first case."""
 
-    NOTHING = 0
-    BOLTS = 1
+    SHARED = 0  # bodies that share their faces in the drawing
+    BOLTS = 1  # and these
     ALL = 2
+    NOTHING = 3
 
     def glues(self, joint: Joint) -> bool:
         """Whether a joint becomes a tie, and no contact."""
-        return self is Glued.ALL or (self is Glued.BOLTS and is_bolt_with_nut(joint))
+        bolted = self is Glued.BOLTS and is_bolt_with_nut(joint)
+        return self is Glued.ALL or bolted or (joint.shared and self is not Glued.NOTHING)
 
 
 def is_bolt_with_nut(joint: Joint) -> bool:

@@ -22,7 +22,10 @@ READS_OTHERS = re.compile(rb"\b(Merge|Include|ShapeFromFile)\b")
 MARK = b"$Comments\nmade by perfplast of "
 """Begins the section at the end of a .msh file that says what it was made of."""
 
-NAMES = "single faces"
+GLUED = b"$Comments\nglued unless contacts or ties say otherwise: "
+"""Begins the section of a .msh file with the pairs of surfaces of bodies that share faces."""
+
+NAMES = "single faces, shared ones"
 """How faces are called: a mesh with names of another kind is replaced."""
 
 END = b"\n$EndComments\n"
@@ -86,11 +89,21 @@ def make_mesh(
         made = Path(folder) / "made.msh"
         survey = mesh_geometry(source, made, options, skin, trust)
         try:
-            mark = MARK + _fingerprint(source.read_bytes(), options) + END
+            glued = [it.surfaces for it in survey.joints if it.shared and options.shared == "glued"]
+            mark = GLUED + msgspec.json.encode(glued) + END if glued else b""
+            mark += MARK + _fingerprint(source.read_bytes(), options) + END
             replace(mesh, made.read_bytes() + mark)
         except OSError as error:
             raise InputError(f"'{mesh}' cannot be written: {error.strerror or error}.") from error
     return survey
+
+
+def glued_in(mesh: Path) -> list[tuple[str, str]]:
+    """Return pairs of surfaces that are glued unless a case says otherwise. Not collective."""
+    _, found, rest = mesh.read_bytes().rpartition(GLUED)
+    if not found:
+        return []
+    return msgspec.json.decode(rest.partition(END)[0], type=list[tuple[str, str]])
 
 
 def _fingerprint(content: bytes, options: MeshingOptions) -> bytes:

@@ -36,8 +36,22 @@ def measured_body(dim: int, part: Part) -> Body:
     )
 
 
-def measured_joint(dim: int, parts: Sequence[Part], number: int, seam: Seam) -> Joint:
-    """Where two bodies touch: a physical group, or one on each side where they are apart."""
+def measured_joint(
+    dim: int,
+    parts: Sequence[Part],
+    number: int,
+    seam: Seam,
+    shared: AbstractSet[frozenset[str]],
+) -> Joint:
+    """Where two bodies touch: a physical group, or one on each side where they are apart.
+
+    Args:
+        dim: Of the bodies.
+        parts: The bodies.
+        number: Of the joint.
+        seam: The faces.
+        shared: Names of each two bodies that share faces in the drawing.
+    """
     name = f"joint_{number}"
     one, other = (parts[body].name for body in seam.bodies)
     sides = (f"{one}_{name}", f"{other}_{name}")
@@ -48,7 +62,7 @@ def measured_joint(dim: int, parts: Sequence[Part], number: int, seam: Seam) -> 
             gmsh.model.addPhysicalGroup(dim - 1, faces, name=side)
     shapes = tuple(sorted({shape_of(dim - 1, face) for face in seam.faces[0]}))
     area = sum(mesh_measure(dim - 1, face) for face in seam.faces[0])
-    return Joint((one, other), sides, area, shapes)
+    return Joint((one, other), sides, area, shapes, frozenset((one, other)) in shared)
 
 
 def measured_faces(

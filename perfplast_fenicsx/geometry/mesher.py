@@ -56,6 +56,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     begin(Stage("reading it"))
     drawing = read_parts(source)
     dim, parts, remarks = drawing.dim, drawing.parts, [*drawing.remarks]
+    shared = _shared(dim, parts)
     labels, unsure = labels_of(source, parts)
     remarks += unsure
     begin(Stage("cutting its bodies along each other"))
@@ -74,7 +75,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         parts, seams = take_apart(dim, parts, seams)
     extent = max(float(np.linalg.norm(np.ptp(box(dim, part.tags), axis=0))) for part in parts)
     free = free_faces(dim, parts, seams)
-    every = dict(free) if not is_script(source) else faces_of_bodies(dim, parts)
+    every = faces_of_bodies(dim, parts) if is_script(source) else free
     marked = take_back(dim - 1, marks, every, parts)
     of_file = _by_name(dim - 1, drawing, marked)
     if of_file:
@@ -89,14 +90,12 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
 
     gmsh.model.removePhysicalGroups()
     bodies = [measured_body(dim, part) for part in parts]
-    joints = [measured_joint(dim, parts, k, seam) for k, seam in enumerate(seams, start=1)]
+    joints = [measured_joint(dim, parts, k, s, shared) for k, s in enumerate(seams, start=1)]
     measured = measured_faces(dim, parts, faces, names, extent)
     named, left_out = measured_sets(dim, parts, faces, sets, seams, of_file)
-    remarks += left_out
     np.savez(target.with_suffix(".npz"), **skin_of(dim, parts, faces, measured))
     write_split(target)
-    nodes = sum(nodes_of(dim, part) for part in parts)
-    remarks += [
+    remarks += left_out + [
         f"the worst element of '{body.name}' has quality {body.worst:.1e}: it is nearly flat; a"
         " smaller size, or a geometry without tiny faces, gives a better one"
         for body in bodies
@@ -120,8 +119,14 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
             " are the forces of pressures on them; more elements about a circle (--curvature) are"
             " nearer, and total = true keeps the force of a traction"
         )
-    told = (remarks, longest, named)
-    return Survey(dim, options.order, nodes, bodies, joints, near, measured, *told)
+    nodes = sum(nodes_of(dim, part) for part in parts)
+    told = (joints, near, measured, remarks, longest, named)
+    return Survey(dim, options.order, nodes, bodies, *told)
+
+
+def _shared(dim: int, parts: Sequence[Part]) -> set[frozenset[str]]:
+    """Return the names of each two bodies that share faces in the drawing."""
+    return {frozenset(parts[k].name for k in seam.bodies) for seam in find_seams(dim, parts)}
 
 
 def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:

@@ -21,6 +21,8 @@ class MeshingOptions:
         order: Degree of the geometry, 1 or 2; 2 makes curved elements of quadratic edges.
         meshed: Whether bodies that touch are meshed together, with nodes that match, or apart, each
             by itself, with contact and ties between surfaces whose nodes do not match.
+        shared: "glued" ties bodies that share faces in the drawing, as layers of one ground do,
+            where neither a contact nor a tie between them is given. "apart" leaves them apart.
         symmetry: Planes of symmetry, such as {x = 0.0, y = 0.0}: the half towards larger
             coordinates is kept, and the cut is the surface ``symmetry_x``.
         overlap: Bodies may overlap by this share of the smaller one's volume; the later one in the
@@ -37,6 +39,7 @@ class MeshingOptions:
     curvature: float | None = None
     order: Literal[1, 2] = 1
     meshed: Literal["together", "apart"] = "together"
+    shared: Literal["glued", "apart"] = "glued"
     symmetry: dict[str, float] = field(default_factory=dict)
     overlap: float = 1e-3
     close_gaps: float = 0.0

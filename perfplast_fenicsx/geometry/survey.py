@@ -38,12 +38,15 @@ class Joint:
         surfaces: The names of both sides in the mesh.
         area: Of the contact (in the plane, the length).
         shapes: Of the faces in it, such as "flat" or "cylindrical".
+        shared: Whether the bodies share these faces in the drawing, as layers of one ground do;
+            else they touch as solids of their own.
     """
 
     bodies: tuple[str, str]
     surfaces: tuple[str, str]
     area: float
     shapes: tuple[str, ...]
+    shared: bool = False
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,8 @@ class TaggedMesh:
         section: What the plane of a mesh of triangles is: plane strain, or half a section of bodies
             of revolution (:meth:`turned`), or sheets (:meth:`thin`).
         remarks: What a user should know of the mesh, a sentence each.
+        glued: Pairs of surfaces of bodies that share faces in the drawing: they are tied where
+            neither a contact nor a tie of theirs is given.
         taken: By what its bodies differ from those of the mesh that was given, in clauses.
     """
 
@@ -56,6 +58,7 @@ class TaggedMesh:
     section: Kinematics = KINDS["plane-strain"]
     remarks: tuple[str, ...] = ()
     taken: tuple[str, ...] = ()
+    glued: tuple[tuple[str, str], ...] = ()
 
     def __repr__(self) -> str:
         topology = self.mesh.topology
@@ -150,6 +153,15 @@ class TaggedMesh:
         """
         tags = [_tag("surface", name, self.surfaces, self.volumes) for name in names]
         return tuple(int(tag) for tag in np.unique(np.concatenate([[], *map(np.atleast_1d, tags)])))
+
+    def left_glued(self, named: Iterable[str]) -> list[tuple[str, str]]:
+        """Return the glued pairs of which contacts and ties name no facet.
+
+        Args:
+            named: The surfaces of contacts and ties; names that are not there are left out.
+        """
+        used = set(self.tags_of(name for name in named if name in self.surfaces))
+        return [pair for pair in self.glued if not used & {*self.tags_of(pair)}]
 
     def check_tagged(self) -> None:
         """Make sure that cells are simplices, each of a named volume. Collective.

@@ -6,6 +6,7 @@ straight edges, and to the error of polygons elsewhere.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -19,6 +20,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.mesher import mesh_file
+from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.mesh import gmsh_session
 from perfplast_fenicsx.problem.assembled.total_loads import area_of
 from tests.geometry.files import write
@@ -388,3 +390,29 @@ def test_faces_of_drawings_in_the_documentation(tmp_path: Path, name: str) -> No
     free = sum(face.cad or 0.0 for face in survey.faces)
     assert free + 2 * joints == pytest.approx(areas, rel=0.02)
     check_areas(survey, tmp_path / "a.msh")
+
+
+@pytest.mark.parametrize(
+    ("more", "count"),
+    [
+        ("", 1),
+        ('[[contact]]\nprimary = "clay_seam"\nsecondary = "9_seam"', 0),
+        ('[[tie]]\nprimary = "9_joint_1"\nsecondary = "clay_joint_1"', 1),
+    ],
+)
+def test_bodies_that_share_a_line_are_glued_where_nothing_else_is_said(
+    tmp_path: Path, more: str, count: int
+) -> None:
+    (tmp_path / "layers.geo").write_text(GROUPS)
+    laws = "".join(
+        f'[material.{name}]\nlaw = "elastic"\nyoung = 1.0\npoisson = 0.0\n'
+        for name in ("clay", "9")
+    )
+    case = tmp_path / "case.toml"
+    case.write_text(
+        f'[geometry]\nfile = "layers.geo"\nsize = 1.0\n{laws}[[support]]\non = "12"\n'
+        f'[[support]]\non = "right"\n[[load]]\non = "9_y_high"\npressure = 1.0\n{more}\n'
+        "[loading]\nvalues = [1.0]\n"
+    )
+    problem = replace(read_case(case), trust=True).problem(MPI.COMM_WORLD)
+    assert len(problem.given.ties) == count

@@ -163,6 +163,9 @@ class Case:
             InputError: If the names, materials, supports, loads and contacts do not fit the mesh.
         """
         tagged_mesh = self.tagged_mesh(comm)
+        pairs: list[Contact | Tie] = [*self.contacts, *self.ties]
+        named = [name for pair in pairs for name in (pair.primary, pair.secondary)]
+        glued = [Tie(*pair) for pair in tagged_mesh.left_glued(named)]
         with at(self.path.name):
             return Problem(
                 tagged_mesh,
@@ -173,7 +176,7 @@ class Case:
                 self.obstacles,
                 self.element.degree,
                 self.initial,
-                self.ties,
+                [*self.ties, *glued],
                 self.rigid,
             )
 

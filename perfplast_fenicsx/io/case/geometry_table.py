@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.face_choice import NamedFace
-from perfplast_fenicsx.geometry.kept_mesh import keep_mesh
+from perfplast_fenicsx.geometry.kept_mesh import glued_in, keep_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case.schema import Table, at, convert
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
@@ -46,7 +46,8 @@ class GeometryFile:
         """
         source, mesh = case.parent / self.file, case.with_suffix(".msh")
         on_rank0(comm, lambda: keep_mesh(source, mesh, self.options, trust))
-        return read_gmsh(comm, mesh)
+        glued = comm.bcast(on_rank0(comm, lambda: glued_in(mesh)))
+        return replace(read_gmsh(comm, mesh), glued=tuple(glued))
 
 
 def read_geometry(table: Table, mesh: Table, place: str) -> GeometryFile:
