@@ -268,6 +268,7 @@ def _has(path: Path, place: str) -> bool:
 
 
 def _report(row: dict[str, Any]) -> LevelReport:
+    """Return the report of a row of path.csv; a column that later versions added may be absent."""
     values: dict[str, Any] = {}
     for key in NAMED:
         begin = f"{key}_"
@@ -275,6 +276,8 @@ def _report(row: dict[str, Any]) -> LevelReport:
         values[f"{key}s"] = {name: float(text) for name, text in named.items()}
     for field in dataclasses.fields(LevelReport):
         if field.name == "reactions" or field.name in values:
+            continue
+        if field.name not in row and field.default is not dataclasses.MISSING:
             continue
         text = row[field.name]
         values[field.name] = text == "True" if field.type is bool else field.type(text)  # type: ignore[operator]

@@ -19,18 +19,19 @@ from perfplast_fenicsx.compat import entity_nodes, geometry_dofmap
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.io.results.output_fields import OutputFields
-from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.io.results.result_folder import ResultFolder, _row
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.pictures.result_reader import ResultReader, _report
 from perfplast_fenicsx.problem.declared.loads import Traction
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.newton import Newton
 from tests.functional.test_command_line import CASE, one_line, write
+from tests.io.results.test_result_folder import report
 from tests.models import STEEL
 
 needs_xvfb = pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb to draw with")
@@ -366,3 +367,15 @@ def test_plot_and_animate(
         with image.open(pictures / name) as picture:
             assert min(picture.size) > 500
             assert np.unique(np.asarray(picture.convert("L"))).size > 50
+
+
+def test_columns_that_came_later_may_be_absent() -> None:
+    """A result folder of an earlier version is read with defaults; no other column may lack."""
+    row = {name: str(value) for name, value in _row(1, report(2.5), "xyz").items()}
+    assert _report(row).contact_programs > 0
+    for name in ("contact_programs", "snes_vi_programs", "snes_vi_iterations"):
+        del row[name]
+    assert _report(row).contact_programs == 0
+    del row["alpha"]
+    with pytest.raises(KeyError, match="alpha"):
+        _report(row)
