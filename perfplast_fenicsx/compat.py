@@ -89,6 +89,22 @@ def create_vector(V: fem.FunctionSpace) -> PETSc.Vec:
     return vector
 
 
+def evaluate(expression: fem.Expression, function: fem.Function, cells: Ints) -> None:
+    """Evaluate an expression into a function at the points of some cells. Not collective.
+
+    ``Function.interpolate`` does the same, and defines its dispatch on types at each call: 0.2 ms,
+    as long as the evaluation in 2 000 cells. The C++ method has a name of its own from 0.10 on.
+
+    Args:
+        expression: Compiled at the interpolation points of the function's element.
+        function: Of a space on the expression's mesh.
+        cells: Local indices.
+    """
+    target = function._cpp_object
+    method = getattr(target, "interpolate_expr", None) or target.interpolate
+    method(expression._cpp_object, cells, cells)
+
+
 def sent_to(ranks: Ints) -> Callable[..., Any]:
     """A partitioner that sends cells to given ranks.
 

@@ -7,7 +7,7 @@ from dolfinx import fem, la
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.compat import evaluate, interpolation_points
 from perfplast_fenicsx.io.results.friction_fields import FrictionFields
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.materials.mandel import tensor
@@ -83,7 +83,7 @@ class OutputFields:
     def update(self, level: Level) -> dict[str, fem.Function]:
         """Bring all fields to a level, before the next one begins. Collective."""
         self.fields["displacement"].x.array[:] = level.state.u.x.array
-        self._e.interpolate(self._strain, self._problem.cells)
+        evaluate(self._strain, self._e, self._problem.cells)
         self._plastic.interpolate(self._at_points)
         plastic = by_cell(self._at_points)
         self.fields["plastic"].x.array[:] = plastic.mean(axis=1)

@@ -13,7 +13,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.compat import evaluate, interpolation_points
 from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
 from perfplast_fenicsx.problem.assembled.integrals import assemble_force
 from perfplast_fenicsx.problem.problem import Problem
@@ -78,7 +78,7 @@ class PointStrains:
 
     def _strains(self) -> Floats:
         """ε of the velocity that is held, shape (count, m), component by component in memory."""
-        self._e.interpolate(self._strain, self._problem.cells)
+        evaluate(self._strain, self._e, self._problem.cells)
         e = self._e.x.array[: self.count * self.size].reshape(-1, self.size)
         return e.copy(order="F")
 

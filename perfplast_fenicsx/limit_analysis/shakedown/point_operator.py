@@ -14,7 +14,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.compat import evaluate, interpolation_points
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE
 from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import weights_of_points
@@ -43,7 +43,7 @@ class Strains:
             u: Its ghosts up to date.
         """
         self._u.x.array[:] = u.x.array
-        self._e.interpolate(self._strain, self._cells)
+        evaluate(self._strain, self._e, self._cells)
         size = self._e.function_space.dofmap.index_map_bs
         return self._e.x.array[: self._count * size].reshape(-1, size).copy()
 

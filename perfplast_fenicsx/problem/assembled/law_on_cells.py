@@ -15,7 +15,7 @@ import ufl
 from dolfinx import default_scalar_type, fem
 
 from perfplast_fenicsx.arrays import Ints
-from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.compat import evaluate, interpolation_points
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Law, Material
 from perfplast_fenicsx.materials.mandel import Expr, mandel_size, numbers_of
@@ -207,7 +207,7 @@ class LawExpression:
     def interpolate(self, function: fem.Function) -> None:
         """Evaluate it into a function of the space, ghosts too, on the cells of the laws."""
         for expression, cells in self._parts:
-            function.interpolate(expression, cells)
+            evaluate(expression, function, cells)
 
 
 def _valid(value: Expr, on: LawOnCells) -> Expr:

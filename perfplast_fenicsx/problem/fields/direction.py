@@ -3,7 +3,7 @@
 import ufl
 from dolfinx import default_scalar_type, fem
 
-from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.compat import evaluate, interpolation_points
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.problem.assembled.integrals import Integral
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawOnCells, integrate
@@ -53,4 +53,4 @@ class Direction:
     @phase("return map")
     def update(self) -> None:
         """Bring ε(δu) to δu. Its ghosts must be up to date."""
-        self.de.interpolate(self._strain, self._cells)
+        evaluate(self._strain, self.de, self._cells)

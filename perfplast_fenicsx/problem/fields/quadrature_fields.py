@@ -13,7 +13,7 @@ import ufl
 from dolfinx import default_scalar_type, fem, la
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.compat import evaluate, interpolation_points
 from perfplast_fenicsx.problem.assembled.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, OfLaw, integrate
 from perfplast_fenicsx.problem.assembled.spaces import by_cell
@@ -89,7 +89,7 @@ class QuadratureFields:
     @phase("return map")
     def update(self) -> None:
         """Bring strain and stress to u. Its ghosts must be up to date."""
-        self.e.interpolate(self._strain, self.problem.cells)
+        evaluate(self._strain, self.e, self.problem.cells)
         self._stress.interpolate(self.stress)
 
     def take_elastic_stress(self, before: tuple[Floats, Floats] | None = None) -> None:
