@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from perfplast_fenicsx.cli.launch import launched_first, prepare
 from perfplast_fenicsx.cli.parser import BAD_INPUT, FAULT, read_arguments
+from perfplast_fenicsx.environment import forms_fault
 from perfplast_fenicsx.errors import InputError
 
 if TYPE_CHECKING:
@@ -57,7 +58,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         number = signal.Signals(stop.args[0] if stop.args else signal.SIGINT)
         told = f"perfplast: ended at once by {number.name}; levels that were solved are on file."
         return _at_once(told, 128 + number)
-    except Exception:
+    except Exception as error:
+        # a form that is not among the compiled ones, where nothing can be compiled
+        fault = forms_fault() if _while_compiling(error) else None
+        if fault is not None:
+            return _at_once(f"perfplast: {fault}", BAD_INPUT)
         return _at_once(traceback.format_exc().rstrip(), FAULT)
     _world().barrier()  # a launcher may end the others as soon as one rank has ended
     return status
@@ -68,6 +73,12 @@ def _world() -> "MPI.Intracomm":
     from mpi4py import MPI
 
     return MPI.COMM_WORLD
+
+
+def _while_compiling(error: Exception) -> bool:
+    """Return whether an error was raised while FFCx compiled a form."""
+    frames = traceback.walk_tb(error.__traceback__)
+    return any(frame.f_globals.get("__name__", "").startswith("ffcx.") for frame, _ in frames)
 
 
 def _at_once(told: str, status: int) -> int:

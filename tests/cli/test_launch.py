@@ -147,6 +147,18 @@ def test_run_starts_its_ranks(tmp_path: Path) -> None:
     assert run.returncode == 2
 
 
+def test_forms_that_lack_and_cannot_be_compiled_are_one_sentence(tmp_path: Path) -> None:
+    """Some forms are compiled already, so that the compiler is missed in the middle of a run."""
+    (tmp_path / "fenics").mkdir()
+    (tmp_path / "fenics" / "libffcx_forms_of_another_case.so").touch()
+    case = str(ROOT / "demos" / "block_on_plane.toml")
+    spoilt = {"XDG_CACHE_HOME": str(tmp_path), "CC": "/no/such/cc"}
+    run = perfplast("run", case, "-o", str(tmp_path / "out"), "--quiet", **spoilt)
+    assert run.returncode == 2
+    assert run.stderr.splitlines()[-1].startswith("perfplast: there is no C compiler /no/such/cc")
+    assert "Traceback" not in run.stderr
+
+
 def test_the_doctor_finds_this_environment_well() -> None:
     """How fast this machine factorises is not asked."""
     run = perfplast("doctor")
