@@ -13,5 +13,5 @@ Longs = npt.NDArray[np.int64]
 """Global numbers, and numbers of NumPy's."""
 
 PairFlags = npt.NDArray[np.bool_]
-"""Of contact pairs hosted by this rank, shape (num_pairs,). ``active`` are those closed with a
-pushing force, the answer; ``held`` those that a linear system holds closed."""
+"""Flags of the contact pairs hosted by this rank, shape (num_pairs,). ``active`` pairs are closed
+and push; ``held`` pairs are held closed by a linear system."""

@@ -71,7 +71,7 @@ def _compile(name: str, source: str, folder: str) -> str:
 
 
 def _processor() -> str:
-    """What tells processors apart for which files differ."""
+    """Return a text that differs between processors which need different files."""
     told = Path("/proc/cpuinfo")
     lines = told.read_text().splitlines() if told.exists() else []
     flags = [line for line in lines if line.startswith(("flags", "Features"))]

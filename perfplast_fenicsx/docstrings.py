@@ -1,4 +1,4 @@
-"""What docstrings say of arguments: references and schemas are made of it."""
+"""Read the descriptions of arguments in docstrings, for references and schemas."""
 
 import inspect
 import re

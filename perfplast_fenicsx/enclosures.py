@@ -18,8 +18,8 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.formulas import OPERATORS, check
 
 ROUNDING = 1e-12
-"""What is next to no difference of two sides of a comparison, relative to the larger one: of
-simplices whose vertices lie where it changes."""
+"""Relative difference of the two sides of a comparison below which they count as equal: for
+simplices, where the sign changes between vertices."""
 
 Pair = tuple[Floats, Floats]
 """Values at the vertices of a linear function that is not above, and of one that is not below."""

@@ -1,4 +1,4 @@
-"""What is said of a factor of safety, by who has found it and by who reads of it."""
+"""Words for a factor of safety, for the run that finds it and for whoever reads it later."""
 
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
@@ -6,7 +6,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 def factor_words(
     lower: float | None, upper: float | None, estimate: bool, many: bool = False
 ) -> list[str]:
-    """What the bodies do with the factors that are known, a clause each.
+    """Return a clause for each known factor: whether the bodies stand or fall with it.
 
     Args:
         lower: With which they stand; None where it is not known.

@@ -16,7 +16,7 @@ def force_rows(
     moments: bool = False,
     zeta: str = "zeta",
 ) -> list[Row]:
-    """What loads are at ζ = 1 and at collapse, and supports at the lower bound or an estimate.
+    """Return the rows of loads at ζ = 1 and at collapse, and of supports at the lower bound.
 
     Args:
         loads: Tables of :class:`load_resultants.LoadResultant`.

@@ -22,7 +22,7 @@ FUNCTIONS = (
     *("cos", "cosh", "exp", "expm1", "floor", "fmod", "log", "log10", "log1p", "maximum"),
     *("minimum", "sin", "sinh", "sqrt", "tan", "tanh", "where"),
 )
-"""Of NumPy, by these names; they act point by point."""
+"""Functions of NumPy that formulas may call by these names; they act point by point."""
 
 ARGUMENTS = {"arctan2": 2, "fmod": 2, "maximum": 2, "minimum": 2, "where": 3}
 """How many a function takes, if not one."""
@@ -62,7 +62,7 @@ _FAILURES = (
     *(ArithmeticError, LookupError, MemoryError, RecursionError),
     *(NotImplementedError, SyntaxError, TypeError, ValueError),
 )
-"""What Python's parser and NumPy raise for text that is no formula."""
+"""Exceptions that Python's parser and NumPy raise for text that is not a formula."""
 
 
 def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
@@ -135,7 +135,7 @@ def check(formula: str, place: str) -> None:
 
 
 def _fault(node: ast.AST, called: bool) -> str | None:
-    """What is wrong with one node of the syntax tree, if anything."""
+    """Return the fault of one node of the syntax tree, or None."""
     if isinstance(node, ast.Name):
         if called and node.id not in FUNCTIONS:
             return f"calls '{node.id}'"

@@ -28,7 +28,7 @@ def has_memory(comm: MPI.Intracomm, needed: float) -> tuple[bool, float, float]:
 
 
 def physical_memory() -> int:
-    """Of this machine (bytes)."""
+    """Return the memory of this machine (bytes)."""
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 

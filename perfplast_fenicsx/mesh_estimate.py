@@ -14,7 +14,7 @@ from perfplast_fenicsx.rounding import rounded_down
 
 @dataclass(frozen=True)
 class MeshEstimate:
-    """What is known of the limit load of a mesh.
+    """Loads that bracket or estimate the limit load of a mesh.
 
     Attributes:
         static: Load of the static side (ζ), or the largest that a loading path has reached; −∞

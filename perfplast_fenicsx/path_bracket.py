@@ -12,18 +12,18 @@ SAID = (
     "No limit theorem holds with Coulomb's friction: this is said of this path, from rest with all"
     " that stays, and of this mesh; another path may end at another load."
 )
-"""What it holds for, in sentences."""
+"""The sentences that limit what the bracket holds for."""
 
 NO_PAIR = (
     "Drucker's bounds beside it are for loads that all grow, and for what the interior point method"
     " knows: none were sought."
 )
-"""What is said where there are none."""
+"""The sentence for results without Drucker's bounds."""
 
 
 @dataclass(frozen=True)
 class PathBracket:
-    """What is known of the load.
+    """Load factors of one path between which equilibrium is lost.
 
     Attributes:
         carried: The largest load factor of a level that is solved; 0 without one.

@@ -1,4 +1,4 @@
-"""What rounding is: what counts as none, and bounds in a few digits that are bounds as well."""
+"""Thresholds of rounding, and bounds rounded to a few digits that are still bounds."""
 
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 

@@ -42,7 +42,7 @@ SYSTEMS: dict[Name, System] = {
 
 @dataclass(frozen=True)
 class Units:
-    """What the numbers of a case are in; nothing is converted.
+    """The units of the numbers of a case; nothing is converted.
 
     Args:
         length: Of the mesh, such as "mm"; known where there is a system.
@@ -125,7 +125,7 @@ class Units:
         }
 
     def moment_scale(self, whole: bool = True) -> float:
-        """What moments (force × length) are multiplied by to be in the unit of :meth:`table`.
+        """Return the factor that converts moments (force × length) to the unit of :meth:`table`.
 
         Args:
             whole: As there; N mm for each millimetre of depth is N m for each metre.
@@ -134,19 +134,19 @@ class Units:
         return system.metres if system and whole else 1.0
 
     def of_length(self) -> str:
-        """What stands in brackets behind a length."""
+        """Return the unit of lengths, for the brackets after a length."""
         return self.table()["length"] or "the mesh's unit of length"
 
     def of_stress(self) -> str:
-        """What stands in brackets behind a stress."""
+        """Return the unit of stresses, for the brackets after a stress."""
         return self.table()["stress"] or "the materials' unit of stress"
 
     def of_work(self, whole: bool) -> str:
-        """What stands in brackets behind a work, or nothing."""
+        """Return the unit of works, for the brackets after a work; empty if it is not known."""
         return self.table(whole)["work"]
 
     def in_words(self, whole: bool = True) -> str:
-        """What numbers are in, without a full stop; nothing where nothing is known."""
+        """Return the units in words, without a full stop; empty if none is known."""
         table = self.table(whole)
         kinds = {"length": "lengths", "force": "forces", "stress": "stresses", "work": "works"}
         if table["moment"] != table["work"]:

@@ -124,7 +124,7 @@ def shown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _limit(folder: str) -> dict[str, Any] | None:
-    """What ``summary.json`` says of the limit load."""
+    """Return the table of the limit load in ``summary.json``."""
     text = (Path(folder) / "summary.json").read_text(encoding="utf-8")
     found: dict[str, Any] | None = json.loads(text).get("limit")
     return found

@@ -30,7 +30,7 @@ SHOWN = (
     *("zeta", "alpha", "plastic_fraction", "active_contacts", "contact_pairs", "duality_gap"),
     *("seconds", "converged"),
 )
-"""What is read of each level."""
+"""Columns that are read of each level."""
 
 log = logging.getLogger(__name__)
 
@@ -119,7 +119,7 @@ class Follower:
                 log.warning("%s", error)
 
     def _waiting(self, summary: dict[str, Any]) -> str:
-        """What the run does now, by its results and the last line of its log."""
+        """Return what the run does now, from its results and the last line of its log."""
         level = next_level(summary["planned"], [one["seconds"] for one in summary["steps"]])
         return f"{level}: {self._log()[-1].partition('INFO')[2].strip()}"
 

@@ -82,7 +82,7 @@ def mesh(
 
 
 def meshing_options(chosen: argparse.Namespace) -> MeshingOptions:
-    """What the arguments of ``perfplast mesh`` say.
+    """Return the meshing options from the arguments of ``perfplast mesh``.
 
     Raises:
         InputError: If a value cannot be used.

@@ -54,5 +54,5 @@ def fill(output: Path, made: Path, case: str) -> None:
 
 
 def written(output: Path) -> str:
-    """What is in the folder, in words."""
+    """Return the files of the folder in words."""
     return ", ".join(name for name in (MESH, PICTURE, PAGE, CASE) if (output / name).exists())

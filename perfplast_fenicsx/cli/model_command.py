@@ -34,7 +34,7 @@ MODELS = {
     **dict.fromkeys((".bdf", ".nas", ".fem"), read_bdf),
     **dict.fromkeys((".vtu", ".vtk"), read_vtu),
 }
-"""What reads a model, by the ending of its file."""
+"""The reader of a model, by the ending of its file."""
 
 log = logging.getLogger(__name__)
 

@@ -124,7 +124,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _add_results(command: argparse.ArgumentParser) -> None:
-    """What to solve, and where its results go."""
+    """Add the arguments for the case and the folder of its results."""
     command.add_argument("case", metavar="CASE.toml", help="what to solve")
     where = command.add_mutually_exclusive_group(required=True)
     where.add_argument("-o", "--output", metavar="DIR", help="folder for results")

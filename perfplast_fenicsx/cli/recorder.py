@@ -1,4 +1,4 @@
-"""What is written and shown of a run, level by level; where a run that was ended goes on."""
+"""Write and show a run level by level, and continue a run that was ended."""
 
 import time
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class RunContext:
-    """What a run works with.
+    """The objects that a run works with.
 
     Attributes:
         case: What is solved.

@@ -1,4 +1,4 @@
-"""What is left of a run whose levels are known beforehand: how many, and how long they may take."""
+"""The levels that a run still has to solve, and how long they may take."""
 
 from collections.abc import Sequence
 

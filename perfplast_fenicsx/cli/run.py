@@ -191,7 +191,7 @@ def on_bodies(bodies: Problem, case: Case) -> Problem:
 
 
 def run_command(path: str, output: str, report: bool, trust: bool) -> str:
-    """What makes the same run anew."""
+    """Return the command that repeats the run."""
     flags = [flag for flag, on in (("--trust", trust), ("--report", report)) if on]
     return shlex.join(["perfplast", "run", path, "-o", output, *flags])
 
@@ -206,7 +206,7 @@ def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:
 
 
 def _on_friction(problem: Problem, searched: bool) -> list[str]:
-    """What is to be said of Coulomb's friction, and its bounds if known. Collective.
+    """Return sentences on Coulomb's friction, with its bounds if they are known. Collective.
 
     Where a load is searched for these are told beside it.
     """
@@ -223,7 +223,7 @@ def _on_friction(problem: Problem, searched: bool) -> list[str]:
 def _asked(
     context: RunContext, solver: Any, stages: LoadingHistory | None, recorder: Recorder
 ) -> Run:
-    """What the control of a case works with."""
+    """Return the objects that the control of a case works with."""
     saved, directions = context.saved, read_proven(context.folder, again=True)
     if directions:
         context.terminal.say(f"Directions on file: {len(directions)}; the last is looked at anew.")

@@ -1,4 +1,4 @@
-"""What is logged: on standard error while a command runs, and in ``run.log`` of its results.
+"""Log messages: on standard error while a command runs, and in ``run.log`` of its results.
 
 The library logs under its own name and configures nothing; here, and in the command line alone, are
 the handlers. Rank 0 alone speaks.
@@ -197,7 +197,7 @@ class _LogFile(logging.FileHandler):
 
 @contextmanager
 def kept_warnings(comm: MPI.Intracomm) -> Iterator[list[str]]:
-    """What the library warns of on rank 0, for results; the list grows within the block."""
+    """Collect the library's warnings on rank 0, for results; the list grows within the block."""
     kept: list[str] = []
 
     class Handler(logging.Handler):

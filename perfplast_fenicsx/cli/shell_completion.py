@@ -14,7 +14,7 @@ ENDINGS = {
     "PAGE": ("html",),
     "SCHEMA": ("json",),
 }
-"""Of the files that arguments name, by metavar."""
+"""Endings of the files that arguments name, by metavar."""
 
 
 def complete(parser: argparse.ArgumentParser, **settings: Any) -> None:

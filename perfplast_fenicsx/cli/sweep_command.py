@@ -149,7 +149,7 @@ def _failed(steps: Sequence[Mapping[str, Any]]) -> bool:
 
 
 def _found(folder: str) -> dict[str, Any]:
-    """What is in the table of a case's results."""
+    """Return the row of a case for the table of results."""
     found = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
     row: dict[str, Any] = {}
     limit = found.get("limit")

@@ -1,4 +1,4 @@
-"""What a computation runs on: versions of the libraries, PETSc's packages, BLAS, ranks, threads."""
+"""The environment of a run: versions of libraries, PETSc's packages, BLAS, ranks, threads."""
 
 import os
 import platform

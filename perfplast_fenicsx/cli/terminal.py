@@ -1,4 +1,4 @@
-"""What a run says on the terminal: a header, a line for each level, a live line within long ones.
+"""The output of a run on the terminal: a header, a line for each level, a live line in long ones.
 
 Rank 0 speaks. Plain ASCII, so that it can be read anywhere. The live line is for terminals alone.
 """
@@ -266,7 +266,7 @@ def describe(title: str, method: str, problem: Problem, options: object = None) 
 
 
 def effort(limit: LimitLoad) -> str:
-    """What a limit load took, in words."""
+    """Return the effort of a limit load in words."""
     if limit.factorisations is None:
         return f"{limit.linear_solves} linear solves"
     return f"{limit.factorisations} factorisations"

@@ -1,4 +1,4 @@
-"""What a case was taken to say, before it is solved: loads, supports, contacts, free faces."""
+"""The program's reading of a case before it is solved: loads, supports, contacts, free faces."""
 
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -25,7 +25,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 
 PICTURE = "case.png"
-"""What ``check`` draws beside a case file."""
+"""Name of the picture that ``check`` draws beside a case file."""
 
 MOST = 6
 """So many sides or names are listed at most; of more the number is told."""
@@ -50,7 +50,7 @@ class Marked:
 
 @dataclass(frozen=True)
 class Understood:
-    """What a case was taken to say.
+    """The program's reading of a case.
 
     Attributes:
         lines: In words, for a terminal.

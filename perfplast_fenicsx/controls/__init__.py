@@ -1,1 +1,1 @@
-"""What ``[loading]`` may ask for: each control checks its case and finds its answer."""
+"""The controls of ``[loading]``: each checks its case and finds its answer."""

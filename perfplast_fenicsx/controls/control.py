@@ -1,4 +1,4 @@
-"""What a control is: keys of ``[loading]``, what goes with them, and how the answer is found.
+"""The interface of a control: keys of ``[loading]``, their checks, and the way to the answer.
 
 A control is a frozen dataclass whose fields are the keys beside ``control``. It follows levels, as
 ``control = "load"`` does, or looks for a limit; what it finds it hands to the :class:`Record` of
@@ -84,7 +84,7 @@ class Record(Protocol):
 
 @dataclass(frozen=True)
 class Run:
-    """What a control works with.
+    """The objects that a control works with.
 
     Attributes:
         problem: What is solved.
@@ -114,7 +114,7 @@ class Run:
 
 
 class Control(Protocol):
-    """What ``[loading]`` asks for.
+    """A control of ``[loading]``.
 
     Attributes:
         prescribes: What levels prescribe, or multiplies the loads.
@@ -133,11 +133,11 @@ class Control(Protocol):
 
     @property
     def values(self) -> Sequence[float] | None:
-        """Of the levels, where they are given."""
+        """Values of the levels, if they are given."""
 
     @property
     def limit_tolerance(self) -> float | None:
-        """Of a limit that is looked for; None where none is."""
+        """Relative tolerance of a limit load; None if the control seeks none."""
 
     @property
     def limit_method(self) -> str | None:
@@ -161,7 +161,7 @@ class Control(Protocol):
         """
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """What is to be said of a problem before the interior point method begins. Collective."""
+        """Return remarks on a problem before the interior point method begins. Collective."""
 
     def admit(self, problem: Problem, solver: Any) -> None:
         """Refuse what :meth:`find` would refuse of a problem before it solves. Collective.
@@ -186,7 +186,7 @@ class Control(Protocol):
 
 
 class OfLevels:
-    """What controls have in common that follow levels."""
+    """Base of controls that follow levels."""
 
     element: ClassVar[Mapping[str, Any]] = {}
     of_body: ClassVar[bool] = False
@@ -208,7 +208,7 @@ class OfLevels:
 
 
 class OfBody:
-    """What controls have in common that ask for bounds of the bodies."""
+    """Base of controls that ask for bounds of the bodies."""
 
     prescribes: ClassVar[Prescribed] = Prescribed.WORK  # L(v) = 1
     element: ClassVar[Mapping[str, Any]] = {"degree": 2}  # linear ones lock
@@ -227,7 +227,7 @@ class OfBody:
         return none_moved
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """What of it changes no limit load. Collective."""
+        """Return remarks on what does not change the limit load. Collective."""
         return [*ignored(problem), *idle_pores(problem)]
 
 

@@ -61,7 +61,7 @@ class EnvelopeControl(OfBody):
 
     @property
     def signed(self) -> tuple[bool, ...]:
-        """Of each number whether it may be negative."""
+        """For each number, whether it may be negative."""
         if isinstance(self.around, bool):
             return (self.around,) * len(self.named)
         return tuple(bool({*names} & {*self.around}) for names in self.named.values())

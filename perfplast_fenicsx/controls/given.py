@@ -1,4 +1,4 @@
-"""What a control is given beside its own keys, and what most of them refuse of it."""
+"""Loads and motions of a case, and the refusals that most controls share."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from perfplast_fenicsx.problem.declared.supports import Support
 
 @dataclass(frozen=True)
 class Given:
-    """What a case says of loads and motions.
+    """Loads and motions of a case.
 
     Attributes:
         loads: What acts.

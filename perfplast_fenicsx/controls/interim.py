@@ -1,4 +1,4 @@
-"""What is told of a search that a signal ends."""
+"""Messages for a search that a signal ends."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -68,7 +68,7 @@ class ShakedownControl(OfBody):
 
     @property
     def domain(self) -> LoadDomain:
-        """What varies."""
+        """Return the domain of the loads."""
         if self.ranges is not None:
             return LoadDomain.of_ranges(self.ranges)
         return LoadDomain.of_corners(self.corners or [])

@@ -29,7 +29,7 @@ class StageControl(OfLevels):
         return self.stages
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """What stages name; without a name of its own that is the surface.
+        """Return a test for names that stages move; a load without a name has that of its surface.
 
         That holds unless a load or a temperature is called as the surface is.
         """

@@ -79,7 +79,7 @@ class WorkControl:
         return none_moved
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """What of it changes no limit load. Collective."""
+        """Return remarks on what does not change the limit load. Collective."""
         return ignored(problem)
 
     def check(self, given: Given) -> None:

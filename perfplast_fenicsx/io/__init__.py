@@ -1,4 +1,4 @@
-"""What is read and written."""
+"""Files: case files and result folders."""
 
 import lazy_loader
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from perfplast_fenicsx.units import SYSTEMS, Name
 
 TABLE: Name = "mm-N-MPa"
-"""What :data:`MATERIALS` are in."""
+"""The units of :data:`MATERIALS`."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ MATERIALS = (
 
 
 def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -> list[str]:
-    """What is to be said of numbers that no material has, a sentence each.
+    """Return a sentence for each number that no real material has.
 
     Args:
         young: Of a material (stress).

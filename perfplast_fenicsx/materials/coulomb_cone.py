@@ -63,7 +63,7 @@ class CoulombSet:
         return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[PrincipalCone]:
-        """Of the principal stresses."""
+        """Return the cone of the principal stresses."""
         return (PrincipalCone(2 * self.cohesion * self._cosine, ufl.as_ufl(self.sine)),)
 
     def inadmissible(self, rate: Expr) -> Expr:
@@ -117,7 +117,7 @@ class CutOffSet(CoulombSet):
         return (self.tension - half) * trace(rate) + half * sizes
 
     def cones(self, size: int) -> Sequence[PrincipalCone]:
-        """Of the principal stresses."""
+        """Return the cone of the principal stresses."""
         bound = 2 * self.cohesion * self._cosine
         return (PrincipalCone(bound, ufl.as_ufl(self.sine), ufl.as_ufl(self.tension)),)
 

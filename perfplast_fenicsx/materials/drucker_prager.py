@@ -144,7 +144,7 @@ class DruckerPragerLaw(Law):
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """What :meth:`tangent` adds up: bulk, a, shape (), P and M, shape (m,).
+        """Return the terms of :meth:`tangent`: bulk, a, shape (), P and M, shape (m,).
 
         Σ°[d] is Cd of elastic strains, 0 at the apex, and on the cone, with the share a of the
         deviatoric modulus that is left and M = (√2 μ n + κη δ)/√D,

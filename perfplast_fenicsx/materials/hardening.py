@@ -60,5 +60,5 @@ class Hardening:
         return perfect | {"isotropic": 2 / 3 * self.isotropic, "kinematic": 2 / 3 * self.kinematic}
 
     def remembering(self) -> Flow:
-        """What it is in a history."""
+        """Return the material with its flow, for a history."""
         return Flow(self)

@@ -68,6 +68,6 @@ class HardeningFlowLaw(Step, FirstYield):
         return old[STRAIN] + self._back_stress(old) / (2 * self.shear)
 
     def _offset(self, old: Old) -> Expr:
-        """What makes ψ(e) the energy of the step: μ(‖p‖² − ‖q‖²)."""
+        """Return the term that makes ψ(e) the energy of the step: μ(‖p‖² − ‖q‖²)."""
         p, q = old[STRAIN], self._centre(old)
         return self.shear * (ufl.dot(p, p) - ufl.dot(q, q))

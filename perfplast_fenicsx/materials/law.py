@@ -1,4 +1,4 @@
-"""What a material law has to say, in UFL at a point, and what a material has to say of its law.
+"""The interfaces of a material law, in UFL at a point, and of a material.
 
 A law is one class, in one file with the material that names it. :class:`Problem` evaluates it by
 its expressions alone, bodies of the same law together. The class is called with the parameters of
@@ -26,7 +26,7 @@ class Elasticity(Protocol):
 
     @property
     def bulk(self) -> Expr:
-        """Of the body in space."""
+        """Return the bulk modulus of the body in space."""
         ...
 
     @property
@@ -100,7 +100,7 @@ class Law(Protocol):
         ...
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """What :meth:`tangent` needs of the strain, to be stored at the points; any shapes.
+        """Return the fields of the strain that :meth:`tangent` needs at the points; any shapes.
 
         Args:
             e: The strain.
@@ -125,7 +125,7 @@ class Law(Protocol):
 
 @runtime_checkable
 class Material(Protocol):
-    """What a user gives of a body: a few numbers, the law that they belong to.
+    """Parameters of a body and the law that they belong to.
 
     Attributes:
         law: The class of the law, a :class:`Law` when called with the parameters as keywords.

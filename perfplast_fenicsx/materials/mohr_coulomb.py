@@ -119,7 +119,7 @@ class MohrCoulombLaw(Law):
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def _turned(self, stresses: Expr, strains: Expr) -> Expr:
-        """What turning axes loses of 2μ, by the differences of the two values that they are of."""
+        """Return the reduction of 2μ due to turning axes, by differences of principal values."""
         apart = ufl.gt(abs(strains), TINY)
         turns = ufl.conditional(apart, stresses / ufl.conditional(apart, strains, 1.0), 0.0)
         return 2 * self.shear - ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
@@ -150,7 +150,7 @@ class MohrCoulombLaw(Law):
         return found
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """What :meth:`tangent` adds up: lame, a, shape (), and vectors, shape (m,).
+        """Return the terms of :meth:`tangent`: lame, a, shape (), and vectors, shape (m,).
 
         U is the difference of the two directions that an edge makes equal, W that by which the
         principal directions in the plane turn, M the normal of what flows. In space two more tell

@@ -24,7 +24,7 @@ from perfplast_fenicsx.errors import InputError, check_choice
 from perfplast_fenicsx.materials.law import Material
 
 Stand = Literal["radenkovic", "davis-a", "davis-b", "davis-c"]
-"""What is made of ground that dilates less."""
+"""Ways to treat ground that dilates less than it rubs."""
 
 
 class Ground(Material, Protocol):
@@ -56,7 +56,7 @@ class Ground(Material, Protocol):
 
     @property
     def nonassociated(self) -> Stand | None:
-        """What is made of it."""
+        """Return how nonassociated ground is treated; None if its flow is associated."""
         ...
 
 
@@ -175,7 +175,7 @@ def check_flows(materials: Mapping[str, Material]) -> None:
 
 
 def flow_words(materials: Mapping[str, Material]) -> list[str]:
-    """What the numbers of a run say of ground that dilates less, a sentence for each kind of it."""
+    """Return a sentence for each kind of nonassociated ground: what the numbers hold for."""
     told = []
     bodies = list(materials.values())
     for material in (it for i, it in enumerate(bodies) if it not in bodies[:i]):

@@ -1,4 +1,4 @@
-"""What bodies are in plane stress: their materials say so, where it is known."""
+"""Materials of bodies in plane stress."""
 
 from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
@@ -17,12 +17,12 @@ class Thin(Protocol):
 
 
 def thin(material: Material) -> Material | None:
-    """What a material is in plane stress; None where that is not known."""
+    """Return the material for plane stress; None if it has no such law."""
     return material.in_plane_stress() if isinstance(material, Thin) else None
 
 
 def in_plane_stress(materials: Mapping[str, Material]) -> dict[str, Material]:
-    """What the materials of bodies are in plane stress.
+    """Return the materials of bodies for plane stress.
 
     Args:
         materials: Of each volume.

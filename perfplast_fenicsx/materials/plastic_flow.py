@@ -69,7 +69,7 @@ class Step(Law, Protocol):
         return self.hencky(old).tangent_fields(self.shifted(e, old), {}, rho)
 
     def updated(self, e: Expr, old: Old) -> Mapping[str, Expr]:
-        """What p and p̄ are behind the step."""
+        """Return p and p̄ after the step."""
         flow = self.hencky(old).flow(self.shifted(e, old))
         more = math.sqrt(2 / 3) * ufl.sqrt(ufl.dot(flow, flow))
         return {STRAIN: old[STRAIN] + flow, ACCUMULATED: old[ACCUMULATED] + more}
@@ -103,7 +103,7 @@ class FlowLaw(Step):
         return self._perfect
 
     def unstressed(self, old: Old) -> Expr | None:
-        """What has flowed."""
+        """Return the plastic strain."""
         return old[STRAIN]
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
@@ -143,7 +143,7 @@ class Flow:
 
     @property
     def law(self) -> type[Law]:
-        """Of the flow."""
+        """Return the law of the flow."""
         own: type[Law] | None = getattr(self.body, "flow_law", None)
         hencky: type[Law] = self.body.law
         return flow_law(hencky) if own is None else own

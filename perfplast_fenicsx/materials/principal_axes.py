@@ -93,7 +93,7 @@ class PrincipalAxes:
         return ufl.max_value(p, z), middle, ufl.min_value(q, z)
 
     def placed(self, v: Sequence[Expr]) -> tuple[Expr, Expr, Expr]:
-        """Of three values in the order of size: those of the two in the plane and across it."""
+        """Return values given by size as those of the two axes in the plane and across it."""
         (p, q), z = self.in_plane, self.across
         above, below = ufl.gt(z, p), ufl.lt(z, q)
         across = ufl.conditional(above, v[0], ufl.conditional(below, v[2], v[1]))

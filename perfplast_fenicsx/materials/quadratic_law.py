@@ -52,7 +52,7 @@ class QuadraticLaw(Law):
 
     @property
     def form(self) -> QuadraticForm:
-        """Of the law."""
+        """Return the quadratic form of the law."""
         raise NotImplementedError
 
     def free(self, e: Expr) -> Expr:

@@ -103,7 +103,7 @@ class CutOffLaw(MohrCoulombLaw):
         ]
 
     def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
-        """What turning axes loses of 2μ where the stress yields, but at a tip."""
+        """Return the reduction of 2μ due to turning axes at yield, except at a tip."""
         lost = self._turned(stresses, strains)
         without = super()._lost(e, stresses, strains)
         return self._by_kind(e, without, [lost, lost, 0.0], [lost, lost])

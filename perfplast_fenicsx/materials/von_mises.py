@@ -59,7 +59,7 @@ class VonMisesSet:
 
 @dataclass(frozen=True)
 class FirstYield(Law):
-    """What laws that first yield at ‖dev σ‖ = γ have in common; see :class:`Law` for the methods.
+    """Base of laws that first yield at ‖dev σ‖ = γ; see :class:`Law` for the methods.
 
     Args:
         bulk: κ (stress).

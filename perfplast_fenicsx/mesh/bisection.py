@@ -21,7 +21,7 @@ SIMPLEX = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
 
 @dataclass(frozen=True)
 class Parts:
-    """What simplices were cut into.
+    """The parts into which simplices were cut.
 
     Attributes:
         cells: Their vertices, shape (num_parts, dim + 1).

@@ -1,4 +1,4 @@
-"""What bodies are called: by the name of their volume, and by where they are if it has several."""
+"""Names of bodies: that of their volume, and their place if a volume has several bodies."""
 
 from collections import Counter
 

@@ -129,7 +129,7 @@ class GluedEdges:
 
 
 def _place(middles: Floats) -> Floats:
-    """What decides between edges of the same length, whatever their numbers on so many ranks."""
+    """Return numbers that order edges of the same length, independent of the ranks."""
     # A direction along which hardly any two edges of a mesh have their middles at the same place.
     irrational = np.array([0.754877666, 0.569840291, 0.328125733])
     place: Floats = (middles * irrational[: middles.shape[1]]).sum(axis=1)

@@ -1,4 +1,4 @@
-"""What a .msh file says, as arrays. Gmsh reads it in a process of its own: it may break down."""
+"""Read a .msh file as arrays. Gmsh runs in its own process, because it may crash."""
 
 import json
 import signal
@@ -34,7 +34,7 @@ REMEDIES = {
     ),
     ".py": "it is a program, which is never run here; run it, and give the mesh that it writes",
 }
-"""What to do with files of other kinds, by the ends of their names."""
+"""Remedies for files of other kinds, by the ends of their names."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Content:
-    """What :mod:`perfplast_fenicsx.mesh.gmsh_dump` has found in a file.
+    """The content of a mesh file, read by :mod:`perfplast_fenicsx.mesh.gmsh_dump`.
 
     Attributes:
         blocks: Its elements.

@@ -1,7 +1,7 @@
-"""What the coordinates of a mesh mean: space, plane strain or stress, half a section of revolution.
+"""The meaning of mesh coordinates: space, plane strain, plane stress or a section of revolution.
 
-All that depends on it is told here and nowhere else: the strain of a displacement, what integrals
-are taken over, and which motions strain nothing.
+Only this module defines what depends on it: the strain of a displacement, the measure of integrals,
+and the rigid motions.
 
 In axisymmetry the mesh's x is the radius r ≥ 0, its y the axis z, and the out-of-plane component of
 strains and stresses is the hoop: ε = (u_r,r, u_z,z, u_r/r, √2 ε_rz). Integrals are over the full
@@ -24,7 +24,7 @@ ON_AXIS = 1e-10
 
 
 class Kinematics(Protocol):
-    """What is asked of the meaning of coordinates.
+    """The meaning of the coordinates of a mesh.
 
     :meth:`measure`, :meth:`around`, :meth:`carried` and :meth:`held` are here as Cartesian
     coordinates have them.
@@ -56,7 +56,7 @@ class Kinematics(Protocol):
         return measure
 
     def around(self, x: Floats) -> Floats:
-        """What a point stands for out of the mesh's plane: its ring 2πr (length), or 1.
+        """Return the measure of a point out of the mesh's plane: its ring 2πr (length), or 1.
 
         Args:
             x: Points, shape (..., gdim).
@@ -67,7 +67,7 @@ class Kinematics(Protocol):
         return np.ones(x.shape[:-1])
 
     def carried(self, x: Floats) -> Floats:
-        """What the unknown displacements of points are where these move by 1.
+        """Return the unknown displacements at points for a unit displacement of these.
 
         Args:
             x: Points, shape (..., gdim).
@@ -159,7 +159,7 @@ class PlaneStress(PlaneStrain):
     forces: str = "for each unit of thickness"
 
     def __init__(self, thickness: float = 1.0) -> None:
-        """Of a thickness (length)."""
+        """Set the thickness (length)."""
         self.thickness = thickness
 
 

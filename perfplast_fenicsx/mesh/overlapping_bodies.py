@@ -161,7 +161,7 @@ def _sagittas(
 def _deepest(
     rows: npt.NDArray, search: CellSearch, names: dict[int, str], extent: float, overlaps: bool
 ) -> str | None:
-    """What is to be said of the cells that lie deepest in each other, if any do."""
+    """Return a message on the cells that overlap most, or None."""
     outer = np.flatnonzero(rows["outer"])
     x = rows["x"]
     edge = np.linalg.norm(x[:, :, None] - x[:, None], axis=3).max(axis=(1, 2), initial=0)

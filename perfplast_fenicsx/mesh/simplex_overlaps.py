@@ -56,7 +56,7 @@ def _axes(gdim: int) -> Iterator[AxisOf]:
 
 
 def _face_normal(which: int, place: int, *x: Floats) -> tuple[Floats, Floats]:
-    """Of the facet opposite a vertex, of one of the two."""
+    """Return normals of the facet opposite a vertex of one of the simplices, and lengths."""
     corner, *rest = np.delete(np.arange(x[0].shape[1]), place)
     edges = [x[which][:, other] - x[which][:, corner] for other in rest]
     if len(edges) == 2:

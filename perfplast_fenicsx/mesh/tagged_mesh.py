@@ -71,7 +71,7 @@ class TaggedMesh:
 
     @property
     def kinematics(self) -> Kinematics:
-        """What the coordinates mean."""
+        """The meaning of the coordinates."""
         return KINDS["space"] if self.mesh.geometry.dim == 3 else self.section
 
     @property

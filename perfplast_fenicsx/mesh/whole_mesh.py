@@ -69,7 +69,7 @@ def whole_mesh(shared: TaggedMesh) -> WholeMesh:
 def to_owners(
     shared: TaggedMesh, copy: WholeMesh, root: int, rows: dict[str, npt.NDArray]
 ) -> dict[str, npt.NDArray]:
-    """What one rank has found on its copy, to the ranks that own the cells. Collective.
+    """Send results of one rank on its copy to the ranks that own the cells. Collective.
 
     Args:
         shared: The mesh that ranks share.

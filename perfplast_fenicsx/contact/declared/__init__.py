@@ -1,1 +1,1 @@
-"""What is said of contact: pairs, ties, obstacles, friction."""
+"""Declarations of contact: pairs, ties, obstacles, friction."""

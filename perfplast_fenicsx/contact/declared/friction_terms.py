@@ -1,4 +1,4 @@
-"""What may be said of the friction of a contact or an obstacle."""
+"""The friction of a contact or an obstacle, as it is declared."""
 
 import math
 
@@ -6,7 +6,7 @@ from perfplast_fenicsx.errors import InputError
 
 
 class FrictionTerms:
-    """What a contact or an obstacle says of its friction.
+    """The friction of a contact or an obstacle.
 
     Attributes:
         tresca: Shear stress that slip has to overcome, whatever the pressure.

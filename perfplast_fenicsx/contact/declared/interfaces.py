@@ -1,4 +1,4 @@
-"""What may act between two surfaces, as case files name it."""
+"""Interactions between two surfaces, by their names in case files."""
 
 from perfplast_fenicsx.contact.declared.contact import Contact
 

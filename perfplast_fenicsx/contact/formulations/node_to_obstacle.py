@@ -72,7 +72,7 @@ class NodeToObstacle:
 
 
 def _towards(faces: SurfaceNodes, node: Ints, into: Floats) -> Floats:
-    """What nodes have of the faces that look at the obstacle (length, area), shape (n,)."""
+    """Return the size of each node's faces that look at the obstacle (length, area), shape (n,)."""
     place = np.searchsorted(node, faces["node"])
     place[place == len(node)] = 0
     known = node[place] == faces["node"] if len(node) else np.zeros(len(faces), dtype=np.bool_)

@@ -95,7 +95,7 @@ class Mortar:
         )
 
     def _remark(self, V: fem.FunctionSpace, chosen: Side) -> str:
-        """What was chosen, and what straight facets of curved surfaces cost. Collective."""
+        """Return a remark on the chosen side, and on the error of straight facets. Collective."""
         comm, gdim = V.mesh.comm, V.mesh.geometry.dim
         count = comm.allreduce(len(chosen.rows[0].place))
         missed = comm.allreduce(float(chosen.distances.slack.max(initial=0)), MPI.MAX)

@@ -17,7 +17,7 @@ from perfplast_fenicsx.parallel import Exchange, send_rows
 
 @dataclass(frozen=True)
 class Distances:
-    """Of the nodes of this rank to the other surface.
+    """Distances of the nodes of this rank from the other surface.
 
     Attributes:
         along: Distance along the node's normal, negative where it lies inside; inf where nothing

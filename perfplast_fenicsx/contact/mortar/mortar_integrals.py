@@ -34,7 +34,7 @@ from perfplast_fenicsx.contact.surfaces.surface_facets import (
 
 @dataclass(frozen=True)
 class Integrals:
-    """What the facets that met on this rank have to say to the nodes of the host.
+    """Integrals over the facets that met on this rank, for the nodes of the host.
 
     Attributes:
         host: Number of the host facet of each pair of facets, shape (num_pairs,).

@@ -46,7 +46,7 @@ class MortarRows:
     lost: int
 
     def coefficients(self, normal: Floats) -> Floats:
-        """What terms of normal jumps are multiplied with, shape (num_terms, gdim).
+        """Return the factors of the terms of normal jumps, shape (num_terms, gdim).
 
         Args:
             normal: Of each row's host, shape (num_rows, gdim).

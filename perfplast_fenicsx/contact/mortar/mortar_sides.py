@@ -34,7 +34,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Side:
-    """What comes of a choice of the surface whose nodes are hosts.
+    """The result of choosing a surface as that of the hosts.
 
     Attributes:
         host: That surface.

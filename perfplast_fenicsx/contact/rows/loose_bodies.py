@@ -43,7 +43,7 @@ class LooseMotion:
 
 
 def in_words(loose: Sequence[LooseMotion], names: Sequence[str]) -> str:
-    """What is loosely held, in a sentence or two, with the loads that would matter.
+    """Return a sentence or two on loosely held bodies, with the loads that would matter.
 
     Args:
         loose: At least one motion.

@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class OneSidedMotions:
-    """What contact stops one way only.
+    """Motions that contact stops one way only.
 
     Attributes:
         V: Displacement space.

@@ -33,7 +33,7 @@ def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
 
 
 def _direction(d: Floats, axis: str) -> str:
-    """Of unit length, the first large component positive; an axis by its letter."""
+    """Return the words of a unit vector, first large component positive; an axis by its letter."""
     d = d / np.linalg.norm(d)
     d *= np.sign(d[np.argmax(np.abs(d))])
     rounded = np.round(d, 2) + 0.0

@@ -14,7 +14,7 @@ from perfplast_fenicsx.mesh.connected_bodies import Bodies
 
 
 class RigidMotions:
-    """What supports and contact say of the rigid motions R of all bodies."""
+    """Constraints of supports and contact on the rigid motions R of all bodies."""
 
     def __init__(
         self,

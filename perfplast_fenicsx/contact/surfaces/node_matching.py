@@ -73,7 +73,7 @@ def match_nodes(
 
 @dataclass(frozen=True)
 class _Near:
-    """What :func:`_match_near` finds on this rank.
+    """The matches that :func:`_match_near` finds on this rank.
 
     Attributes:
         primary: Matched nodes of the primary surface.

@@ -89,7 +89,7 @@ class Case:
 
     @property
     def scene(self) -> Scene:
-        """What pictures need to know."""
+        """Return the data that pictures need."""
         return Scene(
             self.title,
             self.loads,
@@ -102,7 +102,7 @@ class Case:
 
     @property
     def stages(self) -> Sequence[Stage]:
-        """Of a loading history; none where there is a [loading]."""
+        """Stages of a loading history; empty if there is a [loading]."""
         return self.loading.in_turn()
 
     def combined(self, combination: Combination) -> "Case":
@@ -181,7 +181,7 @@ class Case:
             )
 
     def history(self, problem: Problem) -> LoadingHistory | None:
-        """What leads a problem through the stages; None where there is a [loading]. Collective.
+        """Return the loading history of the stages; None if there is a [loading]. Collective.
 
         Raises:
             InputError: If the stages do not fit the problem.

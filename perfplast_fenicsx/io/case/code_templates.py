@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from perfplast_fenicsx.errors import InputError
 
 OPEN = "fill in: "
-"""What the value begins with where a template has no number; where to find it comes behind."""
+"""First words of a value for which a template has no number; its source follows."""
 
 _HEAD = """\
 # A template, and no more: names of loads are those of the case, and whoever signs takes the

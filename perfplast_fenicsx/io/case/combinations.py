@@ -73,14 +73,14 @@ class Combination:
         return [scaled(load, f) for load, f in zip(loads, factors, strict=True) if f > 0]
 
     def in_words(self) -> str:
-        """What it is made of."""
+        """Return the combination in words."""
         parts = [f"{factor:g} × {name}" for name, factor in self.factors.items() if factor > 0]
         return f"combination '{self.name}': {' + '.join(parts)}"
 
 
 @dataclass(frozen=True)
 class DesignTable:
-    """What strengths are divided by before anything is computed.
+    """Divisors of strengths, applied before anything is computed.
 
     Args:
         strength: Partial factor on yield stresses, cohesions and slopes of friction: a number for
@@ -171,5 +171,5 @@ def reduced(
 
 
 def _source(code: str) -> str:
-    """What is said of where factors are from."""
+    """Return a sentence on the source of factors."""
     return f"factors are those of the case, which gives {code} for them; it is not checked here"

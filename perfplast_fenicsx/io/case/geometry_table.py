@@ -81,7 +81,7 @@ def read_geometry(table: Table, mesh: Table, place: str) -> GeometryFile:
 
 @dataclass(frozen=True)
 class _Named:
-    """What is not for the mesher as it stands."""
+    """Keys that are not passed on to the mesher."""
 
     file: str
     face: list[Table] = field(default_factory=list)

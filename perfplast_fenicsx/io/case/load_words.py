@@ -30,7 +30,7 @@ def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
 
 
 def meaning(case: "Case", whole: bool = True) -> list[str]:
-    """What the numbers of a case mean, a sentence each: the load factor, and all units.
+    """Return a sentence for each meaning of a case's numbers: the load factor, and all units.
 
     Args:
         case: It.

@@ -1,4 +1,4 @@
-"""What is drawn besides the fields: names, loads, contacts, obstacles, units; ``scene.json``.
+"""Data for pictures besides the fields: names, loads, contacts, obstacles, units; ``scene.json``.
 
 A run writes it with its results, so that pictures can be made of them without the case.
 """
@@ -46,12 +46,12 @@ class Scene:
     driven: bool = False
 
     def unit_of_work(self, gdim: int) -> str:
-        """What stands in brackets behind a work on a mesh of this dimension; or nothing."""
+        """Return the unit of works on a mesh of this dimension; empty if not known."""
         return self.units.of_work(whole=self.axisymmetric or gdim == 3)
 
     @property
     def view(self) -> str:
-        """What a picture of half a section has to say of itself; nothing of others."""
+        """Return the note of a picture of half a section; empty for other pictures."""
         return ",   axisymmetric about z" if self.axisymmetric else ""
 
     @property
@@ -91,7 +91,7 @@ def write_scene(scene: Scene, tagged_mesh: "TaggedMesh", path: Path) -> None:
 
 @dataclass(frozen=True)
 class NamedScene:
-    """What is in ``scene.json``: a scene, and the tags of each name in ``fields/mesh.vtkhdf``."""
+    """Content of ``scene.json``: a scene, and the tags of names in ``fields/mesh.vtkhdf``."""
 
     scene: Scene
     volumes: dict[str, int]

@@ -1,4 +1,4 @@
-"""What may hold or move the bodies: ``[[support]]``, ``[[rigid_surface]]``, ``[[contact]]``."""
+"""Tables that hold or move bodies: ``[[support]]``, ``[[rigid_surface]]``, ``[[contact]]``."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What may stand in the tables of a case file: one dataclass a table, or several to choose from.
+"""Tables of a case file: one dataclass a table, or several to choose from.
 
 Those of materials, contacts, obstacles, loadings and algorithms are of the modules that
 use them.
@@ -74,7 +74,7 @@ class Document:
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """What is written beside ``summary.json`` and ``path.csv``.
+    """Files that are written beside ``summary.json`` and ``path.csv``.
 
     Args:
         fields: Write ``fields.vtkhdf.series`` and the folder ``fields``.
@@ -105,13 +105,13 @@ class ReportHead:
 
     @property
     def given(self) -> dict[str, str]:
-        """What is said, by its key; nothing of what is left out."""
+        """Return the texts that are given, by their keys."""
         return {key: text for key, text in vars(self).items() if text}
 
 
 @dataclass(frozen=True)
 class ModelOptions:
-    """What the coordinates of a mesh of triangles mean.
+    """Meaning of the coordinates of a mesh of triangles.
 
     In axisymmetry x is the radius (x ≥ 0), y the axis of revolution, and zz the hoop direction,
     as in an initial stress. Nothing moves outwards on the axis, without a support. Loads are per

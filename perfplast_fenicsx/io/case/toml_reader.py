@@ -57,7 +57,7 @@ WINDOWS = re.compile(r'=\s*"([^"]*\\[^"]*)"')
 
 
 def _remedy(text: str, reason: str) -> str:
-    """What to do where TOML cannot be read, by the line that it could not be read at."""
+    """Return a remedy for TOML that cannot be read, from the line with the fault."""
     at = re.search(r"line (\d+)", reason)
     lines = text.splitlines()
     line = lines[int(at[1]) - 1] if at and int(at[1]) <= len(lines) else ""

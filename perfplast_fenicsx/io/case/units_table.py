@@ -18,7 +18,7 @@ from perfplast_fenicsx.units import Units
 def odd_magnitudes(
     units: Units, materials: Mapping[str, Material], comm: MPI.Intracomm, points: Floats
 ) -> list[str]:
-    """What is to be said of numbers that hardly are in these units, a sentence each. Collective.
+    """Return a sentence for each number that is unlikely in these units. Collective.
 
     Args:
         units: What the case says they are in.

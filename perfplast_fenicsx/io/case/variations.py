@@ -122,7 +122,7 @@ def varied(table: Table, values: Mapping[str, Any]) -> Table:
 
 
 def _inside(place: Any, part: str, key: str) -> Any:
-    """What a part of a key names."""
+    """Return the entry that a part of a key names."""
     if isinstance(place, list):
         return place[_index(place, part, key)]
     if not isinstance(place, dict) or part not in place:
