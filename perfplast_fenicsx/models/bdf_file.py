@@ -52,7 +52,7 @@ NAMES = re.compile(
 
 
 EXPONENT = re.compile(r"(?<=[\d.])([+-]\d)")
-"""Of a number such as 2.1+5, which has no letter before it."""
+"""Exponent of a number such as 2.1+5, which has no letter before it."""
 
 Cards = dict[str, list[list[str]]]
 

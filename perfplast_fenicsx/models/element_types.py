@@ -8,7 +8,7 @@ Faces = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True)
 class Shape:
-    """What is alike for all elements of a shape; numbers count from 0.
+    """Data that all elements of a shape share; numbers count from 0.
 
     Attributes:
         dim: 3 for solids, 2 for what is flat, 1 for lines.

@@ -1,4 +1,4 @@
-"""What a model of another program says, as far as a case can say it, and what it says besides."""
+"""A model of another program, as far as a case can express it, with remarks on the rest."""
 
 from dataclasses import dataclass, field
 

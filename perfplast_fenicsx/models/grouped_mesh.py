@@ -11,7 +11,7 @@ from perfplast_fenicsx.models.foreign_model import ForeignMaterial
 
 @dataclass
 class GroupedMesh:
-    """What a reader of such a file finds; :func:`grouped_model.model_of` makes a model of it.
+    """The content of a file with groups; :func:`grouped_model.model_of` makes a model of it.
 
     Attributes:
         points: Shape (n, 3).
@@ -39,6 +39,6 @@ class GroupedMesh:
         return sum(len(block.nodes) for block in self.blocks)
 
     def dimensions(self) -> Longs:
-        """Of each element, shape (count,)."""
+        """Return the dimension of each element, shape (count,)."""
         dims = [np.full(len(block.nodes), block.kind.shape.dim) for block in self.blocks]
         return np.concatenate([np.zeros(0, dtype=np.int64), *dims])

@@ -32,7 +32,7 @@ SCOPES = ("PART", "END PART", "ASSEMBLY", "END ASSEMBLY", "INSTANCE", "END INSTA
 
 @dataclass
 class Part:
-    """What is numbered together: a part, or a whole file without parts.
+    """Nodes and elements with common numbers: a part, or a whole file without parts.
 
     Attributes:
         nodes: Numbers, shape (n,), and places, shape (n, 3), of each ``*NODE`` block.

@@ -68,7 +68,7 @@ def table_of(keyword: Keyword) -> Floats:
 
 
 def names_of(keyword: Keyword) -> list[str]:
-    """What of the data is a name."""
+    """Return the names in the data."""
     return [cell for row in keyword.rows() for cell in row if cell and not _is_whole(cell)]
 
 

@@ -79,7 +79,7 @@ class OnSurfaces:
         self._remarks: list[str] = []
 
     def made(self, surfaces: list[Keyword], on: list[Keyword], frictions: dict[str, float]) -> Made:
-        """What is said.
+        """Return the supports, loads and joints on surfaces.
 
         Args:
             surfaces: ``*SURFACE`` keywords.

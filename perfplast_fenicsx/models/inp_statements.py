@@ -1,4 +1,4 @@
-"""What an ``.inp`` file says beside its mesh: materials, sections, and what stands on surfaces."""
+"""Statements of an ``.inp`` file beside its mesh: materials, sections, and keywords on surfaces."""
 
 from collections import Counter
 from dataclasses import replace
@@ -61,7 +61,7 @@ class Statements:
         return self._noted + told
 
     def chosen(self) -> list[Keyword]:
-        """What stands on surfaces, in the model and up to the first step with loads."""
+        """Return the keywords on surfaces, in the model and up to the first step with loads."""
         loaded = [step for step, keyword in self._on_surfaces if keyword.name in LOADS]
         last = min(loaded, default=self._steps)
         return [keyword for step, keyword in self._on_surfaces if step <= last]

@@ -88,7 +88,7 @@ class UsedSurfaces:
         return self.use(name.upper(), facets)
 
     def area(self, name: str) -> float:
-        """Of a surface that is used."""
+        """Return the area of a surface that is used."""
         return float(self._find.areas(self._named.facets(name)).sum())
 
     def divided(self, taken: Sequence[str]) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:

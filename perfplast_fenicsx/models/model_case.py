@@ -78,7 +78,7 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str
 
 
 def survey_of(model: ForeignModel) -> Survey:
-    """What there is, as of a geometry."""
+    """Return the survey of the model, as of a geometry."""
     dim, points = model.dim, model.points
     volumes = _volumes(points, model.cells, dim)
     bodies = []
@@ -119,7 +119,7 @@ def survey_of(model: ForeignModel) -> Survey:
 def skin_of_model(
     model: ForeignModel, survey: Survey, outer: Longs, body: Longs, face: Longs
 ) -> dict:
-    """What a picture shows: the outer triangles and the places of named surfaces.
+    """Return the content of a picture: outer triangles and the places of named surfaces.
 
     Args:
         model: The model.

@@ -24,7 +24,7 @@ class NamedSurfaces:
         self._members[name] = np.union1d(before, facets)
 
     def names(self) -> list[str]:
-        """Of the surfaces, as they were added."""
+        """Return the names of the surfaces, in the order of their definition."""
         return list(self._members)
 
     def remove(self, name: str) -> None:

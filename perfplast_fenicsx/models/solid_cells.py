@@ -106,7 +106,7 @@ def _oriented(points: Floats, cells: Longs, dim: int) -> Longs:
 def _told(
     points: Floats, solids: Sequence[Block], left_out: Mapping[str, int], count: int
 ) -> list[str]:
-    """What became of elements."""
+    """Return remarks on elements that are left out, divided or bent."""
     remarks = [
         f"{number} lines of elements of type {name}, which the program does not know, are left out"
         for name, number in left_out.items()

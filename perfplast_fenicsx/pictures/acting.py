@@ -13,7 +13,7 @@ from perfplast_fenicsx.problem.judged.report import LevelReport
 
 @dataclass(frozen=True)
 class Acting:
-    """What multiplies loads and moves.
+    """Factors of loads and motions.
 
     Attributes:
         zeta: Load factor.
@@ -39,7 +39,7 @@ class Acting:
 
 
 def acting(reports: Sequence[LevelReport | None]) -> list[Acting]:
-    """Of levels, and of the unloaded bodies for None."""
+    """Return the factors of levels, and of the unloaded bodies for None."""
     names = next((report.factors for report in reports if report), {})
     at_rest = Acting(factors=dict.fromkeys(names, 0.0))
     return [Acting(report.zeta, report.factors) if report else at_rest for report in reports]

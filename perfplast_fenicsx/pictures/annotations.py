@@ -1,4 +1,4 @@
-"""What a picture shows around the bodies: arrows of the loads, rigid obstacles, and from where."""
+"""Annotations of a picture: arrows of the loads, rigid obstacles, and the directions of view."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -65,9 +65,12 @@ def load_arrows(
 
 
 def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
-    """Of a load at the middles of facets, shape (num_facets, 3); zero where it does not act.
+    """Return a load's directions at the middles of facets; zero where it does not act.
 
-    So it is of a load of one's own that is given by one number, whose direction nobody knows.
+    Shape (num_facets, 3). It is zero for a load of one's own that is given by one number, because
+    its direction is not known.
+
+
     """
     middles = surface.points[surface.facets[chosen]].mean(axis=1)
     normals = surface.normals[chosen]

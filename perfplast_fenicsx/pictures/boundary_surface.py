@@ -59,7 +59,7 @@ class Surface:
 
     @property
     def areas(self) -> Floats:
-        """Of the triangles."""
+        """Return the areas of the triangles."""
         return np.asarray(np.linalg.norm(_normals(self.points, self.triangles), axis=1))
 
     @property

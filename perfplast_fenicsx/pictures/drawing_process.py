@@ -165,7 +165,7 @@ def _run(
 
 
 def _cause(status: int, complaints: IO[str], waited: float | None, screen: bool) -> str:
-    """What was wrong, by the last words of the program."""
+    """Return the cause of a failure, from the last words of the program."""
     complaints.seek(0)
     last = (complaints.read().strip().splitlines() or [f"exit status {status}"])[-1]
     if status == REFUSED:

@@ -1,4 +1,4 @@
-"""What the panels of a picture of fields show, and the words and colour bars around them."""
+"""Panels of a picture of fields, with the words and colour bars around them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -92,7 +92,7 @@ def panels(
 
 
 def _friction(frames: Sequence[Surface], units: Units) -> list[Panel]:
-    """What slips, and against which stress."""
+    """Return panels of the slip and of the friction stress."""
     slip, stress = (
         np.linalg.norm([a.at_points[name] for a in frames], axis=2)
         for name in ("slip", "friction_stress")

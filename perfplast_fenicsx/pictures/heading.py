@@ -10,7 +10,7 @@ MISSING = "?"
 
 
 def heading(title: str) -> str:
-    """What stands over a picture.
+    """Return the heading of a picture.
 
     Args:
         title: Of the case, whatever it consists of.
@@ -34,7 +34,7 @@ def in_legend(words: str) -> str:
 
 
 def remark_on(title: str) -> str | None:
-    """What is to be said where a heading is not what the title is; None where it is."""
+    """Return a remark if the heading differs from the title; else None."""
     if heading(title) == " ".join(title.split()):
         return None
     if heading(title) == _short(title):

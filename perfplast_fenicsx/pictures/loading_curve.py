@@ -23,7 +23,7 @@ LINE, ELASTIC, LIMIT = "#3b6ea5", "#707070", "#d62020"
 
 
 class Bounds(Protocol):
-    """What is drawn of a limit load (:class:`limit_load.LimitLoad`)."""
+    """A limit load as a curve shows it (:class:`limit_load.LimitLoad`)."""
 
     @property
     def lower(self) -> float:

@@ -23,7 +23,7 @@ from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.views import BACK, FRONT, LEFT, PLANE, RIGHT, View, draw_axes
 
 PIXELS, DPI = (1000, 800), 100
-"""Of each view."""
+"""Size of each view."""
 
 Arrays = dict[str, npt.NDArray[np.generic]]
 
@@ -158,7 +158,7 @@ def _faces_at_pixels(skin: Arrays, view: View) -> Longs:
 
 
 class _Camera:
-    """What is in the middle of a view, to the right and upwards, and how large a pixel is."""
+    """The middle of a view, its directions, and the size of a pixel."""
 
     def __init__(self, points: Floats, view: View) -> None:
         seen = points @ view.frame.T

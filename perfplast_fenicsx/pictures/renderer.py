@@ -255,7 +255,7 @@ def _axis(skin: Surface) -> pv.PolyData:
 
 
 def _mesh(points: Floats, cells: Longs) -> pv.PolyData:
-    """Of triangles or lines."""
+    """Return a mesh of triangles or lines."""
     size = cells.shape[1]
     numbers = np.column_stack([np.full(len(cells), size), cells]).ravel()
     return pv.PolyData(points, faces=numbers) if size == 3 else pv.PolyData(points, lines=numbers)

@@ -118,7 +118,7 @@ class ResultReader:
 
     @property
     def scene(self) -> Scene:
-        """What is drawn around the bodies."""
+        """Return the data for what is drawn around the bodies."""
         return self.named.scene
 
     @cached_property

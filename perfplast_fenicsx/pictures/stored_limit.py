@@ -11,7 +11,7 @@ FAR = 30.0
 
 @dataclass(frozen=True)
 class StoredLimit:
-    """What is known of the limit load (:class:`limit_load.LimitLoad`).
+    """A limit load of a result folder (:class:`limit_load.LimitLoad`).
 
     Attributes:
         lower: The static side of that of the mesh, no bound of the body; −∞ where none is known.
@@ -38,7 +38,7 @@ class StoredLimit:
 
 
 def stored_limit(table: Mapping[str, Any]) -> StoredLimit:
-    """What ``summary.json`` says under ``limit``.
+    """Return the limit load of ``limit`` in ``summary.json``.
 
     Raises:
         KeyError: If a key is missing.

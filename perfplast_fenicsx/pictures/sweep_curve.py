@@ -1,4 +1,4 @@
-"""What a sweep has found, over the first of the values that are varied. Single-process."""
+"""The results of a sweep over the first of the varied values. Single-process."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

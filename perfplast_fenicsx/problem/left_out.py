@@ -9,7 +9,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def left_out(problem: Problem) -> list[str]:
-    """What there is to say of them, a sentence each. Collective.
+    """Return a sentence on each obstacle or friction that acts only in part. Collective.
 
     Of an obstacle these are the nodes that supports leave free along its normal and that host no
     row, since they follow a tie or a rigid surface. Friction is missing where faces meet at an

@@ -184,7 +184,7 @@ class Problem:
 
     @property
     def kinematics(self) -> Kinematics:
-        """What the coordinates of the mesh mean."""
+        """The meaning of the coordinates of the mesh."""
         return self.tagged_mesh.kinematics
 
     @property
@@ -291,7 +291,7 @@ class Problem:
         return basis
 
     def _motion(self, displacement: Floats) -> GivenMotion:
-        """What moves. Collective."""
+        """Return the motions of supports, obstacles and overlaps. Collective."""
         V, (contacts, obstacles) = self.V, (self.given.contacts, self.given.obstacles)
         motion = given_motion(V, displacement, self.constraints, self.sliding, self.friction)
         self.interferes: bool = self.comm.allreduce(bool((motion.gap[0] < 0).any()), MPI.LOR)

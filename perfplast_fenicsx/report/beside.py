@@ -21,7 +21,7 @@ from perfplast_fenicsx.report.verdict import verdict_on
 from perfplast_fenicsx.rounding import ROUNDING
 
 LETTERS = ("A", "B")
-"""What a page of two runs calls them."""
+"""Names of the two runs on a page."""
 
 
 PICTURES = {
@@ -32,7 +32,7 @@ PICTURES = {
     "envelope.png": "Pairs of loads",
     "shakedown.png": "Shakedown",
 }
-"""Of a result folder, with what they show."""
+"""Pictures of a result folder, with their captions."""
 
 WIDE = ("fields.png", "mechanism.png")
 """Pictures that stand one above the other, as they have several parts side by side."""
@@ -93,7 +93,7 @@ def beside(readers: Sequence[ResultReader]) -> str:
 
 
 def apart(readers: Sequence[ResultReader]) -> list[str]:
-    """What of two runs cannot be compared, or only with care, in sentences."""
+    """Return sentences on what cannot be compared in two runs, or only with care."""
     a, b = (reader.summary for reader in readers)
     told = []
     if _units(readers[0]) != _units(readers[1]):

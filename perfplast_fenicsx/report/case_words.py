@@ -99,7 +99,7 @@ class CaseWords:
         return rows
 
     def loads(self) -> list[Row]:
-        """What acts where."""
+        """Return a row for each load: where and how it acts."""
         rows = []
         for load in self._given.get("loads", []):
             how = self._full if load["constant"] else self._times
@@ -116,7 +116,7 @@ class CaseWords:
         return rows
 
     def meaning(self, driven: bool, several: bool = False) -> str:
-        """What ζ multiplies, in a sentence; empty where nothing grows with it.
+        """Return a sentence on what ζ multiplies; empty if nothing grows with it.
 
         Args:
             driven: Whether it moves supports, obstacles or overlaps, and no load does work.
@@ -138,7 +138,7 @@ class CaseWords:
         return f"{one} is {', '.join(live[:most_named])}{more}."
 
     def contacts(self) -> list[Row]:
-        """What touches what, and is tied to what."""
+        """Return a row for each pair of surfaces in contact or tied."""
         rows = []
         for contact in self._given.get("contacts", []):
             gap = contact["gap"]

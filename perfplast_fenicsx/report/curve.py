@@ -14,12 +14,12 @@ BOTTOM, EDGE = 46, 14
 COLOURS = ("#1f5a99", "#a34700", "#1b6e3c", "#7a3b8f", "#5b5b00", "#9c1c3a")
 MARKS = ("circle", "square", "diamond")
 DASHES = ("", "8 4", "2 3")
-"""Of curves: three with each, so that none differ by their colour alone."""
+"""Dashes of curves: three curves with each, so that none differ only by their colour."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """What is drawn on; its lengths are pixels where it has room.
+    """The size of a drawing; lengths are pixels at full width.
 
     Attributes:
         name: Class of the drawing, by which the page chooses.
@@ -51,7 +51,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Curve:
-    """What is drawn.
+    """Curves with their axes and bounds.
 
     Attributes:
         x_label: Of the axis.

@@ -1,4 +1,4 @@
-"""What fields of results are called on the page, and their units."""
+"""Names of the fields of results on the page, and their units."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class FieldWords:
 
 
 def words_of(name: str, units: Mapping[str, str]) -> FieldWords:
-    """What a field is called; one that is not known by its own name.
+    """Return the name of a field; an unknown field keeps its own name.
 
     Args:
         name: In the result files.

@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 STEPS = 65535
-"""Of quantised numbers, between the smallest and the largest."""
+"""Steps of quantised numbers, between the smallest and the largest."""
 
 Packed = dict[str, Any]
-"""What the page's ``decode.js`` reads: ``type``, ``data``, and of quantised numbers ``low`` and
-``step``: a value is low + step × the number on file."""
+"""A packed array for the page's ``decode.js``: ``type``, ``data``, and for quantised numbers
+``low`` and ``step``. A value is low + step × the number on file."""
 
 
 def pack_integers(values: npt.NDArray[np.integer[Any]]) -> Packed:

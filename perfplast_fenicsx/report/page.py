@@ -198,7 +198,7 @@ def _combinations(reader: ResultReader) -> str:
 
 
 def _warnings(summary: Summary) -> str:
-    """What the program has warned of, and said of the problem."""
+    """Return the section of the program's warnings and remarks."""
     told = [*summary.warnings, *summary.remarks]
     items = "".join(f"<li>{escape(text[:1].upper() + text[1:])}</li>" for text in told)
     return _section("warnings", "What to know of this run", f"<ul>{items}</ul>" if items else "")

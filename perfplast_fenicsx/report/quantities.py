@@ -102,4 +102,4 @@ QUANTITIES = (
     Quantity("wall time (s)", lambda a: a.summary.timings.get("total"), "{:.1f}".format),
     Quantity("memory of all processes (MiB)", lambda a: a.summary.peak_memory_mb, "{:.0f}".format),
 )
-"""What is compared."""
+"""The quantities that are compared."""

@@ -100,7 +100,7 @@ def rows_of(data: Any, rows: Longs) -> npt.NDArray[Any]:
 
 
 def as_number(name: str, values: Floats) -> Floats:
-    """What is shown of a field.
+    """Return the numbers that are shown of a field.
 
     Args:
         name: Of the field.

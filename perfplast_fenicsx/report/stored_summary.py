@@ -1,6 +1,6 @@
-"""What the page needs of ``summary.json``, looked at before a page is made of it.
+"""The part of ``summary.json`` that the page needs, checked before a page is made of it.
 
-So a fault behind this is one of the program, and not of a file.
+After these checks a fault is one of the program, and not of a file.
 """
 
 from collections.abc import Iterator
@@ -231,7 +231,7 @@ class _Summary(TypedDict):
 
 
 def _missing(summary: _Summary) -> Iterator[str]:
-    """What is needed where something else is."""
+    """Return the missing data that other data require."""
     if 0 < len(summary["case"]) < len(_Case.__annotations__):
         yield "file, or text, of the case"
     for material in summary["given"].get("materials", {}).values():

@@ -17,12 +17,12 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 Mark = Literal["proven", "one-sided", "found", "open"]
 
 FINER = "A finer mesh may give another load, mostly a lower one."
-"""What is said where nothing is proven of the bodies."""
+"""The sentence for results without a proof for the bodies."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a run has shown.
+    """The outcome of a run.
 
     Attributes:
         mark: "proven" of the bodies, "one-sided" if one bound of them is, "found" on this mesh, or
@@ -259,7 +259,7 @@ def _of_levels(reader: ResultReader) -> Verdict:
 
 
 def _so_far(last: LevelReport, driven: bool) -> str:
-    """What the last solved level shows."""
+    """Return a sentence on the last solved level."""
     if driven or last.stage:
         return f"All is solved up to ζ = {last.zeta:.6g}"
     return f"The bodies carry ζ = {last.zeta:.6g} on this mesh"

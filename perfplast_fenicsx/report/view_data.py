@@ -1,4 +1,4 @@
-"""What the page's view of the bodies is drawn from: mesh, levels, mechanism, all packed.
+"""Data of the page's view of the bodies: mesh, levels, mechanism, all packed.
 
 A page is to stay small enough to be mailed, so that of a large run not every level is in it.
 """
@@ -28,7 +28,7 @@ ARBITRARY = (
     "Stress and contact pressure are those of one state of equilibrium at the limit load. Where"
     " nothing flows, as in bolts that no load reaches, others are possible."
 )
-"""What is said where they are not those of a level."""
+"""The sentence for fields at the limit load, which are not those of a level."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What the view shows around the bodies: arrows of loads, and ticks along what supports hold."""
+"""Marks around the bodies in the view: arrows of loads, and ticks along supports."""
 
 from typing import Any
 

@@ -14,7 +14,8 @@ Strains = Floats
 
 
 Weights = tuple[Floats, Floats]
-"""Of the spherical and the deviatoric part of the strains, at each point owned by this rank."""
+"""Weights of the spherical and the deviatoric part of the strains, at each point owned by this
+rank."""
 
 
 def elastic_weights(problem: Problem) -> Weights:

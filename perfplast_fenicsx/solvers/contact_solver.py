@@ -1,4 +1,4 @@
-"""What solves the contact quadratic program of a Newton step: SNES-VI, or Total FETI."""
+"""The solver of the contact quadratic program of a Newton step: SNES-VI, or Total FETI."""
 
 from typing import Any, Protocol
 

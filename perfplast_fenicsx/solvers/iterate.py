@@ -279,7 +279,7 @@ class Iterate:
         return abs(change) * loads.live.norm() / forces if forces > 0 else 0.0
 
     def first_work(self, zeta: float) -> float:
-        """What later works are compared with, behind the first step. Collective.
+        """Return the reference of later works, after the first step. Collective.
 
         L₀(u) + ζL₁(u), which may vanish, or |Ψ| + ½‖σ‖², which does not.
         """

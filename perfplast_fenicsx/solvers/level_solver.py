@@ -37,7 +37,7 @@ MOST_DOUBTS = 60
 
 
 class Stepper(Protocol):
-    """What the loop asks of an algorithm.
+    """The interface of an algorithm for the loop.
 
     Attributes:
         iterate: u, which steps advance.

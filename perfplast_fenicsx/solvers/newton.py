@@ -133,5 +133,5 @@ def newton_direction(
 
 
 def criterion_met(options: NewtonOptions) -> str:
-    """What is said of a level that has met its stopping criterion."""
+    """Return the message of a level that has met its stopping criterion."""
     return f"{options.stopping} criterion met"

@@ -12,7 +12,7 @@ Monitor = Callable[[Iteration], None]
 
 
 CONTACT_SOLVERS = ("snes-vi", "tfeti")
-"""What solves the contact quadratic program of a step."""
+"""Solvers of the contact quadratic program of a step."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class NewtonOptions:
 
     @property
     def subdivision(self) -> Subdivision | None:
-        """Of Total FETI; None where it is not used."""
+        """Subdivision of Total FETI; None for other solvers."""
         return Subdivision(self.subdomains) if self.contact_solver == "tfeti" else None
 
 

@@ -22,7 +22,7 @@ from perfplast_fenicsx.solvers.verdicts import CREDIBLE, SLIDES, not_credible, s
 
 @dataclass(frozen=True)
 class Step:
-    """What one step of an algorithm has done.
+    """The result of one step of an algorithm.
 
     Attributes:
         zeta: Load factor behind it.

@@ -1,4 +1,4 @@
-"""What a checkpoint says besides its fields, and which checkpoints a folder has.
+"""The header of a checkpoint, and the checkpoints of a folder.
 
 A checkpoint is of one case and one mesh, whose hashes are in it. Its header has a hash of its own,
 so that a damaged one is known as such.
@@ -30,7 +30,7 @@ SCHEMA = 2
 
 @dataclass(frozen=True)
 class Header:
-    """What a checkpoint says besides its fields; its attributes are the keys of its JSON.
+    """The data of a checkpoint besides its fields; its attributes are the keys of its JSON.
 
     Attributes:
         schema: :data:`SCHEMA`.

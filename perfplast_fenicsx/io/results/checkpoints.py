@@ -53,14 +53,14 @@ HISTORY = "history"
 """Group of the internal variables, arrays of numbers at the points of each cell."""
 
 BEFORE_LAST = "_before"
-"""What the names of arrays and groups of the level before the last end with."""
+"""Suffix of the names of arrays and groups of the level before the last."""
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Saved:
-    """What a checkpoint holds.
+    """The content of a checkpoint.
 
     Attributes:
         reports: Of the levels so far.

@@ -71,7 +71,7 @@ def as_cells(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]:
 
 
 def _row(name: str, limit: Mapping[str, Any] | None) -> dict[str, Any]:
-    """What is known of a combination: strict bounds of the bodies, and the estimate."""
+    """Return the row of a combination: strict bounds of the bodies, and the estimate."""
     known = limit or {}
     body, design = known.get("body") or {}, known.get("design") or {}
     low, high = design.get("lower"), design.get("upper")
@@ -87,7 +87,7 @@ def _row(name: str, limit: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _worst(row: Mapping[str, Any]) -> float:
-    """What rows are sorted by: the smallest load that is known of, nothing known first."""
+    """Return the sort key of rows: the smallest known load, unknown loads first."""
     known = [row[key] for key in ("lower", "estimate", "upper") if row[key] is not None]
     return min(known, default=float("-inf"))
 

@@ -48,7 +48,7 @@ def _goes_on(new: object, old: object) -> bool:
 
 
 def _changed(key: str, new: object, old: object) -> str:
-    """What was changed; of lists the first entry that was."""
+    """Return a text on the changed value; of lists the first changed entry."""
     if not (isinstance(new, list) and isinstance(old, list)):
         return f"{key} = {shown(new)}, but was {shown(old)}"
     pairs = enumerate(zip_longest(new, old, fillvalue=NOTHING), start=1)

@@ -1,4 +1,4 @@
-"""What was given, as ``summary.json`` has it: materials, supports, loads, contacts and the rest."""
+"""The input as ``summary.json`` has it: materials, supports, loads, contacts and the rest."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -17,11 +17,11 @@ KINDS: tuple[Mapping[str, type[Any]], ...] = (
     OBSTACLES,
     {"temperature": Temperature, "initial_stress": InitialStress, "bolt": Bolt},
 )
-"""What may be of several kinds, by how case files call them."""
+"""Objects of several kinds, by their names in case files."""
 
 
 def given_table(given: Given) -> dict[str, Any]:
-    """What was given, in words and numbers that JSON has.
+    """Return the input in words and numbers that JSON has.
 
     Returns:
         The fields of :class:`given.Given` by name. A dataclass is a table of its fields, and its

@@ -45,7 +45,7 @@ class Block:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the whole array."""
+        """Return the shape of the whole array."""
         return (self.total, *self.values.shape[1:])
 
 

@@ -1,4 +1,4 @@
-"""What bounds the stress of each body, as a proof file has it."""
+"""The cones that bound the stress of each body, as a proof file has them."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -49,7 +49,7 @@ def cones_on_file(problem: Problem, of_cells: Ordering) -> dict[str, Block]:
 def table_of(
     problem: Problem, rows: Sequence, shape: tuple[int, ...], kind: npt.DTypeLike
 ) -> Block:
-    """What every rank knows, as an array that rank 0 has.
+    """Return rows that every rank knows as an array on rank 0.
 
     Args:
         problem: Whose ranks these are.

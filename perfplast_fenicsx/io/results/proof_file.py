@@ -105,7 +105,7 @@ LowerProof = StressProof | ForceProof
 
 
 def proofs(low: BodyBounds, high: BodyBounds) -> tuple[LowerProof | None, VelocityProof | None]:
-    """What proves a lower and an upper bound; None of one that is not strict, or has no proof.
+    """Return the proofs of a lower and an upper bound; None if it is not strict or has no proof.
 
     Args:
         low: What was found on the mesh of the lower bound.

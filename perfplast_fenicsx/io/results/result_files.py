@@ -9,23 +9,23 @@ NEWEST, BEFORE = "checkpoint.h5", "checkpoint_before.h5"
 
 SERIES, FIELDS, MECHANISM = "fields.vtkhdf.series", "fields", "mechanism.vtkhdf"
 POINT_SERIES, MECHANISM_POINTS = "points.vtkhdf.series", "mechanism_points.vtkhdf"
-"""Of fields at the points of the quadrature."""
+"""Series of fields at the points of the quadrature."""
 
 EXPORTED = "export"
 """The folder with what other programs read."""
 
 PROOF, LEAST = "bounds.h5", "least.h5"
-"""What proves bounds of the limit load, and of that of the growing loads turned round."""
+"""Proof files of the bounds of the limit load, and of that of the reversed loads."""
 
 DIRECTIONS = "direction"
-"""What the names of the proof files of an envelope begin with, before the angles (degrees)."""
+"""Prefix of the proof files of an envelope, before the angles (degrees)."""
 
 KNOWN = "directions.json"
-"""What the directions of an envelope have proven, for a run that goes on."""
+"""File of the proven directions of an envelope, for a run that continues."""
 
 STANDS, FALLS = "stands.h5", "falls.h5"
-"""What proves a factor of safety: a stress with the strengths of the lower one, a velocity with
-those of the upper."""
+"""Proof files of a factor of safety: a stress with the strengths of the lower bound, and a velocity
+with those of the upper bound."""
 MESH = f"{FIELDS}/mesh.vtkhdf"
 
 BESIDE = ("mesh.vtkhdf", MESH)
@@ -39,7 +39,7 @@ POINT_DATA, CELL_DATA, FIELD_DATA = f"{GRID}/PointData", f"{GRID}/CellData", f"{
 POINTS, CONNECTIVITY, OFFSETS = f"{GRID}/Points", f"{GRID}/Connectivity", f"{GRID}/Offsets"
 TYPES, BODY = f"{GRID}/Types", f"{CELL_DATA}/body"
 SURFACES, SURFACE_TAGS = "perfplast/surfaces/facets", "perfplast/surfaces/tags"
-"""Of the facets with a name: the points at their vertices, and their tags."""
+"""Datasets of the facets with a name: the points at their vertices, and their tags."""
 
 
 def level_file(number: int) -> str:
@@ -53,4 +53,4 @@ def point_file(number: int) -> str:
 
 
 NAMED = ("factor", "work", "driving_force", "bolt")
-"""Of stages and bolts: each has a column of ``path.csv`` for each name."""
+"""Columns of ``path.csv`` with one column for each name, of stages and bolts."""

@@ -54,7 +54,7 @@ RESULT_FILES = (
     "report.html",
     *(NEWEST, BEFORE, *EARLIER),
 )
-"""What a run looks for before it writes, and removes when it is told to."""
+"""Files that a run looks for before it writes, and removes with ``--force``."""
 
 
 STEP_KEYS = (
@@ -244,7 +244,7 @@ class Results:
         self.summary.steps.append({key: table[key] for key in STEP_KEYS})
 
     def _path(self) -> bytes:
-        """What ``path.csv`` says."""
+        """Return the content of ``path.csv``."""
         axes = self.summary.model["axes"]
         rows = [_row(step, report, axes) for step, report in enumerate(self.reports, start=1)]
         if not rows and self.summary.limit is not None:

@@ -1,4 +1,4 @@
-"""What a run leaves behind for whoever looks at it: the scene, its levels, its limit load."""
+"""Write the results of a run: the scene, its levels, its limit load."""
 
 import math
 from collections.abc import Sequence
@@ -307,7 +307,7 @@ def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
 
 
 def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
-    """What ``summary.json`` says of the body: bounds that hold for it, and no others."""
+    """Return the table of the body in ``summary.json``: only bounds that hold for it."""
     lower, upper = body.limits
     standing = None
     if body.question is Question.STANDS:

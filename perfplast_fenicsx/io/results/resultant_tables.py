@@ -30,7 +30,7 @@ class ResultantTables:
         self._scale = units.moment_scale(whole)
 
     def loads(self, problem: Problem) -> list[dict[str, Any]]:
-        """Of each load at ζ = 1. Collective."""
+        """Return a table for each load at ζ = 1. Collective."""
         found, rounding = load_resultants(problem), self._rounding(problem)
         return [
             asdict(load) | {"moment": self._told(load.moment, rounding * _largest([load.force]))}
@@ -40,7 +40,7 @@ class ResultantTables:
     def at_limit(
         self, problem: Problem, limit: LimitLoad, body: BodyBounds | None
     ) -> dict[str, Any] | None:
-        """Of loads and supports, as :func:`limit_forces.limit_forces` finds them. Collective."""
+        """Return the table of loads and supports at the limit. Collective."""
         found = limit_forces(problem, limit, body)
         if found is None:
             return None

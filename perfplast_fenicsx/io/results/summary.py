@@ -8,7 +8,7 @@ from typing import Any
 
 @dataclass
 class Summary:
-    """What ``summary.json`` says; its fields are the keys.
+    """The content of ``summary.json``; its fields are the keys.
 
     Attributes:
         prescribed: What each level prescribes, "zeta" or "alpha"; the other one is found.

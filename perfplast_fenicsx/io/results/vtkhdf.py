@@ -50,7 +50,7 @@ LINKED = (
     *(f"{GRID}/{name}" for name in COUNTS),
     *(POINTS, CONNECTIVITY, OFFSETS, TYPES, BODY, BODY_TAGS, BODY_NAMES),
 )
-"""What files of fields have from the mesh."""
+"""Datasets that files of fields link from the mesh."""
 
 
 class FieldWriter:

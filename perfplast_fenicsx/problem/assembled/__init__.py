@@ -1,1 +1,1 @@
-"""What is assembled of what is said."""
+"""Assembled objects of a problem."""

@@ -79,7 +79,7 @@ class _Resultant:
         self._slope = fem.form(pressed * one * other * ds)
 
     def area(self) -> float:
-        """Of the surface. Collective."""
+        """Return the area of the surface. Collective."""
         return self._total(self._area)
 
     def of(self, a: Floats) -> tuple[Floats, Floats]:

@@ -1,4 +1,4 @@
-"""What moves by a given way: u_D of supports, obstacles, overlaps, and what they do to contact.
+"""Given motions: u_D of supports, obstacles and overlaps, and their effect on contact.
 
 All is linear in the load factor ζ, which multiplies all that is not constant.
 """

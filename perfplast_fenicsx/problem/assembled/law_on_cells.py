@@ -191,7 +191,7 @@ def integrate(laws: Iterable[LawOnCells], density: OfLaw) -> ufl.Form:
 
 
 class LawExpression:
-    """What each law says at the points of its cells; compiled once."""
+    """A value of each law at the points of its cells; compiled once."""
 
     def __init__(self, laws: Sequence[LawOnCells], space: fem.FunctionSpace, value: OfLaw) -> None:
         """Compile. Collective.

@@ -81,7 +81,7 @@ def _edges(count: int) -> list[tuple[int, int]]:
 
 
 def _middles(corners: Floats) -> Floats:
-    """Of the edges."""
+    """Return the midpoints of the edges."""
     edges = _edges(corners.shape[1])
     return np.stack([corners[:, edge].mean(axis=1) for edge in edges], axis=1)
 

@@ -204,7 +204,7 @@ def rigid_rows(
 
 
 def _rows(V: fem.FunctionSpace, leaders: Leaders, nodes: Ints, number: int) -> Constraints:
-    """Of each node its components that follow, in the frame for leaders. Collective."""
+    """Return rows for each node's components that follow, in the leaders' frame. Collective."""
     gdim = V.mesh.geometry.dim
     numbers = V.dofmap.index_map.local_to_global(nodes)
     which = np.full(len(nodes), -1)
@@ -239,7 +239,7 @@ def _rows_of_slide(
     free: Sequence[int],
     number: int,
 ) -> Constraints:
-    """Of each node its components that are free: they follow those of one leader. Collective."""
+    """Return rows for each node's free components, which follow one leader. Collective."""
     gdim, leader = V.mesh.geometry.dim, leaders.number[0]
     numbers = V.dofmap.index_map.local_to_global(nodes)
     others = np.flatnonzero(numbers != leader)

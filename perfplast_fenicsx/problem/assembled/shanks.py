@@ -69,7 +69,7 @@ class Shanks:
 
     @property
     def preloads(self) -> Floats:
-        """Of each bolt (force), shape (num_bolts,)."""
+        """Return the preload of each bolt (force), shape (num_bolts,)."""
         return np.array([bolt.preload for bolt in self.bolts])
 
     @property
@@ -86,15 +86,17 @@ class Shanks:
         return total
 
     def stiffness(self) -> Floats:
-        """Of each shank between ends that are held (force/length), shape (num_bolts,). Collective.
+        """Return the stiffness of each shank between held ends (force/length), shape (num_bolts,).
 
-        An elastic one; what it clamps makes it softer.
+        Collective. It is that of an elastic shank; what it clamps makes it softer.
+
+
         """
         found = [self._held(unit) for unit in self._units]
         return np.array(found)
 
     def forces(self, stress: fem.Function) -> Callable[[], dict[str, float]]:
-        """What tells the force of each by the name of its bolt; tension is positive.
+        """Return a function that computes the force of each bolt by its name; tension is positive.
 
         Args:
             stress: Function of S, whose values may change.
@@ -108,7 +110,7 @@ class Shanks:
         }
 
     def in_words(self) -> list[str]:
-        """What is to be said of them before anything is solved, if there are any."""
+        """Return sentences on the bolts before anything is solved; empty without bolts."""
         if not self.bolts:
             return []
         told = ", ".join(f"'{bolt.called}' to {bolt.preload:.6g}" for bolt in self.bolts)

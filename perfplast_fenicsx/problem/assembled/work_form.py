@@ -37,7 +37,7 @@ def work_form(tagged_mesh: TaggedMesh, loads: Sequence[SpreadLoad], v: ufl.Argum
 
 
 def _value(tagged_mesh: TaggedMesh, load: SpreadLoad) -> Expr:
-    """What a load is given by in UFL, a scalar or a vector of a number or formula a direction."""
+    """Return the value of a load in UFL, a scalar or a vector with an entry for each direction."""
     mesh = tagged_mesh.mesh
     in_volume, scalar = load.in_volume, load.scalar
     entities = tagged_mesh.cells(load.on) if in_volume else tagged_mesh.facets(load.on)
@@ -88,6 +88,6 @@ def _field(
 
 
 def _kind(load: SpreadLoad) -> str:
-    """What messages call a load."""
+    """Return the name of a load for messages."""
     kind = kind_of(load).replace("_", " ")
     return f"{kind} '{load.name}'" if load.name else kind

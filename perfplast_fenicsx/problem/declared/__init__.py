@@ -1,1 +1,1 @@
-"""What is said of a problem: loads, supports, stages. No DOLFINx."""
+"""Declarations of a problem: loads, supports, stages. No DOLFINx."""

@@ -1,4 +1,4 @@
-"""What is said of a bolt that is tightened before any load acts."""
+"""A bolt that is tightened before any load acts."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What a problem declares, whatever its mesh."""
+"""The declaration of a problem, independent of its mesh."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

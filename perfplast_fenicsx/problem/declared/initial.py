@@ -1,4 +1,4 @@
-"""What is said of strain without stress: temperatures, stress that is there at first, bolts."""
+"""Strain without stress: temperatures, initial stress, bolts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

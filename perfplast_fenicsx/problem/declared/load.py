@@ -1,4 +1,4 @@
-"""What each load says of itself, whatever its kind."""
+"""The interface of all loads."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -13,7 +13,7 @@ Quantities = Mapping[str, str]
 
 
 class Load:
-    """What each load says.
+    """A load.
 
     Attributes:
         words: What reports call it.

@@ -225,7 +225,7 @@ class Bearing(Load):
 
 @dataclass(frozen=True)
 class CosinePressure(SpreadLoad):
-    """What a :class:`Bearing` is on a mesh: the pressure p = max(0, −a·n).
+    """A :class:`Bearing` on a mesh: the pressure p = max(0, −a·n).
 
     Args:
         on: Physical surface.
@@ -256,7 +256,7 @@ BOUNDED = (
     " pores that are linear in each cell, and forces per volume that are numbers; give one of"
     " these, or seek the limit load of the mesh alone (control = 'work', until = 'limit')."
 )
-"""What a refusal says of the loads that strict bounds know."""
+"""The refusal of loads that strict bounds do not accept."""
 
 LOADS: dict[str, type[Any]] = {
     "traction": Traction,

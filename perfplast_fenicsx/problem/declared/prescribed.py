@@ -1,11 +1,11 @@
-"""What a level prescribes: the load factor ζ or the work of the loads α."""
+"""The quantity that a level prescribes: the load factor ζ or the work of the loads α."""
 
 from enum import Enum
 from typing import Protocol
 
 
 class Loaded(Protocol):
-    """What has a load factor and a work: a state, the report of a level, an iteration."""
+    """Anything with a load factor and a work: a state, the report of a level, an iteration."""
 
     @property
     def zeta(self) -> float:
@@ -19,7 +19,7 @@ class Loaded(Protocol):
 
 
 class Prescribed(Enum):
-    """What an algorithm is given; the other one is what it finds.
+    """The prescribed quantity of an algorithm; it finds the other one.
 
     The values are the names by which results are filed: an attribute of :class:`state.State` and
     :class:`report.LevelReport`, a column of ``path.csv``, ``prescribed`` in ``summary.json``.

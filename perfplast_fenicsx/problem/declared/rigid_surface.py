@@ -120,6 +120,6 @@ def fitting(what: str, value: Turn, size: int) -> Floats:
 
 
 def name_of(support: Support | RigidSurface) -> str:
-    """What results call it."""
+    """Return the name of a support or rigid surface in results."""
     kind = "support" if isinstance(support, Support) else "rigid surface"
     return f"{kind} {support.name or support.on}"

@@ -14,7 +14,7 @@ from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.supports import Support
 
 Mover = Support | RigidSurface | Obstacle | Contact
-"""What may move by a given way, such as the overlap of a contact."""
+"""Objects that may move by a given way, such as a contact whose overlap grows."""
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""What is evaluated in each step."""
+"""Fields that are evaluated in each step."""

@@ -181,7 +181,7 @@ class QuadratureFields:
         self._left = (self.jagged_norm2(), self.gross_force())
 
     def jagged_norm2(self) -> float:
-        """What rounding errors of ``u_norm2`` are relative to (:mod:`energy_norms`). Collective."""
+        """Return the reference of rounding of ``u_norm2`` (:mod:`energy_norms`). Collective."""
         return max(self._jagged_norm2(), self._left[0])
 
     def at_least(self, share: float, norm: float) -> float:
@@ -207,7 +207,7 @@ class QuadratureFields:
         return max(self._jagged_norm2() / size if size > 0 else 0.0, self._left[1])
 
     def _updated(self, name: str) -> LawExpression:
-        """What a variable of the history becomes."""
+        """Return the expression of a history variable after the step."""
         space, e = self.problem.history[name].function_space, self.e
         laws = [on for on in self.problem.laws if name in on.old]
         return LawExpression(laws, space, lambda on: on.law.updated(e, on.old)[name])

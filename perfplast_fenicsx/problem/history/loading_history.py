@@ -73,7 +73,7 @@ class LoadingHistory:
         self._first_strain = self._strain(others) if others else None
 
     def times(self) -> Iterator[float]:
-        """Of all levels, but for the one at rest."""
+        """Yield the times of all levels, except the one at rest."""
         for k, stage in enumerate(self.stages):
             for step in range(1, stage.steps + 1):
                 yield k + step / stage.steps
@@ -87,11 +87,11 @@ class LoadingHistory:
         return moved or float(self._constant.norm()) > 0
 
     def number(self, time: float) -> int:
-        """Of the stage that a time is in, from 0; its end is in it."""
+        """Return the number of the stage of a time, from 0; the end of a stage belongs to it."""
         return min(max(math.ceil(time - ROUNDING) - 1, 0), len(self.stages) - 1)
 
     def label(self, time: float) -> str:
-        """What results call the stage of a time; nothing at rest."""
+        """Return the name of the stage of a time in results; empty at rest."""
         k = self.number(time)
         return (self.stages[k].name or f"stage {k + 1}") if time > 0 else ""
 

@@ -1,4 +1,4 @@
-"""What stages move: supports, rigid surfaces, obstacles and overlaps, each by its name's factor."""
+"""Motions in stages: supports, rigid surfaces, obstacles, overlaps, each by its name's factor."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def named_motions(problem: Problem) -> dict[str, GivenMotion]:
-    """What each name moves, for the factor 1. Collective.
+    """Return the motion of each name for the factor 1. Collective.
 
     Raises:
         InputError: If the same components of a node follow two names.

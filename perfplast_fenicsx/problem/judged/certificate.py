@@ -26,7 +26,7 @@ judged as if they did by so much: what rounding leaves to them decides nothing."
 
 @dataclass(frozen=True)
 class Rubbed:
-    """What friction does at a state.
+    """Friction at a state.
 
     Attributes:
         forces: μ of the places hosted by this rank, shape (num_places, gdim − 1).
@@ -145,7 +145,7 @@ def friction_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floa
 
 
 def _left(problem: Problem, stress: fem.Function, zeta: float, times: float = 1.0) -> PETSc.Vec:
-    """What stress and loads leave to contact, in the jump basis. Collective."""
+    """Return the forces that stress and loads leave to contact, in the jump basis. Collective."""
     residual, r = problem.create_vector(), problem.create_vector()
     assemble_force(residual, fem.form(problem.internal_form(stress)), problem.bcs)
     problem.loads.subtract_from(residual, zeta, times)
@@ -183,7 +183,7 @@ def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats, least:
 
 @dataclass(frozen=True)
 class _Moved:
-    """What is moved does: work of supports on u_D, and the norm of all nodal forces."""
+    """Motion of supports: its work on u_D, and the norm of all nodal forces."""
 
     work: float
     norm: float
@@ -198,6 +198,6 @@ def _moved(problem: Problem, internal: PETSc.Vec) -> _Moved:
 
 
 def _smallest(comm: MPI.Intracomm, forces: Floats) -> float:
-    """Of all ranks, 0 where there is none. Collective."""
+    """Return the smallest force of all ranks, 0 if there are no forces. Collective."""
     smallest = comm.allreduce(float(forces.min(initial=np.inf)), MPI.MIN)
     return smallest if np.isfinite(smallest) else 0.0

@@ -1,4 +1,4 @@
-"""What each load comes to: its force and moment at ζ = 1, at supported nodes too."""
+"""Resultants of each load: its force and moment at ζ = 1, at supported nodes too."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What is reported of a level and of its iterations: numbers and words, no fields.
+"""Reports of a level and of its iterations: numbers and words, no fields.
 
 Whoever reads results needs no more than this, so that nothing of DOLFINx or MPI is imported here.
 """
@@ -51,7 +51,7 @@ class Iteration:
 
 @dataclass(frozen=True)
 class LevelReport:
-    """What is known of a load level; a step of ``summary.json``.
+    """The report of a load level; a step of ``summary.json``.
 
     Attributes:
         zeta: Load parameter ζ.

@@ -160,7 +160,7 @@ def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.
 
 
 def _missing(problem: Problem, total: Floats, forces: Floats) -> float:
-    """What rigid motions feel: of the sum of all forces, and as moment of the nodal ones.
+    """Return the larger of the unbalanced force and moment.
 
     The moment is about the middle of the nodes, over the distance of the farthest. Collective.
     """

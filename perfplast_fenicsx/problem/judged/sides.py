@@ -57,7 +57,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Cover:
-    """What of a side a surface covers.
+    """The part of a side that a surface covers.
 
     Attributes:
         side: The side.

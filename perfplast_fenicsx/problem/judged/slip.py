@@ -1,4 +1,4 @@
-"""What has slipped, and from where friction counts slip in a level."""
+"""Slip so far, and the origin from which friction counts slip in a level."""
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError

@@ -157,7 +157,7 @@ class ContactProgram:
         return self.equality.minimise(model, held, self._delta).delta
 
     def _given_forces(self, solution: Solution) -> Floats:
-        """What holds the unknowns that were given, shape (num_held,). Collective."""
+        """Return the forces that hold the given unknowns, shape (num_held,). Collective."""
         if solution.model.given is NOTHING_HELD:
             return np.zeros(0)
         self.equality.gradient(solution, self._gradient)

@@ -43,7 +43,7 @@ NOTHING_HELD = Held(np.zeros(0, dtype=np.int32), np.zeros(0))
 
 @dataclass(frozen=True)
 class QuadraticModel:
-    """What is minimised, apart from A, and what the equalities ask.
+    """The quadratic function apart from A, and the right-hand sides of the equalities.
 
     Attributes:
         r: Gradient at δ = 0, in the jump basis.

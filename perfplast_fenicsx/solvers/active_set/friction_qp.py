@@ -53,7 +53,7 @@ class FrictionStep:
 
 @dataclass(frozen=True)
 class _Asked:
-    """What a contact QP with friction is given; see :meth:`FrictionProgram.solve`."""
+    """The data of a contact QP with friction; see :meth:`FrictionProgram.solve`."""
 
     r: PETSc.Vec
     room: Floats

@@ -58,7 +58,7 @@ Reason = PETSc.SNES.ConvergedReason
 
 @dataclass(frozen=True)
 class Found:
-    """What SNES-VI has come to.
+    """The result of SNES-VI.
 
     Attributes:
         solution: The last equality-constrained solution, before it was projected.

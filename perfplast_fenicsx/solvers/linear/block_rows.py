@@ -79,7 +79,7 @@ class BlockRows:
         return self._of("double[]", array)
 
     def _told(self, rows: Rows) -> tuple[Any, ...]:
-        """What kernels are told of rows."""
+        """Return the arguments of kernels for rows."""
         of = f"int{8 * rows.pointer.itemsize}_t[]"
         arrays = (self._of(of, array) for array in (rows.pointer, rows.columns))
         return *self._both, self.rows, self.columns, int(self._upper), *arrays

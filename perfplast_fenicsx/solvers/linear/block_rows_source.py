@@ -6,7 +6,7 @@ import numpy as np
 
 
 def sizes() -> tuple[int, ...]:
-    """Of the blocks that kernels know: unknowns of a node, motions of an aggregate."""
+    """Return the block sizes that kernels know: unknowns of a node, motions of an aggregate."""
     return 2, 3, 4, 6, 7
 
 

@@ -77,7 +77,7 @@ class BlockedInterpolation:
 
 @dataclass(frozen=True)
 class _Called:
-    """What PETSc calls."""
+    """The functions that PETSc calls."""
 
     interpolate: Callable[[PETSc.Vec, PETSc.Vec], None]
     restrict: Callable[[PETSc.Vec, PETSc.Vec], None]

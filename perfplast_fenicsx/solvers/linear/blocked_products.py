@@ -78,7 +78,7 @@ class BlockedProducts:
 
 @dataclass(frozen=True)
 class _Called:
-    """What PETSc calls."""
+    """The functions that PETSc calls."""
 
     product: Callable[[PETSc.Vec, PETSc.Vec], None]
 

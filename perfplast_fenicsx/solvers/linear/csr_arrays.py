@@ -1,4 +1,4 @@
-"""What PETSc keeps of a rank's rows of a matrix, as arrays that are not copied."""
+"""PETSc's arrays of a rank's rows of a matrix, without a copy."""
 
 import ctypes
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.solvers.linear.petsc_calls import call
 
 Indices = npt.NDArray[np.integer]
-"""Of PETSc's type of integers."""
+"""Indices of PETSc's type of integers."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def own_rows(A: PETSc.Mat) -> tuple[Rows, Rows | None, Indices]:
 
 
 def _rows(sequential: ctypes.c_void_p, count: int) -> Rows:
-    """Of a sequential matrix with so many rows."""
+    """Return the rows of a sequential matrix."""
     i, j, a, memory = ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_int()
     call("MatSeqAIJGetCSRAndMemType", sequential, *map(ctypes.byref, (i, j, a, memory)))
     pointer = _array(i, count + 1, PETSc.IntType)

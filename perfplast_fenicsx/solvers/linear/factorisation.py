@@ -82,7 +82,7 @@ class Factorisation:
         return iterations if iterations >= least_worth else 0
 
     def price(self) -> Price:
-        """What a factorisation would cost; leaves nothing set up. Collective."""
+        """Return the cost of a factorisation; leaves nothing set up. Collective."""
         assert self._matrix is not None
         return price(self._ksp, self._matrix)
 

@@ -1,4 +1,4 @@
-"""What is left of a factorisation that has failed, and has to go before the next one."""
+"""Removal of a failed factorisation before the next one."""
 
 from petsc4py import PETSc
 

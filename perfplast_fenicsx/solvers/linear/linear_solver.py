@@ -109,7 +109,7 @@ class LinearSolver:
 
     @property
     def name(self) -> str:
-        """What is used, for people."""
+        """The name of the present method."""
         return self._method.name
 
     @property
@@ -205,7 +205,7 @@ class LinearSolver:
 
     @cached_property
     def _price(self) -> Price:
-        """Of a factorisation, by MUMPS's analysis of the present matrix. Collective."""
+        """Return the cost of a factorisation, by MUMPS's analysis of the matrix. Collective."""
         factorisation = Factorisation(self._problem.comm, heed=False)
         factorisation.set_matrix(self._current, self._held)
         price = factorisation.price()
@@ -262,7 +262,7 @@ class LinearSolver:
 
 
 def chosen_solver(problem: Problem) -> str:
-    """What :class:`LinearSolver` begins with for a problem, for people."""
+    """Return the name of the method with which :class:`LinearSolver` begins for a problem."""
     return solver_name(*_types(_preset(problem)))
 
 

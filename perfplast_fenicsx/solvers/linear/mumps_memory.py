@@ -16,7 +16,7 @@ OPERATIONS, ENTRIES = 3, 29
 
 @dataclass(frozen=True)
 class Price:
-    """What a factorisation costs.
+    """The cost of a factorisation.
 
     Attributes:
         iterations: CG iterations with multigrid that take as long. The more operations there are
@@ -32,7 +32,7 @@ class Price:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What MUMPS says before it factorises.
+    """The estimates of MUMPS before it factorises.
 
     Attributes:
         operations: Of a factorisation, of all ranks.
@@ -87,7 +87,7 @@ def _analyse(ksp: PETSc.KSP) -> Analysis:
 
 
 class TooLarge(InputError):
-    """What does not fit into memory."""
+    """A factorisation that does not fit into memory."""
 
 
 def check_memory(ksp: PETSc.KSP) -> Analysis | None:

@@ -24,7 +24,7 @@ BASES: tuple[Options, ...] = (
     *({}, FACTOR, {"ksp_type": "cg", "pc_type": "mg"}, {"ksp_type": "cg", "pc_type": "gamg"}),
     {"ksp_type": "cg", "pc_type": "jacobi"},
 )
-"""What the solvers begin with; one that is known to any of them is known."""
+"""The options with which the solvers begin; an option that is known to any of them is known."""
 
 INNER = re.compile(
     r"^(mg_(levels|coarse|fine)(_\d+)?|sub|redundant|telescope|esteig|ksp_chebyshev_esteig)_"

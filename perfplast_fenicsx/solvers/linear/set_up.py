@@ -1,4 +1,4 @@
-"""What is known of a linear solver's set-up, which tells when it has aged."""
+"""The state of a linear solver's set-up, which shows when it has aged."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 
 @dataclass
 class SetUp:
-    """What is known of the present set-up.
+    """The state of the present set-up.
 
     Attributes:
         usual: Krylov iterations a decimal digit that a full solve took when the last set-up before

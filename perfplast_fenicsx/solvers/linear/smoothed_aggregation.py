@@ -216,7 +216,7 @@ def _smoothed(A: PETSc.Mat, aggregates: Aggregates, prefix: str) -> PETSc.Mat:
 
 
 def _spectral_radius(A: PETSc.Mat, prefix: str) -> float:
-    """Of D^-1 A, from a few iterations of CG. Collective."""
+    """Return the spectral radius of D^-1 A, from a few iterations of CG. Collective."""
     ksp = PETSc.KSP().create(A.comm)
     x, b = A.createVecs()
     try:

@@ -1,4 +1,4 @@
-"""What Total FETI is asked for in one step, and how well."""
+"""The request to Total FETI for one step, with its accuracy."""
 
 from dataclasses import dataclass
 

@@ -99,7 +99,7 @@ def _stacked(comm: PETSc.Comm, columns: Sizes, parts: Sequence[tuple[int, Entrie
 
 
 def _copies(problem: Problem, pieces: Subdomains) -> tuple[Longs, Longs]:
-    """Of owned nodes all copies on any rank, sorted: local nodes, and torn nodes of all ranks.
+    """Return all copies of owned nodes on any rank, sorted, as local and as torn nodes.
 
     Collective.
     """

@@ -61,7 +61,7 @@ def split(gradient: Floats, x: Floats, lower: Floats, longest: float) -> Split:
 
 @dataclass
 class BoundProgram:
-    """What is minimised, and where the iteration is.
+    """The program that is minimised, and the present iterate.
 
     Attributes:
         hessian: x ↦ Hx.

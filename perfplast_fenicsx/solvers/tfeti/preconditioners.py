@@ -1,4 +1,4 @@
-"""What approximates F⁻¹: B_D S B_Dᵀ, with the stiffness S of pieces as their faces feel it.
+"""Preconditioners B_D S B_Dᵀ of F, with the stiffness S of pieces as their faces feel it.
 
 S is the Schur complement, in which the inside of each piece follows its faces ("Dirichlet"): one
 solution with factors of the insides an application. B_D shares a jump among the copies of a node by

@@ -28,7 +28,7 @@ FIRST_BALANCE, SHRINK = 10.0, 0.1
 
 @dataclass(frozen=True)
 class DualProgram:
-    """What is minimised.
+    """The program that is minimised.
 
     Attributes:
         comm: Ranks that share the unknowns.

@@ -297,7 +297,7 @@ class TfetiProgram:
         return -self._comm.bcast(last) / self._unit
 
     def _step(self, asked: Asked, closed: PairFlags, settled: bool, faces: int) -> ContactStep:
-        """What the last face tells; what penetrates is opened. Collective."""
+        """Return the step of the last face; opens pairs that penetrate. Collective."""
         contact = self._dual.contact
         self.multipliers[contact] = np.maximum(self.multipliers[contact], 0.0)
         jumps = np.where(closed, asked.room, self._delta.array_r[self._index])

@@ -11,7 +11,7 @@ from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
 
 
 class TornBodies:
-    """What tears nodal vectors and puts torn ones together. All methods are collective."""
+    """Maps between nodal vectors and torn ones. All methods are collective."""
 
     def __init__(self, problem: Problem, gluing: Gluing) -> None:
         self._basis, self._copies, self._count = problem.basis, gluing.copies, gluing.count

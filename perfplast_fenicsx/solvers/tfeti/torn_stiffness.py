@@ -94,7 +94,7 @@ class TornStiffness:
             )
 
     def _proved(self) -> str | None:
-        """What is wrong with the factors, tried on forces that are in balance."""
+        """Return the fault of the factors, tried on balanced forces; None if they are good."""
         forces = self.multiply(np.cos(np.arange(self.size)))
         left = self.multiply(self.solve(forces)) - forces
         # Share of its right-hand side that a solution with good factors does not leave.
