@@ -84,7 +84,7 @@ class AdaptiveBounds:
 
     @property
     def best(self) -> BodyBounds:
-        """What was found on the mesh of the best bounds.
+        """The result on the mesh of the best bounds.
 
         Where the lower one is of another mesh than the upper one, that of the two whose own bounds
         are nearer to each other.
@@ -95,7 +95,7 @@ class AdaptiveBounds:
 
     @property
     def body(self) -> BodyBounds:
-        """What was found on the mesh of the best bounds, with these in place of its own."""
+        """The result on the mesh of the best bounds, with these in place of its own."""
         certificates = dict(self.low.certificates)
         certificates |= {k: v for k, v in self.high.certificates.items() if k == "inadmissible"}
         return replace(

@@ -30,7 +30,7 @@ DRUCKER = (
 
 @dataclass(frozen=True)
 class LeastLoad:
-    """What is proven of the least load factor that is carried.
+    """Bounds of the least load factor that is carried.
 
     It is that of the growing loads turned round, with the other sign.
 
@@ -77,7 +77,7 @@ class JointProof:
 
 @dataclass(frozen=True)
 class BodyBounds:
-    """What is known of the limit load of a body.
+    """Bounds of the limit load of a body.
 
     Attributes:
         problem: On whose mesh the mechanism is; in space each cell is split from its centre.
@@ -151,7 +151,7 @@ class BodyBounds:
         return f"BodyBounds({self.lower!r}, {self.upper!r}; {self.factorisations} factorisations)"
 
     def in_words(self) -> str:
-        """What they say, in a sentence or two."""
+        """Return the bounds in a sentence or two."""
         lower, upper = self.lower.strict, self.upper.strict
         early = []
         if not self.mesh.levelled_off and upper:
@@ -169,7 +169,7 @@ class BodyBounds:
 
     @property
     def least_in_words(self) -> str:
-        """What is proven of the least load factor, in a sentence or two; empty if not sought."""
+        """Return the bounds of the least load factor in a sentence or two; empty if not sought."""
         if self.least is None:
             return ""
         lower = self.lower.value if self.lower.strict else None
@@ -177,7 +177,7 @@ class BodyBounds:
 
     @property
     def friction(self) -> str | None:
-        """What the bounds say of Coulomb's friction, in a sentence; None without it."""
+        """The sentence on Coulomb's friction; None without it."""
         rubs = [it for it in strengths_of(self.problem) if it.friction]
         told = [DRUCKER] if any(not it.associated for it in rubs) else []
         if any(it.associated for it in rubs):

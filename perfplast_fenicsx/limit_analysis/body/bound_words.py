@@ -1,4 +1,4 @@
-"""What bounds prove of a body, in a sentence."""
+"""Sentences on what bounds prove of a body."""
 
 from collections.abc import Iterable, Sequence
 
@@ -23,7 +23,7 @@ def sentences(clauses: Iterable[str]) -> str:
 
 
 def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequence[str]) -> str:
-    """What is proven.
+    """Return a sentence on what both bounds prove.
 
     Args:
         lower: The lower bound.
@@ -51,7 +51,7 @@ def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequen
 
 
 def least_words(carried: float | None, none_below: float | None, lower: float | None) -> str:
-    """What is proven of the other end of the load factors that are carried.
+    """Return a sentence on what is proven of the least load factor that is carried.
 
     Args:
         carried: A load factor near that end that is carried for certain.
@@ -79,7 +79,7 @@ def least_words(carried: float | None, none_below: float | None, lower: float | 
 
 
 def taken_as(problem: Problem) -> tuple[str, ...]:
-    """What bodies and loads are taken as, in clauses. Collective.
+    """Return clauses on how bodies and loads are idealised. Collective.
 
     Ground that is associated, surfaces that are one polygon, pressures in pores with kinks.
     """

@@ -1,4 +1,4 @@
-"""What one rank has found on its copy of a mesh, on the mesh that all ranks share."""
+"""Results of one rank on its copy of a mesh, brought to the mesh that all ranks share."""
 
 from dataclasses import dataclass
 from typing import Any

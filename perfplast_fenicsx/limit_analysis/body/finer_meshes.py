@@ -191,7 +191,7 @@ def _with_fans(
 
 
 def number_of_cells(tagged_mesh: TaggedMesh) -> int:
-    """Of all ranks."""
+    """Return the number of cells of all ranks."""
     topology = tagged_mesh.mesh.topology
     count: int = topology.index_map(topology.dim).size_global
     return count

@@ -37,7 +37,7 @@ Steps = Callable[[InteriorStep], None] | None
 
 @dataclass(frozen=True)
 class Halves:
-    """What both ranks have found, on the mesh that they share.
+    """The results of both ranks, on the mesh that they share.
 
     Attributes:
         flow: Where the mechanism was looked for.

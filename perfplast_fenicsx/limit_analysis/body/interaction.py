@@ -48,7 +48,7 @@ that plane, towards the third."""
 
 @dataclass(frozen=True)
 class Proven:
-    """What is proven in a direction.
+    """The proven bounds in a direction.
 
     Attributes:
         angles: The direction.
@@ -99,7 +99,7 @@ class Envelope:
         return float(outer_along(self.sides, rays_at(np.array([angles])))[0])
 
     def in_words(self) -> str:
-        """What is proven, in a sentence."""
+        """Return a sentence on what is proven."""
         pairs, polygon, number = (
             ("pairs", "polygon", "two")
             if len(self.signed) == 2
@@ -211,7 +211,7 @@ def _proven(
     low: BodyBounds,
     high: BodyBounds,
 ) -> Proven:
-    """What the bounds along a ray prove. Collective."""
+    """Return what the bounds along a ray prove. Collective."""
     carried = side = None
     if low.lower.strict and low.question is Question.LIMIT and low.lower.value is not None:
         carried = tuple(map(float, low.lower.value * ray))
@@ -258,7 +258,7 @@ def _bounds(
     rtol: float,
     steps: Callable[[InteriorStep], None] | None,
 ) -> tuple[BodyBounds, BodyBounds]:
-    """What has the best lower and the best upper bound. Collective."""
+    """Return the results with the best lower and the best upper bound. Collective."""
     if adaptation is None:
         found = limit_bounds(problem, rtol, steps)
         return found, found

@@ -258,7 +258,7 @@ def _split(problem: Problem, split: AlfeldSplit | None) -> Problem:
 
 
 def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
-    """What the limit load of a mesh tells of the body: the work of its mechanism. Collective.
+    """Return bounds of the body by the mechanism of its mesh. Collective.
 
     Args:
         problem: The bodies and their loads.

@@ -16,7 +16,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class LimitForces:
-    """What a stress is in balance with.
+    """Forces in balance with a stress.
 
     Attributes:
         zeta: Load factor that the stress carries.

@@ -13,7 +13,7 @@ class Meeting:
     """All ranks meet after each step of any; those that have ended their work wait."""
 
     def __init__(self, comm: MPI.Intracomm, monitor: Callable[[InteriorStep], None] | None) -> None:
-        """Of these ranks.
+        """Begin meetings of these ranks.
 
         Args:
             comm: The ranks.

@@ -1,4 +1,4 @@
-"""What to do next where a limit load is not known well enough, and about what that costs."""
+"""Advice for a limit load that is not known well enough, with its approximate cost."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from perfplast_fenicsx.mesh_estimate import percent
 
 @dataclass(frozen=True)
 class Effort:
-    """What a search has taken.
+    """The effort of a search.
 
     Attributes:
         dim: Of the bodies.

@@ -1,4 +1,4 @@
-"""What was found around an axis by v = ru, told by the displacements of the problem given."""
+"""Results around an axis by v = ru, expressed in the displacements of the given problem."""
 
 from dataclasses import dataclass, replace
 

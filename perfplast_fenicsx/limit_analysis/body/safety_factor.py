@@ -70,7 +70,7 @@ class FactorOfSafety:
     path: StrengthPath | None = None
 
     def table(self) -> dict[str, Any]:
-        """What ``summary.json`` says of it."""
+        """Return the table for ``summary.json``."""
         curve = [dict(zip(("factor", "lower", "upper"), row, strict=True)) for row in self.curve]
         known: dict[str, Any] = {
             "lower": self.lower,
@@ -81,7 +81,7 @@ class FactorOfSafety:
         return known | {"path": self.path and self.path.table()}
 
     def in_words(self) -> str:
-        """What is proven, in a sentence."""
+        """Return a sentence on what is proven."""
         sides = factor_words(self.lower, self.upper, self.estimate)
         if not sides:
             return "Nothing is proven of the factor of safety."
@@ -90,7 +90,7 @@ class FactorOfSafety:
         return said + sentences(self.taken)
 
     def news(self) -> str:
-        """What was found last: what is proven, or what the curve says, which comes behind it."""
+        """Return a sentence on the last result: the curve if there is one, else the bounds."""
         return self.path.in_words() if self.path else self.in_words()
 
 

@@ -19,7 +19,7 @@ NEAR = 0.1
 
 @dataclass(frozen=True)
 class Products:
-    """Of the cones and pairs of this rank.
+    """Products of static and kinematic members, for the cones and pairs of this rank.
 
     Attributes:
         cones: Jordan's products of scaled members, shape (num_cones, 1 + m).
@@ -45,7 +45,7 @@ class Products:
         return Products(cones, self.matrices + by * np.eye(SIZE), self.pairs + by)
 
     def missing(self, mu: float) -> "Products":
-        """What brings those that are far from μ nearer to it; large ones by a limited amount."""
+        """Return the change that brings outliers nearer to μ; large ones by a limited amount."""
         size = np.linalg.norm(self.cones[:, 1:], axis=1)
         low, high = (_missing(self.cones[:, 0] + s * size, mu) for s in (-1, 1))
         cones = np.empty_like(self.cones)

@@ -64,7 +64,7 @@ def _steepness(heads: Floats, deviator: Floats) -> Floats:
 
 
 def own_strengths(cones: ConesAtPoints, pressure: Floats) -> Floats:
-    """What is left of a stress is measured by it: γ, or −αp of a stress without cohesion.
+    """Return the strengths that measure residuals: γ, or −αp of a stress without cohesion.
 
     No more than a tensile strength.
 
@@ -83,7 +83,7 @@ def own_strengths(cones: ConesAtPoints, pressure: Floats) -> Floats:
 
 
 def powers(cones: ConesAtPoints, trace: Floats, deviator: Floats) -> Floats:
-    """What admissible rates dissipate per volume, shape (count,); 0 where nothing yields.
+    """Return the dissipation of admissible rates per volume, shape (count,).
 
     Args:
         cones: The cones.

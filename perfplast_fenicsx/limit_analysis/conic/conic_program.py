@@ -274,7 +274,7 @@ class ConicProgram:
         return self.total(float(self.weights @ power)) / self.stress_unit
 
     def rates(self, velocity: PETSc.Vec) -> tuple[float, float]:
-        """What is inadmissible in ε(v), and ‖ε(v)‖, as root mean squares. Collective.
+        """Return root mean squares of the inadmissible part of ε(v), and of ε(v). Collective.
 
         Of bodies that dilate it is what their volume grows too little by. In these units the latter
         is about 1 of a flow that meets resistance.

@@ -1,4 +1,4 @@
-"""What the interior point method changes in each step."""
+"""The unknowns of the interior point method, which change in each step."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What a limit load is looked for with: strain rates at points, and a stiffness of moduli there."""
+"""The discrete form of a limit load problem: strain rates at points, and a stiffness of moduli."""
 
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -175,7 +175,7 @@ class Stiffness(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Discretisation:
-    """What a limit load is looked for with.
+    """The discrete form of a limit load problem.
 
     Attributes:
         comm: The ranks.

@@ -81,7 +81,7 @@ class InteriorIteration:
         return float(self.balance().dot(self.velocity))
 
     def size(self) -> float:
-        """What differences of bounds are measured by (:func:`bound.measure_of`). Collective."""
+        """Return the measure of differences of bounds (:func:`bound.measure_of`). Collective."""
         load = self.now.load
         return measure_of(load + self.program.dead_work(self.velocity), load, self.program.loose)
 

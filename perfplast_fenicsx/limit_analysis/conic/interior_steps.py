@@ -28,7 +28,7 @@ class StopSearch(Exception):
 
 
 class Verdict(StrEnum):
-    """What came of the search for a limit load."""
+    """The outcome of a search for a limit load."""
 
     FOUND = "found"
     UNBOUNDED = "unbounded"

@@ -43,7 +43,7 @@ UNLIMITED = (
 
 @dataclass(frozen=True)
 class Start:
-    """What a search begins with.
+    """The start of a search.
 
     Attributes:
         scale: Yield radius (stress) of those that bear the loads; None where the flow has to tell.

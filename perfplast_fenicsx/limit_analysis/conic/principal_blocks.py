@@ -70,7 +70,7 @@ class Blocks:
 
     @property
     def _viscosities(self) -> Floats:
-        """What unit tensors P are multiples of, squared, in the middle; shape (num, k)."""
+        """Return the squares of the factors of unit tensors P in the middle, shape (num, k)."""
         found: Floats = np.minimum(self._rooms**2, MOST_VISCOUS)
         return found
 
@@ -105,7 +105,7 @@ class Blocks:
         return found
 
     def columns(self, primal: Floats) -> Floats:
-        """What members are of (t, p, s), as vectors.
+        """Return the columns of members in (t, p, s), as vectors.
 
         Args:
             primal: Unit tensor and deviators as each member scales them, shape (num, k, 1 + m, 3,

@@ -49,7 +49,7 @@ class PrincipalCones:
 
     @classmethod
     def none(cls) -> "PrincipalCones":
-        """Of no point."""
+        """Return cones for no point."""
         nothing: Floats = np.zeros(0)
         return cls(np.zeros(0, dtype=np.int64), nothing, nothing, nothing, np.zeros((1, 3, 3)))
 
@@ -101,7 +101,7 @@ class PrincipalCones:
         return np.where(self.cut, np.maximum(found, pulled), found)
 
     def powers(self, trace: Floats, deviator: Floats) -> Floats:
-        """What admissible rates dissipate per volume, shape (num,).
+        """Return the dissipation of admissible rates per volume, shape (num,).
 
         Args:
             trace: tr ε at all points, shape (count,).
@@ -113,7 +113,7 @@ class PrincipalCones:
 
     @property
     def factors(self) -> tuple[Floats, Floats]:
-        """What tr ε and Σ|ε_i| of admissible rates are multiplied by for :meth:`powers`, (num,)."""
+        """Return the factors of tr ε and Σ|ε_i| for :meth:`powers`, shape (num,)."""
         steep, cut = self.sines > 0, self.cut
         of_trace = np.where(steep, self.bounds / np.where(steep, 2 * self.sines, 1.0), 0.0)
         of_sizes = np.where(steep, 0.0, self.bounds / 2)
@@ -123,7 +123,7 @@ class PrincipalCones:
         return of_trace, of_sizes
 
     def lacking(self, trace: Floats, deviator: Floats) -> Floats:
-        """What tr ε lacks of s Σ|ε_i|, shape (num,); see :meth:`powers`."""
+        """Return the shortfall of tr ε from s Σ|ε_i|, shape (num,); see :meth:`powers`."""
         found: Floats = np.maximum(self.sines * self.sizes(trace, deviator) - trace[self.at], 0.0)
         return found
 

@@ -92,7 +92,7 @@ class Scaling:
         return self._eta**2, scale[:, None] * self._w
 
     def coupled(self, slopes: Floats) -> tuple[Floats, Floats]:
-        """What W² is of a₀ = −αp besides :meth:`moduli`: κ(t − b·x)² for the rates t and x.
+        """Return W² for a₀ = −αp besides :meth:`moduli`: κ(t − b·x)² for rates t and x.
 
         Args:
             slopes: α > 0, shape (num_cones,).

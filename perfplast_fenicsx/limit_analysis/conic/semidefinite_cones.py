@@ -21,7 +21,7 @@ def product(a: Floats, b: Floats) -> Floats:
 
 
 def least_eigenvalue(a: Floats) -> Floats:
-    """Of each matrix, to rounding of its size, shape (...)."""
+    """Return the least eigenvalue of each matrix, to rounding of its size, shape (...)."""
     mean = np.trace(a, axis1=-2, axis2=-1) / SIZE
     rest = a - mean[..., None, None] * np.eye(SIZE)
     size = np.sqrt(np.einsum("...ij,...ij->...", rest, rest) / 6)
@@ -33,7 +33,7 @@ def least_eigenvalue(a: Floats) -> Floats:
 
 
 def eigenvalues(a: Floats) -> Floats:
-    """Of each matrix, the least first, shape (..., 3)."""
+    """Return the eigenvalues of each matrix, the least first, shape (..., 3)."""
     return np.asarray(np.linalg.eigvalsh(a), dtype=np.float64)
 
 

@@ -14,7 +14,7 @@ from perfplast_fenicsx.solvers.linear.supernodal import SupernodalFactors
 
 
 class SprungMatrix:
-    """What both kinds of :class:`discretisation.Stiffness` do once their matrix is assembled.
+    """The common part of both kinds of :class:`discretisation.Stiffness`, for an assembled matrix.
 
     Attributes:
         factorisations: So far.

@@ -34,7 +34,7 @@ OUT_OF_PLANE = 2
 
 @dataclass(frozen=True, eq=False)
 class BodyCone:
-    """What the stresses of a body are bounded by.
+    """The bound of the stresses of a body.
 
     Attributes:
         plain: Of the components that are in equations; None of what never yields.
@@ -171,7 +171,7 @@ def has_cones(problem: Problem) -> bool:
 
 
 def materials_of(problem: Problem) -> Mapping[str, Material]:
-    """Of each volume, as the mesh has them."""
+    """Return the material of each volume, as the mesh has them."""
     given = problem.given.materials
     return in_plane_stress(given) if problem.tagged_mesh.is_thin else given
 

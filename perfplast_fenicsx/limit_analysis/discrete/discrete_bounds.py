@@ -31,8 +31,9 @@ EXACT = 1e-10
 
 
 MOST_ITERATIONS, USUAL = 400, 20
-"""Of the projection, a solution each with the same factors, and how many do as a rule. Where a mesh
-nearly locks it takes more, as long as each leaves less than :data:`PROGRESS` of what there was."""
+"""Iterations of the projection: the most, and the usual number. Each takes a solve with the same
+factors. A mesh that nearly locks takes more, as long as each leaves less than :data:`PROGRESS` of
+what there was."""
 
 PROGRESS = 0.999
 """Share of what is inadmissible that an iteration of the projection may leave, beyond the usual."""

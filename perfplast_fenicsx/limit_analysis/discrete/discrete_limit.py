@@ -96,7 +96,7 @@ def _searched(
 
 
 def _with_standing(found: LimitLoad, stands: LimitLoad) -> LimitLoad:
-    """What was found, and what of the dead loads is carried; that alone if that is not all."""
+    """Return the result with the share of the dead loads that is carried."""
     told = _of_dead_loads(stands)
     standing = told.standing
     if standing is not None and not standing.falls:
@@ -127,7 +127,7 @@ def _together(before: LimitLoad, after: LimitLoad) -> LimitLoad:
 
 
 def _of_both(told: LimitLoad, before: LimitLoad, after: LimitLoad) -> LimitLoad:
-    """What is told, with what two searches have taken."""
+    """Return a result with the effort of both searches."""
     steps = [*before.steps, *after.steps]
     return replace(
         told,

@@ -1,4 +1,4 @@
-"""What an iterate of the interior point method tells of the limit load of a mesh."""
+"""The limit load of a mesh from an iterate of the interior point method."""
 
 import numpy as np
 from dolfinx import fem
@@ -32,7 +32,7 @@ def why_unbounded(problem: Problem) -> str:
 
 
 def _remedy(problem: Problem) -> str:
-    """What may have an admissible mechanism where this mesh has none."""
+    """Return a remedy for a mesh without an admissible mechanism."""
     if problem.degree == 1:
         return "as linear elements lock; quadratic ones (degree = 2 under [element]) may have one"
     return "though a finer mesh may have one"
@@ -48,7 +48,7 @@ def discrete_result(
     rtol: float,
     question: Question,
 ) -> LimitLoad:
-    """What an iterate tells, its bounds computed anew, wherever it has ended. Collective.
+    """Return the limit load of an iterate, with bounds computed from its fields. Collective.
 
     Its ``lower`` is that of a stress, −∞ of none, and not yet that without loads.
     """

@@ -106,7 +106,7 @@ class SlipPlaces:
 
     @cached_property
     def rows(self) -> Floats:
-        """Of these in (w, jump), shape (num_places, gdim, 1 + k)."""
+        """Return the rows of these points in (w, jump), shape (num_places, gdim, 1 + k)."""
         count, size, k = self.shares.shape
         found: Floats = np.zeros((count, 1 + size, 1 + k))
         found[:, 0, 0] = np.where(self.closing >= 0, -1.0, 0.0)

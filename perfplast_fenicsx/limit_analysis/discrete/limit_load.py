@@ -1,4 +1,4 @@
-"""What is known of a limit load, by whichever of the two methods it was found."""
+"""The result of a search for a limit load, by either of the two methods."""
 
 import math
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ class LimitMethod(StrEnum):
 
 @dataclass(frozen=True)
 class LimitLoad:
-    """What is known of ζ_lim.
+    """The result of a search for ζ_lim.
 
     Attributes:
         method: How it was found.

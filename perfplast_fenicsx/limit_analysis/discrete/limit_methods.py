@@ -12,7 +12,7 @@ MOST_UNKNOWNS = {2: 1_000_000, 3: 300_000}
 
 
 TOLERANCE = 1e-3
-"""What the bounds of a limit load may differ by, relative, where nobody says it."""
+"""Default relative distance of the bounds of a limit load."""
 
 
 def method_for(problem: Problem) -> LimitMethod:
@@ -24,7 +24,7 @@ def method_for(problem: Problem) -> LimitMethod:
 
 
 def resisted(found: LimitLoad) -> LimitLoad:
-    """What the interior point method has found, of loads that something resists.
+    """Return the result of the interior point method if something resists the loads.
 
     Raises:
         InputError: If no stress can carry them.

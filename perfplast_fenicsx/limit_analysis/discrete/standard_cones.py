@@ -72,7 +72,7 @@ class PlainCone:
 
 @dataclass(frozen=True, eq=False)
 class Shadow:
-    """What is left of a cone where one component of the stress is free.
+    """The projection of a cone along a free component of the stress.
 
     Attributes:
         cone: Of the others; None where these are not bounded.
@@ -159,7 +159,7 @@ class PlainPrincipal:
     tension: float = math.inf
 
     def in_plane(self) -> PlainCone:
-        """What the stresses in the plane can be, the one out of it being free.
+        """Return the cone of the stresses in the plane, with the one out of it free.
 
         It is between the principal ones in the plane where it leaves them the most room.
         """

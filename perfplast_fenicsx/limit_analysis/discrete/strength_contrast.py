@@ -1,4 +1,4 @@
-"""What is to be said of bodies that are far stronger, or weaker, than those that bear the loads."""
+"""Advice for bodies that are far stronger, or weaker, than those that bear the loads."""
 
 from mpi4py import MPI
 
@@ -16,7 +16,7 @@ of these (1e-15), is far below 1e-9 of the weak ones."""
 
 
 def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
-    """What to do if rounding has much of an upper bound; nothing without such bodies. Collective.
+    """Return advice if rounding has a large share of an upper bound; else nothing. Collective.
 
     Args:
         problem: The bodies.
@@ -35,7 +35,7 @@ def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
 
 
 def weak_bodies(problem: Problem) -> tuple[str, ...]:
-    """What to do where rounding leaves no lower bound beside weak bodies. Collective.
+    """Return advice if rounding leaves no lower bound beside weak bodies. Collective.
 
     Nothing where there are none.
     """

@@ -16,7 +16,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 
 Rubs = TypeVar("Rubs", bound=Contact | Obstacle)
-"""What has friction."""
+"""A contact or obstacle with friction."""
 
 
 def weakened(problem: Problem, factor: float) -> Problem:

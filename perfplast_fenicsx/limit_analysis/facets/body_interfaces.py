@@ -41,7 +41,7 @@ class Interface:
 
 @dataclass(eq=False)
 class InterfaceFacets:
-    """What interfaces say of the local facets, ghosts too.
+    """Interfaces on the local facets, ghosts included.
 
     Attributes:
         axes: Directions of a facet's components, the first one along the normal on surfaces in

@@ -1,4 +1,4 @@
-"""What tractions a contact can bear, as strict bounds see it: a yield set of zero thickness.
+"""Tractions that a contact can bear, for strict bounds: a yield set of zero thickness.
 
 A surface bears the tractions r = (r_n, r_t) of
 
@@ -44,7 +44,7 @@ class ContactStrength:
 
 
 def strength_of(terms: FrictionTerms) -> ContactStrength:
-    """What a contact or an obstacle says of it."""
+    """Return the strength of a contact or an obstacle."""
     return ContactStrength(terms.tresca or 0.0, terms.coulomb or 0.0, terms.associated)
 
 

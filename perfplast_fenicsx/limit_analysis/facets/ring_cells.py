@@ -37,7 +37,7 @@ NODES = 3
 
 @lru_cache
 def means() -> Floats:
-    """Of the products of Bernstein's polynomials with those of a linear function, shape (6, 3)."""
+    """Return means of products of Bernstein's polynomials with linear ones, shape (6, 3)."""
     found: Floats = np.concatenate([1 + 2 * np.eye(3), 2 - np.eye(3)]) / 30
     return found
 

@@ -129,7 +129,7 @@ class KinematicBound:
         return MechanismBound(bound, mechanism, flow.solves - before)
 
     def _rubbed(self, flow: ViscousFlow) -> float:
-        """What friction dissipates in a flow. Collective."""
+        """Return the dissipation of friction in a flow. Collective."""
         friction = self._friction
         return self._comm.allreduce(friction.energy(flow.slips())) if friction.count else 0.0
 
@@ -183,6 +183,6 @@ class KinematicBound:
         return values
 
     def _mean(self, values: Floats) -> float:
-        """Of all ranks; 0 of none. Collective."""
+        """Return the mean over all ranks; 0 without values. Collective."""
         total = self._comm.allreduce(np.array([values.sum(), len(values)]), MPI.SUM)
         return float(total[0] / max(total[1], 1))

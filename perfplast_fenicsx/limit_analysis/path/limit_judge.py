@@ -1,4 +1,4 @@
-"""What the levels of a path have told of the limit load so far, and where to look next."""
+"""The limit load from the levels of a path so far, and the choice of the next level."""
 
 from dataclasses import dataclass, field
 
@@ -21,7 +21,7 @@ FAR = 1e6
 
 @dataclass
 class Search:
-    """What the search for a limit load has found so far; plain data, for a restart.
+    """The state of a search for a limit load; plain data, for a restart.
 
     Attributes:
         points: (α − α₀, ζ) of the levels.

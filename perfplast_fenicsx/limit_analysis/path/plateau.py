@@ -1,4 +1,4 @@
-"""What the points (α, ζ) of a loading path tell of where it levels off."""
+"""Test whether the points (α, ζ) of a loading path level off."""
 
 from collections.abc import Sequence
 
@@ -59,7 +59,7 @@ def extrapolated_limit(points: Points) -> float | None:
 
 
 def not_level(points: Points, plastic_cells: int, degree: int, dilates: bool = False) -> str:
-    """What to tell of a curve that does not level off.
+    """Return a message for a curve that does not level off.
 
     Args:
         points: (α, ζ) of its levels.

@@ -179,7 +179,7 @@ class ViscousFlow:
         return [(at, found[at]) for at in (of_law[of_law < owned] for of_law in of_laws)]
 
     def _inadmissible_at(self, units: list[tuple[Ints, Floats]]) -> Floats:
-        """What is inadmissible at this rank's points, of each law after the other. Collective."""
+        """Return the inadmissible part at this rank's points, law by law. Collective."""
         parts: list[Floats] = []
         for (_, stress, expression), (at, unit) in zip(self._resisted, units, strict=True):
             expression.interpolate(stress)
@@ -232,7 +232,7 @@ class ViscousFlow:
         return closes
 
     def _jumps(self) -> Floats:
-        """Of the last flow at the pairs hosted here, relative to its largest velocity. Collective.
+        """Return jumps of the last flow, relative to its largest velocity. Collective.
 
         Returns:
             Shape (num_pairs,), positive where a pair closes.

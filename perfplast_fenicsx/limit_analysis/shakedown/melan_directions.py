@@ -120,7 +120,7 @@ class MelanDirections:
         return found
 
     def _along(self, strains: Floats) -> Floats:
-        """What the bounded directions of the points that can yield change by, shape (num, r)."""
+        """Return the changes in bounded directions at the points that can yield, shape (num, r)."""
         x = strains[self._cones.laws.plastic]
         found: Floats = self._soft * np.einsum("nij,ni->nj", self._axes, x)
         return found

@@ -65,7 +65,7 @@ class MelanIteration:
         return float(force.norm(PETSc.NormType.NORM_INFINITY) / unit)
 
     def incompatible(self) -> float:
-        """What the flow of a cycle differs by from a strain, relative to all flow. Collective."""
+        """Return the incompatible part of the flow of a cycle, relative to all flow. Collective."""
         flows = self.cones.flows(self.multipliers)
         off = self._unmatched(flows)
         sums = [np.linalg.norm(off, axis=1).sum(), np.linalg.norm(flows, axis=2).sum()]

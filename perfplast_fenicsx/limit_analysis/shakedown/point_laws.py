@@ -1,4 +1,4 @@
-"""What laws say at the points: a cone of whole stress vectors, and Hooke's matrix."""
+"""Laws at the points: a cone of whole stress vectors, and Hooke's matrix."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -142,7 +142,7 @@ def _found(
     iteration: MelanIteration,
     ended: tuple[int, bool, str],
 ) -> ShakedownLoad:
-    """What an iteration has found, in the user's units. Collective."""
+    """Return the shakedown load of an iteration, in the user's units. Collective."""
     cones, problem = iteration.cones, points.known
     mechanism = fem.Function(problem.V, name="mechanism")
     operator.displace(iteration.velocity, mechanism)

@@ -1,4 +1,4 @@
-"""What is known of a shakedown load."""
+"""The result of a search for a shakedown load."""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 class Failure(StrEnum):
-    """What ends shakedown above the load that was found."""
+    """The failure above a shakedown load."""
 
     ALTERNATING = "alternating plasticity"
     COLLAPSE = "incremental collapse"
@@ -23,7 +23,7 @@ class Failure(StrEnum):
 
     @staticmethod
     def of(accumulated: float) -> "Failure":
-        """What it is by the share of the flow of a cycle that is left at its end."""
+        """Return the failure for the share of the flow that is left at the end of a cycle."""
         if accumulated <= 0.05:
             return Failure.ALTERNATING
         return Failure.COLLAPSE if accumulated >= 0.5 else Failure.BOTH
@@ -75,7 +75,7 @@ class ShakedownLoad:
     reason: str
 
     def in_words(self) -> str:
-        """What was found, in a sentence."""
+        """Return the result in a sentence."""
         if self.load is None or not self.converged:
             return f"No shakedown load was found: {self.reason}."
         words = (
@@ -111,7 +111,7 @@ class ShakedownLoad:
         return mean
 
     def table(self) -> dict[str, Any]:
-        """What ``summary.json`` has of it."""
+        """Return the table for ``summary.json``."""
         return {
             "names": self.domain.names,
             "corners": self.domain.corners.tolist(),

@@ -1,1 +1,1 @@
-"""What is asked of a limit load, and what is answered."""
+"""Questions about limit loads, and their answers."""

@@ -7,7 +7,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
 def measure_of(dissipation: float, load: float, loose: bool = False) -> float:
-    """What differences of load factors are measured by.
+    """Return the measure of differences of load factors.
 
     Args:
         dissipation: Of a mechanism with L(v) = 1, which is λ without dead loads.
@@ -22,7 +22,7 @@ def measure_of(dissipation: float, load: float, loose: bool = False) -> float:
 
 
 class Scope(StrEnum):
-    """What a bound is one of."""
+    """The object of a bound: the body or its mesh."""
 
     BODY = "body"
     MESH = "mesh"

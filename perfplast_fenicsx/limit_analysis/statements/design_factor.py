@@ -56,7 +56,7 @@ class DesignFactor:
         return self.carried or self.refused
 
     def in_words(self) -> str:
-        """What it says, in a sentence."""
+        """Return the result in a sentence."""
         what = f"'{self.name}'" if self.name else "The design load"
         load = f"{what} (zeta = {self.zeta:.6g})"
         if self.carried and self.lower is not None:

@@ -1,4 +1,4 @@
-"""What Drucker's two theorems say of the load that bodies with Coulomb's friction carry."""
+"""Drucker's two bounds of the load that bodies with Coulomb's friction carry."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 @dataclass(frozen=True)
 class DruckerBounds:
-    """What a mesh carries with Coulomb's friction.
+    """Drucker's two bounds for a mesh with Coulomb's friction.
 
     Attributes:
         lower: Limit load without friction, at least; 0 where nothing but friction holds the bodies.
@@ -21,7 +21,7 @@ class DruckerBounds:
     upper: float | None
 
     def in_words(self) -> str:
-        """What they say, in a sentence."""
+        """Return the bounds in a sentence."""
         least = f"collapse or slide at no load below {rounded_down(self.lower)}, the limit load"
         least += " without friction"
         finite = self.upper is not None and math.isfinite(self.upper)

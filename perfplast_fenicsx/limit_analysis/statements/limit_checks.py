@@ -1,4 +1,4 @@
-"""What has no limit load, or none that a method can find, and is refused."""
+"""Refuse problems without a limit load, or without one that a method can find."""
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import carries_any_load
@@ -103,7 +103,7 @@ def idle_pores(problem: Problem) -> list[str]:
 
 
 def ignored(problem: Problem) -> list[str]:
-    """What of a problem changes no limit load, in a sentence, if anything. Collective."""
+    """Return a sentence on the parts of a problem that change no limit load. Collective."""
     bolts = problem.shanks.bolts
     found = {
         "displacements of supports": problem.motion.moves_supports,

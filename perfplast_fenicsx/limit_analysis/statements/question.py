@@ -1,4 +1,4 @@
-"""What is asked of dead and live loads: which factor is sought, and which may be any."""
+"""The load factor that is sought beside permanent loads, and loads of any factor."""
 
 from enum import StrEnum
 
@@ -6,7 +6,7 @@ from petsc4py import PETSc
 
 
 class Question(StrEnum):
-    """Of a limit analysis.
+    """The question of a limit analysis.
 
     Beside dead loads L₀ that are too much by themselves no factor of the live ones L₁ is carried.
     How much too much is a limit load as well: the largest μ for which μL₀ + λL₁ is carried with any

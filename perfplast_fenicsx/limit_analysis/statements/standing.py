@@ -32,13 +32,13 @@ class Standing:
 
     @property
     def verdict(self) -> str:
-        """What bodies do, for a sentence about them."""
+        """The verb for a sentence about the bodies: whether they stand."""
         if self.falls:
             return "does not stand"
         return "stands" if self.stands else "may stand or not"
 
     def in_words(self) -> str:
-        """What it says, in a clause."""
+        """Return the result in a clause."""
         if self.upper is not None and self.upper <= 0:
             return "no part of the constant loads, however small, is carried at any load factor"
         sides = []

@@ -1,4 +1,4 @@
-"""What a curve of the strength reduction factor over the work of the loads says."""
+"""The curve of the strength reduction factor over the work of the loads."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -45,7 +45,7 @@ class StrengthPath:
         return self.points[-1].factor if self.points else None
 
     def in_words(self) -> str:
-        """What it says, in a sentence."""
+        """Return the result in a sentence."""
         worth = "an estimate from a mesh, and no bound of the body"
         if not self.points:
             return f"No curve of F over work was found: {self.reason}."
@@ -55,7 +55,7 @@ class StrengthPath:
         return f"F over work levels off at {last.factor:.5g} ({len(self.points)} points): {worth}."
 
     def table(self) -> dict[str, Any]:
-        """What ``summary.json`` says of it."""
+        """Return the table for ``summary.json``."""
         told = {"factor": self.factor, "levelled_off": self.levelled_off, "reason": self.reason}
         points = [asdict(point) for point in self.points]
         return told | {"in_words": self.in_words(), "points": points}

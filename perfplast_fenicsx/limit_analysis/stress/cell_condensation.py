@@ -63,7 +63,7 @@ class CellCondensation:
         return left, failed == 0
 
     def push_out(self, forces: Floats) -> Floats:
-        """What forces on inner unknowns are to the outer ones, shape (num_cells, outer).
+        """Return forces on inner unknowns as forces on the outer ones, shape (num_cells, outer).
 
         Args:
             forces: Shape (num_cells, inner); :meth:`bring_in` has to do with the same ones.

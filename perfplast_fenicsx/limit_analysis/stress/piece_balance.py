@@ -1,4 +1,4 @@
-"""What is left of the balance of each piece of the bodies by itself, beside its own loads.
+"""Residuals of the balance of each piece of the bodies, relative to its own loads.
 
 Forces without balance that are rounding beside all loads may be all that holds a piece on which
 little acts, as where it is pressed against nothing. Cells are of one piece if facets join them.

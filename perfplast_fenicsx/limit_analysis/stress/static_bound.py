@@ -236,7 +236,7 @@ def _result(
     reason: str,
     steps: list[InteriorStep],
 ) -> tuple[StaticBound, BalancedStress]:
-    """What an iterate proves, and its stress. Collective."""
+    """Return the bound of an iterate with its stress. Collective."""
     program, form = static.program, static.form
     strains = form.strains
     iteration.settle()

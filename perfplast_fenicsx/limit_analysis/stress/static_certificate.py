@@ -1,4 +1,4 @@
-"""What a stress is worth as a proof, from the stress and the load alone."""
+"""Certify a stress as a proof, from the stress and the load alone."""
 
 from dataclasses import dataclass, replace
 
@@ -14,8 +14,8 @@ from perfplast_fenicsx.limit_analysis.stress.piece_balance import largest_left
 from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram
 
 ROUNDING = 1e-10
-"""What may be left of a condition, relative to the least yield radius of the cells it touches: mean
-stresses, which nothing bounds, may be 1e5 times as large, and have their own rounding."""
+"""Limit of a residual, relative to the least yield radius of the cells it touches. Mean stresses,
+which nothing bounds, may be 1e5 times as large, and have their own rounding."""
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ def _left_of_piece(
     pushes = np.where(form.jumps | form.pressed, np.maximum(-pressing, 0.0), 0.0)
 
     def on_both(values: Floats) -> Floats:
-        """What is at unknowns, and at those opposite too."""
+        """Return values at unknowns, and at the opposite ones too."""
         return np.maximum(values, facets.meet(facets.gather(values / cells)))
 
     left, acts = on_both(forces[:count]), loaded[:count] + on_both(pushes)

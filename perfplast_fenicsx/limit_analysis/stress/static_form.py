@@ -1,4 +1,4 @@
-"""What a lower bound is sought with, made once a mesh: equilibrium's form, stiffness and loads."""
+"""The form, stiffness and loads of equilibrium for a lower bound, made once a mesh."""
 
 from dataclasses import dataclass
 
@@ -29,7 +29,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class StaticForm:
-    """What does not depend on which factor is sought, or from where.
+    """The data of a lower bound that are independent of the factor sought.
 
     Attributes:
         comm: The ranks.
@@ -155,7 +155,7 @@ def static_form(problem: Problem) -> StaticForm:
 
 
 def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
-    """What bare vertices leave of the owned facets' unknowns. Collective.
+    """Return the parts of the owned facets' unknowns that bare vertices leave. Collective.
 
     Returns:
         Whether any stress is in the row of each; whether one side of a jump has none, so that

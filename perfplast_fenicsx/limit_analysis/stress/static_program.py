@@ -36,7 +36,7 @@ class StaticProgram:
 
     @property
     def factorisations(self) -> int:
-        """Of this program, so far."""
+        """Factorisations of this program so far."""
         return self.form.stiffness.factorisations - self.before
 
     def destroy(self) -> None:

@@ -1,4 +1,4 @@
-"""What facets and cells stand for in the balance of a stress: areas, and loads on multipliers.
+"""Areas of facets and cells in the balance of a stress, and loads on multipliers.
 
 In the plane and in space stresses are linear in the cells, with as many nodes on a facet as it has
 vertices; around an axis it is rσ that is quadratic there, with one more (:mod:`ring_cells`).
@@ -19,7 +19,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class StressForm:
-    """Of the cells that a rank owns and its local facets.
+    """Geometry of the cells that a rank owns and of its local facets.
 
     Attributes:
         vertices: Of the cells, shape (num_cells, d + 1, d).

@@ -1,4 +1,4 @@
-"""What cells dissipate at strain rates that are linear in them, from above.
+"""Dissipation of cells at strain rates that are linear in them, from above.
 
 ‖·‖ is convex, so that its integral is at most that of its linear interpolation on any subdivision
 of the cell (the composite vertex rule), and so is Σ|ε_i| of the principal values. A body that
@@ -49,7 +49,9 @@ def at_vertices(problem: Problem, values: Floats) -> Floats:
 
 
 def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
-    """What tr ε lacks of α‖dev ε‖ at the vertices, in bodies that dilate. Not collective.
+    """Return the shortfall of tr ε from α‖dev ε‖ at the vertices of dilating bodies.
+
+    Not collective.
 
     Args:
         problem: The bodies.
@@ -92,7 +94,9 @@ def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[Princip
 def dissipation_of_cells(
     problem: Problem, rates: MechanismRates, subdivisions: int = SUBDIVISIONS
 ) -> Floats:
-    """What cells dissipate, from above, in the coordinates of their cones. Not collective.
+    """Return the dissipation of cells from above, in the coordinates of their cones.
+
+    Not collective.
 
     It is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε where they dilate (:mod:`standard_cones`); where
     principal stresses are bounded see :mod:`principal_cones`. What rounding leaves of a volume
@@ -131,7 +135,7 @@ def dissipation_of_cells(
 def _of_principal(
     problem: Problem, rates: MechanismRates, cones: PrincipalCones, here: Longs, subdivisions: int
 ) -> Floats:
-    """What cells dissipate whose principal stresses are bounded (:meth:`PrincipalCones.powers`).
+    """Return the dissipation of cells with cones of principal stresses.
 
     Args:
         problem: The bodies.

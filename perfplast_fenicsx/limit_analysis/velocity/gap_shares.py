@@ -1,4 +1,4 @@
-"""What each cell has of the gap between a lower and an upper bound: where to refine.
+"""The share of each cell in the gap between a lower and an upper bound: where to refine.
 
 With an admissible mechanism of L(v) = 1 and a stress in equilibrium with λ⁻,
 

@@ -1,4 +1,4 @@
-"""What moves by rounding alone: bodies that rest while others collapse, and what enters contact."""
+"""Motion by rounding: bodies that rest while others collapse, and interpenetration."""
 
 from mpi4py import MPI
 
@@ -124,7 +124,7 @@ def _entering(problem: Problem, velocity: fem.Function) -> Floats:
 
 
 def _entered(problem: Problem, velocity: fem.Function) -> float:
-    """What enters where that can be told, relative to velocities there. Collective."""
+    """Return the interpenetration relative to velocities there; 0 if unknown. Collective."""
     if problem.constraints.in_mean or problem.given.ties:
         return 0.0
     return entered_share(problem, velocity, rubbing=True) or 0.0

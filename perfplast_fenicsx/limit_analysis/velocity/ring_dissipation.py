@@ -1,4 +1,4 @@
-"""What bodies of revolution dissipate by v = ru that is quadratic in each cell, from above.
+"""Dissipation of bodies of revolution by v = ru that is quadratic in each cell, from above.
 
 Of the strain rates ε of u, r²ε is quadratic in the section,
 
@@ -87,7 +87,7 @@ def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
 
 
 def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions: int) -> Floats:
-    """What cells dissipate, from above. Not collective.
+    """Return the dissipation of cells from above. Not collective.
 
     Args:
         problem: By v = ru (:mod:`ring_flux`), of bodies that keep their volume.
@@ -121,7 +121,7 @@ def _values(problem: Problem, velocity: fem.Function) -> tuple[Floats, Floats]:
 
 
 def _powers(cones: BodyCones, rates: Floats) -> Floats:
-    """What rates dissipate per volume, convex in them; shape (num_cells, 6)."""
+    """Return the dissipation of rates per volume, convex in them; shape (num_cells, 6)."""
     found = np.zeros(rates.shape[:2])
     for number, cone in enumerate(cones.cones):
         here, form = cones.of_cells == number, cone.standard

@@ -1,4 +1,4 @@
-"""What a mechanism dissipates where surfaces rub, from above, whatever its slip is between nodes.
+"""Dissipation of a mechanism by slip, from above, whatever its slip is between nodes.
 
 The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`face_jumps`), whose
 polynomials are not negative and add up to 1. So ‖w_t‖ is at most the mean of the coefficients'
@@ -34,7 +34,7 @@ CLOSED = "surfaces with Coulomb's friction slip and do not part by enough betwee
 
 @dataclass(frozen=True)
 class SlipWork:
-    """What slip does.
+    """The work of slip.
 
     Attributes:
         power: ∫c‖w_t‖ from above, on all ranks together.
@@ -53,7 +53,7 @@ class SlipWork:
 
 
 def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = None) -> SlipWork:
-    """What a velocity dissipates by slip. Collective.
+    """Return the dissipation of a velocity by slip. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.

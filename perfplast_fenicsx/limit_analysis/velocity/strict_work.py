@@ -57,7 +57,7 @@ def strict_upper_bound(
     question: Question = Question.LIMIT,
     rates: MechanismRates | None = None,
 ) -> Bound:
-    """What a mechanism dissipates, from above, less the work of dead loads, over L₁(v). Collective.
+    """Return the upper bound (dissipation from above less work of dead loads) / L₁(v). Collective.
 
     Args:
         problem: The bodies and their loads.
@@ -189,7 +189,7 @@ def _largest_load(problem: Problem, loads: FacetLoads, volume: float) -> float:
 
 
 def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -> Floats:
-    """What rounding can add to the plastic work of each cell, whoever computes it.
+    """Return the part of each cell's plastic work that rounding may add, whoever computes it.
 
     In a cell that moves and does not strain, differences of velocities are rounding; a body of
     1e15 times the strength of others would dissipate as much by them as those do that flow.
