@@ -12,9 +12,10 @@ import basix
 import basix.ufl
 import numpy as np
 import ufl
+from dolfinx import la
 from dolfinx.graph import adjacencylist
 from dolfinx.io.utils import cell_perm_gmsh, distribute_entity_data
-from dolfinx.mesh import CellType, Mesh, MeshTags, create_mesh, meshtags_from_entities
+from dolfinx.mesh import CellType, Mesh, MeshTags, create_mesh, meshtags, meshtags_from_entities
 
 from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.errors import InputError, on_rank0
@@ -59,6 +60,68 @@ class TaggedMesh:
     remarks: tuple[str, ...] = ()
     taken: tuple[str, ...] = ()
     glued: tuple[tuple[str, str], ...] = ()
+
+    @classmethod
+    def from_tags(
+        cls,
+        mesh: Mesh,
+        cell_tags: MeshTags,
+        facet_tags: MeshTags,
+        volumes: Mapping[str, int],
+        surfaces: Mapping[str, Tags],
+    ) -> "TaggedMesh":
+        """Return a mesh of DOLFINx with names for its tags. Collective.
+
+        Facets whose tag has no name are listed in ``remarks``, in a sentence.
+
+        Args:
+            mesh: Triangles in the plane, or tetrahedra.
+            cell_tags: A tag of each cell; one rank that has the cell is enough.
+            facet_tags: Tags of facets, at least those that get names; likewise.
+            volumes: The tag of each body.
+            surfaces: The tag of each surface; several tags of one that consists of parts.
+
+        Raises:
+            InputError: On every rank alike, if cells or tags are of another kind or dimension, a
+                tag is no integer, two volumes have the same tag, no cell or facet has the tag of a
+                name, or cells belong to no volume.
+        """
+        dim = mesh.topology.dim
+        if mesh.geometry.dim != dim:
+            raise InputError(
+                f"the mesh has cells of dimension {dim} in {mesh.geometry.dim} coordinates; give"
+                " one of triangles with gdim=2, or of tetrahedra."
+            )
+        for what, tags, wanted in (("cell", cell_tags, dim), ("facet", facet_tags, dim - 1)):
+            if tags.dim != wanted:
+                raise InputError(
+                    f"the {what} tags are of entities of dimension {tags.dim}, but {what}s of this"
+                    f" mesh have dimension {wanted}; give the tags of {what}s."
+                )
+        one, several = _numbers("volume", volumes), _numbers("surface", surfaces)
+        for name, own in one.items():
+            first = next(other for other in one if one[other] == own)
+            if len(own) > 1 or first != name:
+                what = f"the tag {own[0]} of '{first}'" if first != name else f"the tags {own}"
+                raise InputError(
+                    f"the volume '{name}' has {what}; give each volume one tag of its own."
+                )
+        _check_found(mesh, ("volume", "cell"), cell_tags, one)
+        _check_found(mesh, ("surface", "facet"), facet_tags, several)
+        named = [tag for tags in several.values() for tag in tags]
+        unnamed = [tag for tag in _tags_in(mesh, facet_tags) if tag not in named]
+        left = f"facets with the tags {str(unnamed)[1:-1]} have no name, and nothing refers to them"
+        tagged_mesh = cls(
+            mesh=mesh,
+            cell_tags=_on_all_ranks(mesh, cell_tags),
+            facet_tags=_on_all_ranks(mesh, facet_tags),
+            volumes={name: tags[0] for name, tags in one.items()},
+            surfaces={name: tags if len(tags) > 1 else tags[0] for name, tags in several.items()},
+            remarks=(left,) if unnamed else (),
+        )
+        tagged_mesh.check_tagged()
+        check_sides(mesh)
+        return tagged_mesh
 
     def __repr__(self) -> str:
         topology = self.mesh.topology
@@ -184,6 +247,65 @@ class TaggedMesh:
             found = np.unique(np.concatenate(self.mesh.comm.allgather(wrong))).tolist()
             told = f" (there are the tags {str(found)[1:-1]}, which no volume has)" if found else ""
             raise InputError(f"{missing} cells belong to no named volume{told}; name every body")
+
+
+def _numbers(kind: str, names: Mapping[str, Tags]) -> dict[str, tuple[int, ...]]:
+    """Return the tags of each name.
+
+    Raises:
+        InputError: If one is no integer, or a name has no tag.
+    """
+    found = {}
+    for name, given in names.items():
+        tags = np.unique(np.ravel(given))
+        if not len(tags) or tags.dtype.kind not in "iu":
+            raise InputError(
+                f"the {kind} '{name}' has the tag {given!r}; give a whole number as the tag."
+            )
+        found[name] = tuple(int(tag) for tag in tags)
+    return found
+
+
+def _check_found(
+    mesh: Mesh, what: tuple[str, str], tags: MeshTags, names: Mapping[str, tuple[int, ...]]
+) -> None:
+    """Refuse names with tags that no cell or facet has. Collective.
+
+    Args:
+        mesh: The mesh.
+        what: What has the names, and what has the tags: ("volume", "cell").
+        tags: Those that there are.
+        names: The tags of each name.
+    """
+    there = _tags_in(mesh, tags)
+    for name, wanted in names.items():
+        if missing := [tag for tag in wanted if tag not in there]:
+            known = f"the {what[1]}s have {str(there)[1:-1]}" if there else "there are no tags"
+            raise InputError(
+                f"the {what[0]} '{name}' has the tag {missing[0]}, which no {what[1]} of the mesh"
+                f" has; {known}."
+            )
+
+
+def _tags_in(mesh: Mesh, tags: MeshTags) -> list[int]:
+    """Return the tags that any rank has, sorted. Collective."""
+    found: list[int] = np.unique(np.concatenate(mesh.comm.allgather(tags.values))).tolist()
+    return found
+
+
+def _on_all_ranks(mesh: Mesh, tags: MeshTags) -> MeshTags:
+    """Return tags that each rank with an entity knows, if one of them does. Collective."""
+    mesh.topology.create_entities(tags.dim)
+    mesh.topology.create_connectivity(tags.dim, mesh.topology.dim)
+    vector = la.vector(mesh.topology.index_map(tags.dim), 2, dtype=np.int64)
+    seen = vector.array.reshape(-1, 2)
+    seen[:] = 0
+    seen[tags.indices] = np.column_stack([np.ones_like(tags.values), tags.values])
+    vector.scatter_reverse(la.InsertMode.add)
+    vector.scatter_forward()
+    tagged = np.flatnonzero(seen[:, 0]).astype(np.int32)
+    values = seen[tagged, 1] // seen[tagged, 0]  # several ranks may have given the same tag
+    return meshtags(mesh, tags.dim, tagged, values.astype(np.int32))
 
 
 def _tag(kind: str, name: str, tags: Mapping[str, Tags], others: Mapping[str, Tags]) -> Tags:

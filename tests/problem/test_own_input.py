@@ -8,11 +8,21 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from dolfinx.mesh import CellType, create_unit_square, meshtags
+from dolfinx.mesh import (
+    CellType,
+    GhostMode,
+    Mesh,
+    MeshTags,
+    compute_midpoints,
+    create_unit_square,
+    locate_entities_boundary,
+    meshtags,
+)
 
 from perfplast_fenicsx import Contact, Pressure, Problem, Support, TaggedMesh, Tie, Traction
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.elastic import ElasticLaw
+from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
 from tests.models import STEEL, touching_blocks
 
 Change = Callable[[TaggedMesh], TaggedMesh]
@@ -83,6 +93,87 @@ def without_a_cell(mesh: TaggedMesh) -> TaggedMesh:
 def test_meshes_made_by_hand(mesh: Callable[[], TaggedMesh], part: str) -> None:
     with pytest.raises(InputError) as refusal:
         Problem(mesh(), {"body": STEEL}, [Support("left")], [Pressure("left", 1.0)])
+    assert part in str(refusal.value)
+
+
+def tagged_square(
+    kind: CellType = CellType.triangle, ghosts: GhostMode = GhostMode.shared_facet
+) -> tuple[Mesh, MeshTags, MeshTags]:
+    """Return a unit square with cell tags 3 below and 4 above, and facet tags 1 to 3.
+
+    Cells and facets have their tag on their owner alone. Facets at x = 0 have the tag 1, at x = 1
+    the tag 2, at y = 1 the tag 3.
+    """
+    mesh = create_unit_square(MPI.COMM_WORLD, 4, 4, kind, ghost_mode=ghosts)
+    owned = mesh.topology.index_map(2).size_local
+    middle = compute_midpoints(mesh, 2, np.arange(owned, dtype=np.int32))[:, 1]
+    cells = meshtags(
+        mesh, 2, np.arange(owned, dtype=np.int32), np.where(middle < 0.5, 3, 4).astype(np.int32)
+    )
+    mesh.topology.create_connectivity(1, 2)
+    sides = [
+        locate_entities_boundary(mesh, 1, lambda x, axis=axis, at=at: np.isclose(x[axis], at))
+        for axis, at in ((0, 0.0), (0, 1.0), (1, 1.0))
+    ]
+    own = [side[side < mesh.topology.index_map(1).size_local] for side in sides]
+    numbers = np.repeat(np.array([1, 2, 3], dtype=np.int32), [len(side) for side in own])
+    facets = np.concatenate(own)
+    order = np.argsort(facets)
+    return mesh, cells, meshtags(mesh, 1, facets[order], numbers[order])
+
+
+NAMES: dict[str, Any] = {
+    "volumes": {"lower": 3, "upper": 4},
+    "surfaces": {"left": 1, "right": 2, "sides": (1, 2)},
+}
+
+
+@pytest.mark.mpi2
+def test_names_for_tags_of_dolfinx() -> None:
+    """A side has its whole length on any number of ranks, with ghost cells and without."""
+    for ghosts in (GhostMode.shared_facet, GhostMode.none):
+        tagged_mesh = TaggedMesh.from_tags(*tagged_square(ghosts=ghosts), **NAMES)
+        assert tagged_mesh.volumes == {"lower": 3, "upper": 4}
+        assert tagged_mesh.surfaces == {"left": 1, "right": 2, "sides": (1, 2)}
+        assert tagged_mesh.remarks == (
+            "facets with the tags 3 have no name, and nothing refers to them",
+        )
+        cells = tagged_mesh.mesh.topology.index_map(2)
+        assert len(tagged_mesh.cell_tags.indices) == cells.size_local + cells.num_ghosts
+        problem = Problem(
+            tagged_mesh,
+            {"lower": STEEL, "upper": STEEL},
+            [Support("left", "x"), Support("right", "y")],
+            [Traction("right", (1.0, 0.0))],
+        )
+        assert problem.num_dofs == 2 * 25
+        assert load_resultants(problem)[0].force == pytest.approx((1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "part"),
+    [
+        ({"volumes": {"lower": 3}}, "belong to no named volume (there are the tags 4, which no"),
+        ({"volumes": {"lower": 3, "upper": 7}}, "'upper' has the tag 7, which no cell of the mesh"),
+        ({"volumes": {"a": 3, "b": 3, "c": 4}}, "'b' has the tag 3 of 'a'; give each volume one"),
+        ({"volumes": {"lower": 3.0, "upper": 4}}, "'lower' has the tag 3.0; give a whole number"),
+        ({"volumes": {"lower": (3, 4)}}, "'lower' has the tags (3, 4); give each volume one tag"),
+        (
+            {"surfaces": {"left": 9}},
+            "'left' has the tag 9, which no facet of the mesh has; the fac",
+        ),
+        ({"surfaces": {"left": ()}}, "'left' has the tag (); give a whole number as the tag"),
+        ({"surfaces": {"left": "1"}}, "'left' has the tag '1'; give a whole number as the tag"),
+        ({"kind": CellType.quadrilateral}, "cells of the kind quadrilateral, but only triangles"),
+        ({"swap": True}, "the cell tags are of entities of dimension 1, but cells of this mesh"),
+    ],
+)
+def test_names_for_wrong_tags(changes: dict[str, Any], part: str) -> None:
+    changes = dict(changes)
+    mesh, cells, facets = tagged_square(changes.pop("kind", CellType.triangle))
+    tags = (facets, cells) if changes.pop("swap", False) else (cells, facets)
+    with pytest.raises(InputError) as refusal:
+        TaggedMesh.from_tags(mesh, *tags, **NAMES | changes)
     assert part in str(refusal.value)
 
 
