@@ -106,3 +106,34 @@ def test_a_narrow_sector_is_held(read: Read, caplog: pytest.LogCaptureFixture) -
     with caplog.at_level(logging.WARNING):
         Problem(read(write_sphere_sector, size=0.33), {"shell": STEEL}, supports, loads)
     assert "loosely held" not in caplog.text
+
+
+def write_quarter_ring(path: str | Path) -> None:
+    """A thin ring of which the ends are in the planes x = 0 and y = 0."""
+    with gmsh_session() as gmsh:
+        occ = gmsh.model.occ
+        outer, inner = occ.addDisk(0, 0, 0, 51, 51), occ.addDisk(0, 0, 0, 49, 49)
+        ring, _ = occ.cut([(2, outer)], [(2, inner)])
+        ring, _ = occ.intersect(ring, [(2, occ.addRectangle(0, 0, 0, 60, 60))])
+        occ.synchronize()
+        name(2, {"ring": [tag for _, tag in ring]})
+        name(1, {axis: on_plane(1, number, 0.0) for number, axis in enumerate("xy")})
+        generate(2, lambda x, y, z: 2.0, 1)
+        gmsh.write(str(path))
+
+
+@pytest.mark.mpi2
+@pytest.mark.parametrize("components", ["letters", "normal"])
+def test_a_thin_ring_is_held_by_its_ends(
+    read: Read, caplog: pytest.LogCaptureFixture, components: str
+) -> None:
+    """However its supports are written: what they resist does not hang on facets."""
+    letters = {axis: axis if components == "letters" else "normal" for axis in "xy"}
+    supports = [Support(axis, held) for axis, held in letters.items()]
+    with caplog.at_level(logging.WARNING):
+        problem = Problem(
+            read(write_quarter_ring), {"ring": STEEL}, supports, [BodyForce("ring", (0.0, -1.0))]
+        )
+    assert "loosely held" not in caplog.text
+    rows = (problem.V, problem.bodies, problem.fixed, problem.constraints)
+    assert not loose_motions(*rows, flat=len(problem.constraints.host))

@@ -97,6 +97,9 @@ def loose_motions(
 ) -> list[LooseMotion]:
     """Find what is loosely held. Collective.
 
+    A motion is loosely held if supports along axes and flat ones leave it, and normals of other
+    surfaces resist it by little. How a support is written does not matter.
+
     Args:
         V: Displacement space.
         bodies: The bodies.
@@ -104,8 +107,9 @@ def loose_motions(
         constraints: The rows of B.
         free: Motions that nothing resists at all, orthonormal columns of coefficients of all
             bodies' rigid motions, which are not meant; None for none.
-        flat: How many of this rank's rows, the last ones, are of flat supports, which resist what
-            they take up however little that is: a narrow sector's planes are held by nothing else.
+        flat: How many of this rank's rows, the last ones, are of flat supports. Like supports along
+            axes they resist what they take up however little that is: a narrow sector's planes or
+            a thin ring's ends are held by nothing else.
     """
     nodes = V.tabulate_dof_coordinates()
     supported, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])
@@ -113,10 +117,7 @@ def loose_motions(
     held = bodies.functionals(bodies.of_node[supported], nodes[supported], unit)
     jumps = rigid_jumps(V, bodies, constraints.B)
     rows = np.concatenate([jumps, held])
-    # Share (its sine) of the motion of its place, or of all places on average, that one of them has
-    # to take up: otherwise the motion is loose.
-    aslant = np.full(len(rows), 0.35)
-    aslant[len(jumps) - flat : len(jumps)] = 0.02
+    exact = np.arange(len(rows)) >= len(jumps) - flat
     places = np.concatenate([nodes[constraints.host], nodes[supported]])
     motions = bodies.rigid_modes(places)
     found = []
@@ -124,7 +125,7 @@ def loose_motions(
         here = slice(body * bodies.num_modes, (body + 1) * bodies.num_modes)
         own = rows[:, here]
         touched = own.any(axis=1)
-        for v in _weak(V.mesh.comm, own[touched], motions[touched], aslant[touched]):
+        for v in _weak(V.mesh.comm, own[touched], motions[touched], exact[touched]):
             if free is not None and _is_free(v, free, here):
                 continue
             x = nodes[bodies.of_node == body, : fixed.shape[1]]
@@ -140,23 +141,38 @@ def _is_free(v: Floats, free: Floats, here: slice) -> bool:
     return bool(np.linalg.norm(whole - free @ (free.T @ whole)) < STILL * np.linalg.norm(v))
 
 
-def _weak(comm: MPI.Intracomm, rows: Floats, motions: Floats, aslant: Floats) -> list[Floats]:
-    """Motions of a body of which no row takes up the share that it has to."""
-    taken = comm.allreduce(rows.T @ rows)
+def _weak(
+    comm: MPI.Intracomm, rows: Floats, motions: Floats, exact: npt.NDArray[np.bool_]
+) -> list[Floats]:
+    """Return motions of a body that no exact row resists, and of which no other takes up enough.
+
+    Args:
+        comm: The ranks.
+        rows: Functionals of its motions, shape (n, num_modes).
+        motions: Those of the places of the rows, shape (n, gdim, num_modes).
+        exact: Rows whose normals are those of the body, and not of facets, shape (n,).
+    """
+    solid, facets = (comm.allreduce(some.T @ some) for some in (rows[exact], rows[~exact]))
     moved = comm.allreduce(np.einsum("nij,nik->jk", motions, motions))
     count = comm.allreduce(len(rows))
     if not count or np.linalg.matrix_rank(moved) < len(moved):
         return []
-    shares, vectors = eigh(taken, moved)
+    # Mean square of the share of a motion that rows take up, which is rounding.
+    nothing = 1e-10
+    shares, vectors = eigh(solid, moved)
+    left = vectors[:, shares <= nothing]
+    shares, inner = np.linalg.eigh(left.T @ facets @ left)
     weak = []
-    # Mean square of the share of a motion that normals and supports take up, below which it is
-    # looked at.
+    # The same below which it is looked at.
     weakest = 0.02
-    for v in vectors.T[shares <= weakest]:
+    # Share (its sine) of the motion of its place, or of all places on average, that one of the rows
+    # has to take up: otherwise the motion is loose.
+    aslant = 0.35
+    for v in (left @ inner[:, shares <= weakest]).T:
         size = np.sqrt(v @ moved @ v / count)
         speed = np.linalg.norm(motions @ v, axis=1)
-        taken_up = np.abs(rows @ v)
-        resisted = taken_up > aslant * np.where(speed > STILL * size, np.minimum(speed, size), size)
+        enough = aslant * np.where(speed > STILL * size, np.minimum(speed, size), size)
+        resisted = (np.abs(rows @ v) > enough) & ~exact
         if not comm.allreduce(bool(resisted.any()), MPI.LOR):
             weak.append(v)
     return weak
