@@ -8,7 +8,23 @@ from typing import Literal
 
 from perfplast_fenicsx.errors import InputError
 
-Name = Literal["mm-N-MPa", "mm-kN-GPa", "m-kN-kPa", "m-MN-MPa", "SI"]
+Name = Literal[
+    "mm-N-MPa",
+    "mm-kN-GPa",
+    "m-kN-kPa",
+    "m-MN-MPa",
+    "SI",
+    "in-lbf-psi",
+    "in-kip-ksi",
+    "ft-lbf-psf",
+    "ft-kip-ksf",
+]
+
+INCH, FOOT = 0.0254, 0.3048
+"""Exact lengths in m (international yard and pound agreement of 1959)."""
+
+POUND_FORCE = 4.4482216152605
+"""Exact force in N: 0.45359237 kg times the standard gravity 9.80665 m/s²."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +37,8 @@ class System:
         stress: Unit of stresses, force / length².
         metres: The unit of length (m).
         pascals: The unit of stress (Pa).
+        arm: Unit of the arms of moments of results.
+        arm_metres: This unit (m).
     """
 
     length: str
@@ -28,6 +46,8 @@ class System:
     stress: str
     metres: float
     pascals: float
+    arm: str = "m"
+    arm_metres: float = 1.0
 
 
 SYSTEMS: dict[Name, System] = {
@@ -36,6 +56,10 @@ SYSTEMS: dict[Name, System] = {
     "m-kN-kPa": System("m", "kN", "kPa", 1.0, 1e3),
     "m-MN-MPa": System("m", "MN", "MPa", 1.0, 1e6),
     "SI": System("m", "N", "Pa", 1.0, 1.0),
+    "in-lbf-psi": System("in", "lbf", "psi", INCH, POUND_FORCE / INCH**2, "ft", FOOT),
+    "in-kip-ksi": System("in", "kip", "ksi", INCH, 1e3 * POUND_FORCE / INCH**2, "ft", FOOT),
+    "ft-lbf-psf": System("ft", "lbf", "psf", FOOT, POUND_FORCE / FOOT**2, "ft", FOOT),
+    "ft-kip-ksf": System("ft", "kip", "ksf", FOOT, 1e3 * POUND_FORCE / FOOT**2, "ft", FOOT),
 }
 """By the names that case files have for them."""
 
@@ -47,7 +71,8 @@ class Units:
     Args:
         length: Of the mesh, such as "mm"; known where there is a system.
         stress: Of the materials and loads, such as "MPa"; known where there is a system.
-        system: A consistent system: lengths, forces and stresses.
+        system: A consistent system: lengths, forces and stresses. "in-lbf-psi", "in-kip-ksi",
+            "ft-lbf-psf" and "ft-kip-ksf" are those with inches and feet.
     """
 
     length: str = ""
@@ -98,14 +123,14 @@ class Units:
         Returns:
             Units of ``length``, ``stress``, ``force``, ``work``, ``moment`` and ``force_density``
             (force per volume), and the ``system``; empty texts of what is unknown. In a system
-            moments are those of arms in metres (:meth:`moment_scale`).
+            moments are those of arms in metres or feet (:meth:`moment_scale`).
         """
         system = self.known
         length = system.length if system else self.length
         stress = system.stress if system else self.stress
         force = work = density = moment = ""
         if system:
-            moment = f"{system.force} m" + ("" if whole else "/m")
+            moment = f"{system.force} {system.arm}" + ("" if whole else f"/{system.arm}")
             force = system.force if whole else f"{system.force}/{length}"
             work = f"{system.force} {length}" + ("" if whole else f"/{length}")
             density = f"{system.force}/{length}^3"
@@ -131,7 +156,7 @@ class Units:
             whole: As there; N mm for each millimetre of depth is N m for each metre.
         """
         system = self.known
-        return system.metres if system and whole else 1.0
+        return system.metres / system.arm_metres if system and whole else 1.0
 
     def of_length(self) -> str:
         """Return the unit of lengths, for the brackets after a length."""

@@ -7,13 +7,26 @@ from perfplast_fenicsx.units import SYSTEMS, Units
 
 pytestmark = pytest.mark.serial
 
-NEWTONS = {"N": 1.0, "kN": 1e3, "MN": 1e6}
+NEWTONS = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605, "kip": 4448.2216152605}
+METRES = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_systems_are_consistent(name: str) -> None:
     system = SYSTEMS[name]  # type: ignore[index]
-    assert system.pascals * system.metres**2 == pytest.approx(NEWTONS[system.force])
+    assert system.metres == METRES[system.length]
+    assert system.pascals * system.metres**2 == pytest.approx(NEWTONS[system.force], rel=1e-14)
+    assert name == "SI" or name == f"{system.length}-{system.force}-{system.stress}"
+
+
+def test_stresses_in_pounds() -> None:
+    """Factors to SI are those of NIST SP 811 (2008), appendix B.8."""
+    factors = {"psi": 6894.757, "ksi": 6894757.0, "psf": 47.88026, "ksf": 47880.26}
+    assert {
+        system.stress: pytest.approx(system.pascals, rel=1e-7)
+        for system in SYSTEMS.values()
+        if system.force in ("lbf", "kip")
+    } == factors
 
 
 def test_units_of_quantities() -> None:
@@ -29,11 +42,13 @@ def test_units_of_quantities() -> None:
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
-def test_moments_have_arms_in_metres(name: str) -> None:
-    """A moment of a force and an arm of one metre is 1 in the unit that is told."""
-    units = Units(system=name)  # type: ignore[arg-type]
-    assert units.moment_scale() / SYSTEMS[name].metres == 1.0  # type: ignore[index]
-    assert units.table()["moment"] == f"{units.table()['force']} m"
+def test_moments_have_arms_in_metres_or_feet(name: str) -> None:
+    """A moment of a force and an arm of one metre or foot is 1 in the unit that is told."""
+    units, system = Units(system=name), SYSTEMS[name]  # type: ignore[arg-type, index]
+    arm = "ft" if system.length in ("in", "ft") else "m"
+    arm_as_given = METRES[arm] / system.metres  # one metre or foot in the case's unit of length
+    assert units.moment_scale() * arm_as_given == pytest.approx(1.0, rel=1e-14)
+    assert units.table()["moment"] == f"{units.table()['force']} {arm}"
     assert units.moment_scale(whole=False) == Units("cm", "bar").moment_scale() == 1.0
 
 

@@ -13,7 +13,8 @@ class GravityTable:
     """The weight of bodies: a force per volume, density times acceleration.
 
     Units are those of the case: with mm, N and MPa densities are in t/mm³ (steel: 7.85e-9) and the
-    acceleration is 9810 mm/s²; in SI units 7850 kg/m³ and 9.81 m/s².
+    acceleration is 9810 mm/s²; in SI units 7850 kg/m³ and 9.81 m/s². Unit weights (force per
+    volume) are densities with an acceleration of length 1: steel 0.284 lbf/in³, ground 120 lbf/ft³.
 
     Args:
         acceleration: A number a direction, such as [0.0, 0.0, -9810.0].

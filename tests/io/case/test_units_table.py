@@ -44,6 +44,19 @@ def test_meaning(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     ]
 
 
+def test_meaning_in_inches(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
+    """Steel A36 of AISC 360: 29 000 ksi and 36 ksi."""
+    given = text('system = "in-kip-ksi"', WEIGHT)
+    given = given.replace("210000.0", "29000.0").replace("235.0", "36.0")
+    case = read_case(write_case(comm, shared_tmp_path / "case.toml", given))
+    assert meaning(case) == [
+        "zeta = 1 is pressure 1 ksi on 'top'.",
+        "At any load factor there is body force (0, 0, '-x') kip/in^3 on 'lower'.",
+        "Units: lengths in in, forces in kip, stresses in ksi, works in kip in, moments of results"
+        " in kip ft.",
+    ]
+
+
 def test_loads_in_words() -> None:
     mm = Units(system="mm-N-MPa")
     force = Force("lid", [0.0, -2.5], moment=3.0)
@@ -63,6 +76,10 @@ def test_loads_in_words() -> None:
         ('system = "mm-kg-s"', "give 'mm-N-MPa', "),
         ('system = "SI"\nlength = "mm"', "length = 'mm' contradicts system = 'SI'"),
         ('system = "SI"', r"\[material.lower\]: young = 210000 .*; write young = 2.1e\+11"),
+        (
+            'system = "in-kip-ksi"',
+            r"in MPa, but by \[units\] stresses are in ksi; write .* 34.0839",
+        ),
         ('length = "m"\nstress = "kPa"', r"those of 's235' in MPa, .* are in kPa"),
         ("mass = 1", "no key 'mass'"),
     ],
