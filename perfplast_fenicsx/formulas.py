@@ -74,7 +74,7 @@ def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
     Args:
         formula: A number, or a formula such as ``"0.02*(x**2 + y**2)"``.
         x: Coordinates, shape (num_points, 3).
-        place: Where the formula stands, for the message.
+        place: Where the formula is, for the message.
 
     Returns:
         Shape (num_points,).

@@ -10,7 +10,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 
 SHEARS = {4: ((0, 1),), 6: ((1, 2), (0, 2), (0, 1))}
-"""Components behind the diagonal ones, by the length of a vector."""
+"""Components after the diagonal ones, by the length of a vector."""
 
 
 def matrices(mandel: Floats) -> Floats:

@@ -2,8 +2,8 @@
 
 A mesh has a static side, the load of a stress in equilibrium and within yield at its points, and a
 kinematic one, the power of a mechanism. They bound the limit load of the finite elements from below
-and above, and that of the body on neither side. So both are told by their distance alone, and the
-estimate in few digits.
+and above, and that of the body on neither side. So only their distance is printed, and the estimate
+in few digits.
 """
 
 import math
@@ -50,7 +50,7 @@ class MeshEstimate:
         """The estimate and what it is worth: the rest of a sentence that names the mesh.
 
         Args:
-            zeta: Stands before loads, such as "ζ = ".
+            zeta: Text before loads, such as "ζ = ".
         """
         if self.estimate is None:
             known = self.static != 0 and math.isfinite(self.static)
@@ -67,7 +67,7 @@ class MeshEstimate:
 
 def percent(share: float) -> str:
     """A distance in percent, in two digits: "0.74 %", "430 %"."""
-    touching = 1e-5  # distance of the sides, relative, below which its number tells nothing
+    touching = 1e-5  # distance of the sides, relative, below which its number means nothing
     if share < touching:
         return f"less than {100 * touching:g} %"
     return f"{float(f'{100 * share:.2g}'):g} %"

@@ -37,7 +37,7 @@ class PathBracket:
         """Where equilibrium is lost: the rest of a sentence that names the path.
 
         Args:
-            zeta: Stands before loads, such as "ζ = ".
+            zeta: Text before loads, such as "ζ = ".
         """
         low = f"{zeta}{rounded_down(self.carried)}"
         if self.refused is None:

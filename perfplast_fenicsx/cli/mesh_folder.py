@@ -14,7 +14,7 @@ SCHEMA = "case.schema.json"
 """By this file beside the case editors complete its keys and mark faults."""
 
 SCHEMA_LINE = f"#:schema ./{SCHEMA}\n"
-"""First line of the case, which tells editors so."""
+"""First line of the case, for editors."""
 
 
 def check_free(output: Path, force: bool) -> None:

@@ -42,7 +42,7 @@ class RunContext:
         method: What solves it, as results name it.
         folder: Where the results go.
         checkpoints: Those of the folder.
-        saved: What the run goes on from; nothing where it begins anew.
+        saved: What the run goes on from; nothing for a new run.
         terminal: What is shown.
         journal: What is logged.
         interrupts: Signals.

@@ -78,7 +78,7 @@ def run(
         finer: With elements of half the size.
         prepared: The case, where it is one of several that are made of the file.
         bodies: Another problem whose mesh and contact it shares.
-        command: What makes the several cases anew.
+        command: The command that repeats several cases.
 
     Returns:
         ``SOLVED``, ``NO_SOLUTION`` where a level has none, or the status of an interrupt.
@@ -113,7 +113,7 @@ def run(
         whole = str(Path(output).parent) if prepared else output
         with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
             said = [*case.remarks]
-            if not case.loading.of_body:  # what bounds say of it stands beside them
+            if not case.loading.of_body:  # the bounds print their own sentence on it
                 said += flow_words(case.materials)
             if method == LimitMethod.INTERIOR_POINT:
                 said += case.loading.remarks(problem)
@@ -208,7 +208,7 @@ def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:
 def _on_friction(problem: Problem, searched: bool) -> list[str]:
     """Return sentences on Coulomb's friction, with its bounds if they are known. Collective.
 
-    Where a load is searched for these are told beside it.
+    If a load is sought, the bounds are printed with it.
     """
     if not problem.friction.follows_pressure:
         return []

@@ -28,7 +28,7 @@ PICTURE = "case.png"
 """Name of the picture that ``check`` draws beside a case file."""
 
 MOST = 6
-"""So many sides or names are listed at most; of more the number is told."""
+"""The most sides or names that are listed; of others only the number is printed."""
 
 
 @dataclass
@@ -94,7 +94,7 @@ class _Told:
     def loads(
         self, resultants: Sequence[tuple[LoadResultant, float]], volumes: dict[str, float]
     ) -> None:
-        """Tell each load: where, how large, and what it comes to."""
+        """Print each load: where, how large, and what it comes to."""
         if not self.case.loads:
             self.lines.append("Loads: none")
             return
@@ -116,7 +116,7 @@ class _Told:
                 self.lines.append(f"    a support holds {held} there: no work of these components")
 
     def supports(self, single: Sequence[list[str]], together: list[str]) -> None:
-        """Tell each support: where, which components, and which rigid motions it leaves."""
+        """Print each support: where, which components, and which rigid motions it leaves."""
         holding = self.problem.given.holding
         self.lines.append("Supports:" if holding else "Supports: none")
         axes = self.problem.kinematics.axes
@@ -143,7 +143,7 @@ class _Told:
             self.lines.append(f"  all together they leave {'; '.join(together)}")
 
     def interfaces(self, gaps: dict[str, tuple[int, float, float]]) -> None:
-        """Tell contacts, obstacles and ties: areas, pairs of nodes, gaps."""
+        """Print contacts, obstacles and ties: areas, pairs of nodes, gaps."""
         contacts, ties = self.case.contacts, self.problem.given.ties
         if contacts or self.case.obstacles:
             self.lines.append("Contacts:")
@@ -175,7 +175,7 @@ class _Told:
             self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
 
     def rest(self, volumes: dict[str, float]) -> None:
-        """Tell what the case does not name, and which bodies have no load or support."""
+        """Print what the case does not name, and which bodies have no load or support."""
         areas, of_tags = self.sides.area_of_tags(), self.sides.names_of_tags()
         used = self.problem.tagged_mesh.tags_of(self.marked)
         free: dict[str, float] = {}
@@ -283,7 +283,7 @@ class _Told:
             return told
         middle = area @ self.sides.facets.x[own].mean(axis=1) / area.sum()
         moment = np.array(found.moment) - np.atleast_1d(_cross(middle, force))
-        small = 1e-6  # moments below this share of the largest that there can be are not told
+        small = 1e-6  # moments below this share of the largest that there can be are not printed
         if np.abs(moment).max() > small * total * size:
             shown = moment * self.case.units.moment_scale(self.whole)
             unit = self.units["moment"]

@@ -28,13 +28,13 @@ class BoundsControl(OfBody):
     Args:
         limit_tolerance: How near each bound comes to the best of its kind on this mesh, relative,
             between 0 and 1; on meshes that follow others a twentieth of the last gap is enough.
-        design: Load factor of the load that the bodies are designed for, often 1.0: results tell
+        design: Load factor of the load that the bodies are designed for, often 1.0: results report
             how many times it is carried.
         direction: "up" for the largest load factor that is carried, and where 0 is not carried
             beside constant loads for the least one as well; "both" for both in any case.
 
     Raises:
-        InputError: A tolerance or a load factor that is none.
+        InputError: A tolerance or a load factor that is not valid.
     """
 
     limit_tolerance: float = 1e-4

@@ -92,7 +92,7 @@ class Run:
         record: Where results go.
         adapt: How the mesh is adapted; None where it is not.
         history: What leads the problem through stages; None without them.
-        start: The state that the run goes on from; None where it begins anew.
+        start: The state that the run goes on from; None for a new run.
         before: The state of the level before that, where there is one.
         done: Levels that are on file.
         search: What is known of a limit load from these.
@@ -181,7 +181,7 @@ class Control(Protocol):
             The limit load; None of levels, each of which says by itself whether it is solved.
 
         Raises:
-            InputError: If the problem is none that it can answer.
+            InputError: If it cannot answer the problem.
         """
 
 

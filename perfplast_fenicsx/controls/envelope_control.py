@@ -32,7 +32,7 @@ class EnvelopeControl(OfBody):
             between 0 and 1.
 
     Raises:
-        InputError: A tolerance, or a number of directions, that is none.
+        InputError: A tolerance, or a number of directions, that is not valid.
     """
 
     design: ClassVar[None] = None
@@ -67,7 +67,7 @@ class EnvelopeControl(OfBody):
         return tuple(bool({*names} & {*self.around}) for names in self.named.values())
 
     def check(self, given: Given) -> None:
-        """Refuse names of no load, loads of several or of none, and obstacles that move."""
+        """Refuse names without a load, loads without one name, and obstacles that move."""
         given.require_load()
         given.refuse_moves()
         known = [called(load) for load in given.loads if not load.constant]

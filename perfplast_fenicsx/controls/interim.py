@@ -14,7 +14,7 @@ def of_other_loads(known: AdaptiveBounds | None = None) -> Iterator[None]:
     So what it has found when it is stopped is no answer.
 
     Args:
-        known: The answer so far, which is told in its place.
+        known: The answer so far, which is reported in its place.
 
     Raises:
         StopSearch: The one that comes.

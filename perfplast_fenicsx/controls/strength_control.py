@@ -25,12 +25,12 @@ class StrengthControl(OfBody):
     Args:
         limit_tolerance: How near each factor comes to the root of its bound, relative, between 0
             and 1.
-        path: Whether to find, behind them, the curve of F over the work of the loads, by Newton's
+        path: Whether to find, after them, the curve of F over the work of the loads, by Newton's
             method on the mesh of the upper factor. Where it levels off is an estimate, and no
             bound.
 
     Raises:
-        InputError: A tolerance that is none.
+        InputError: A tolerance that is not valid.
     """
 
     design: ClassVar[None] = None

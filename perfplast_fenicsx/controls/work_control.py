@@ -36,7 +36,7 @@ class WorkControl:
             "path" follows ζ(α), by steps of its own, until it has levelled off. The default is the
             former where it knows the laws and a factorisation fits, unless there is a [solve] to
             follow a path with or Coulomb's friction. With ``until`` only.
-        design: Load factor of the load that the bodies are designed for, often 1.0: results tell
+        design: Load factor of the load that the bodies are designed for, often 1.0: results report
             how many times it is carried. With ``until`` only.
 
     Raises:

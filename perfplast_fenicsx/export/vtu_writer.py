@@ -68,7 +68,7 @@ def _group(kind: str, arrays: Mapping[str, Any], fields: bool = False) -> str:
 
 
 def _array(name: str, values: npt.NDArray[Any], field: bool) -> str:
-    """Numbers of one kind, or texts, each with a zero behind it."""
+    """Numbers of one kind, or texts, each with a zero after it."""
     count = f' NumberOfTuples="{len(values)}"' if field else ""
     if values.dtype.kind in "OS":
         content = b"".join(bytes(text) + b"\0" for text in values)

@@ -39,7 +39,7 @@ log = logging.getLogger(__name__)
 
 
 def check_resolution(rtol: float, solver: WorkNewton) -> None:
-    """Refuse a tolerance that does not tell sliding from rest.
+    """Refuse a tolerance that does not distinguish sliding from rest.
 
     Args:
         rtol: What both loads may differ by, relative.
@@ -78,7 +78,7 @@ def coulomb_limit(
         reached: Where that run had come to.
 
     Raises:
-        InputError: If the tolerance is finer than what tells a body that slides from one at rest.
+        InputError: If the tolerance is too fine to distinguish a sliding body from one at rest.
     """
     check_resolution(rtol, solver)
     direct = method_for(problem) is LimitMethod.INTERIOR_POINT and not problem.loads.has_dead()

@@ -54,8 +54,8 @@ def limit_load(
 
     Args:
         problem: The bodies and their loads.
-        rtol: What the bounds may differ by, relative. Of a path whose laws tell of no mechanism:
-            what the estimate may differ by from ζ, and from the one of the level before.
+        rtol: What the bounds may differ by, relative. Of a path whose laws give no mechanism: what
+            the estimate may differ by from ζ, and from the one of the level before.
         solver: ALG3 or ALG4 for a path; the default is ALG3 with :func:`limit_options`.
         method: "interior-point" or "path"; the default is the first one where it knows the laws and
             a factorisation fits, if nothing is given that belongs to a path. Where it turns out
@@ -66,7 +66,7 @@ def limit_load(
         reached: Where that run had come to.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, or finer than what tells sliding from rest
+        InputError: If ``rtol`` is not between 0 and 1, or too fine to distinguish sliding from rest
             with Coulomb's friction, all loads are constant, bodies harden, the interior point
             method is asked for beside constant loads and the like, or it finds that no stress can
             carry the loads.

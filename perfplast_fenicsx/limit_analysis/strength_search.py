@@ -6,7 +6,8 @@ the work equality for any F, with a duality gap, and F is where ζ(F, ω) = 1, b
 ln F; each u is the start of the next.
 
 With F fixed ζ does not fall as ω grows and tends to the limit load ζ_lim(F), which falls with F. So
-ζ_lim(F(ω)) ≥ 1: the mesh stands with each F(ω), which tends to the factor of safety of the mesh.
+ζ_lim(F(ω)) ≥ 1: the mesh carries the loads with each F(ω), which tends to the factor of safety of
+the mesh.
 """
 
 import logging

@@ -153,8 +153,8 @@ class MohrCoulombLaw(Law):
         """Return the terms of :meth:`tangent`: lame, a, shape (), and vectors, shape (m,).
 
         U is the difference of the two directions that an edge makes equal, W that by which the
-        principal directions in the plane turn, M the normal of what flows. In space two more tell
-        of the turns of these towards that across.
+        principal directions in the plane turn, M the normal of what flows. In space two more
+        describe the turns of these towards that across.
         """
         on, share = principal_axes(e), 1 - rho
         first, second, across = on.placed(self._returned(e))

@@ -25,7 +25,7 @@ class Bodies:
         centre: Centre of the bodies, shape (3,).
         size: Diagonal of the box around the bodies (length).
         gdim: Geometric dimension.
-        kinematics: What tells rigid motions.
+        kinematics: The meaning of the coordinates, which defines rigid motions.
     """
 
     count: int

@@ -2,7 +2,7 @@
 
 Where four triangles meet whose edges are two straight lines, one condition on a stress that is
 linear in each of them follows from the others. Where the lines are nearly straight, by rounding of
-what a mesh generator has written, it nearly does, and no factorisation tells what is left of it.
+what a mesh generator has written, it nearly does, and no factorisation resolves what is left of it.
 """
 
 import numpy as np

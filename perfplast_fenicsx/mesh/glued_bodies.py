@@ -85,7 +85,7 @@ def _merged(pairs: Longs) -> Longs:
 
 
 def _renumbered(numbers: Longs, merged: Longs) -> Longs:
-    """Numbers with those of pairs replaced, counted anew without those that are gone."""
+    """Numbers with those of pairs replaced, renumbered without those that are gone."""
     found: Longs = numbers.copy()
     chosen = np.isin(numbers, merged[:, 0])
     found[chosen] = merged[np.searchsorted(merged[:, 0], numbers[chosen]), 1]

@@ -152,7 +152,7 @@ class PlaneStrain(Kinematics):
 class PlaneStress(PlaneStrain):
     """Triangles that are sheets, free to grow thicker or thinner: no stress acts across them.
 
-    The strain across is told as zero, and no law looks at it.
+    The strain across is reported as zero, and no law looks at it.
     """
 
     name: str = "plane-stress"

@@ -169,9 +169,9 @@ def _deepest(
     radii = np.linalg.norm(x[outer] - centres[:, None], axis=2).max(axis=1, initial=0)
     low, high = x.min(axis=1), x.max(axis=1)
     worst, said = 0.0, None
-    # Overlaps below this share of a cell's longest edge are none: nodes are known no better.
+    # Overlaps below this share of a cell's longest edge do not count: nodes are known no better.
     rounding = 1e-3
-    # Overlaps below this share of the size of all bodies are none: surfaces touch within it.
+    # Overlaps below this share of the size of all bodies do not count: surfaces touch within it.
     contact_depth = 1e-6
     for one, other in search.near(centres, radii):
         one = outer[one]

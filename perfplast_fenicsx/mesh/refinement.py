@@ -38,7 +38,7 @@ class Refined:
     """A finer mesh.
 
     Attributes:
-        tagged_mesh: The mesh, distributed anew, without ghost cells.
+        tagged_mesh: The mesh, distributed again, without ghost cells.
         parents: Number in the coarser mesh, through all ranks, of the cell that each owned cell is
             a part of; shape (num_cells,).
     """

@@ -1,7 +1,7 @@
 """Structured assemblies by name: ``two_blocks``, ``punch``, ``l_plate`` and ``stacked_blocks``.
 
-How they are cut into tetrahedra, and what is exact about it, is told in
-:mod:`perfplast_fenicsx.mesh.box_mesh`.
+:mod:`perfplast_fenicsx.mesh.box_mesh` describes how they are cut into tetrahedra, and what is exact
+about it.
 """
 
 import inspect

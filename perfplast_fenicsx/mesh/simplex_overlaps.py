@@ -21,7 +21,7 @@ def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
     Args:
         one: Vertices, shape (n, gdim + 1, gdim).
         other: The same of the other one.
-        least: Depths up to this are none, shape (n,).
+        least: Depths up to this do not count, shape (n,).
 
     Returns:
         Shape (n,), length; 0 where they are apart.

@@ -33,7 +33,7 @@ def cell_meshtags(mesh: Mesh, values: Ints) -> MeshTags:
 
 
 def facet_meshtags(mesh: Mesh, of_cell: Ints) -> MeshTags:
-    """The tags of facets that are told cell by cell, as of :func:`facet_tags_of`. Collective."""
+    """Return tags of facets given cell by cell, as of :func:`facet_tags_of`. Collective."""
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim, dim - 1)
     mesh.topology.create_connectivity(dim - 1, dim)

@@ -1,7 +1,7 @@
 """A bulk data file of Nastran (``.bdf``, ``.nas``, ``.fem``) as a mesh with groups.
 
 Cards are read in fields of 8 or 16 characters or between commas (MSC Nastran's quick reference
-guide). Properties are bodies; supports are told of as groups of nodes.
+guide). Properties are bodies; supports are reported as groups of nodes.
 """
 
 import re

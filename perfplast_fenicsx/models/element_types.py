@@ -14,7 +14,7 @@ class Shape:
         dim: 3 for solids, 2 for what is flat, 1 for lines.
         corners: Vertices.
         faces: Of each face S1, S2, ... the corners, around it.
-        midsides: Of each midside that a quadratic one has behind its corners, the two ends.
+        midsides: Of each midside that a quadratic one has after its corners, the two ends.
     """
 
     dim: int

@@ -13,7 +13,7 @@ class ForeignMaterial:
         young: Young's modulus, None where there is none.
         poisson: Poisson's ratio.
         yield_stress: The first one; None of elastic bodies.
-        hardening: Slope of the curve of yield stress behind it, 0 where it is flat.
+        hardening: Slope of the curve of yield stress after it, 0 where it is flat.
         density: Mass per volume; None where there is none.
         expansion: Thermal expansion.
     """

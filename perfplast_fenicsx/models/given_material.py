@@ -12,7 +12,7 @@ from perfplast_fenicsx.units import SYSTEMS
 def with_material(model: ForeignModel, name: str) -> tuple[ForeignModel, str]:
     """The model of one material, and the unit of its stresses.
 
-    Young's moduli in the file tell the unit; a file without them gets numbers in MPa.
+    Young's moduli in the file show the unit; a file without them gets numbers in MPa.
 
     Raises:
         InputError: If there is no such material, bodies yield already, or have Young's moduli that

@@ -18,7 +18,7 @@ MOST_TIMES, MOST_INCLUDED = 100, 5000
 
 @dataclass(frozen=True)
 class Keyword:
-    """A line with a star, and the data lines behind it.
+    """A line with a star, and the data lines after it.
 
     Attributes:
         name: Without the star, in capitals, single spaces.
@@ -51,7 +51,7 @@ def number_of(cell: str, keyword: Keyword) -> float:
     """The number of a cell, 0 of an empty one.
 
     Raises:
-        InputError: If it is none, or not finite.
+        InputError: If it is not a number, or not finite.
     """
     try:
         value = float(cell.upper().replace("D", "E") or 0)

@@ -182,7 +182,7 @@ class MeshReader:
             return
         cells = ",".join(keyword.lines).replace(",,", ",").strip(", ").split(",")
         width = 1 + kind.nodes
-        # Elements that CalculiX may be told the nodes of inner modes of, and so many.
+        # Elements for which CalculiX accepts the nodes of inner modes, and their number.
         with_inner_nodes, inner = "C3D8I", 3
         if name == with_inner_nodes and first_has(keyword, 1 + kind.nodes + inner):
             width += inner

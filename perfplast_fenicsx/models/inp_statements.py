@@ -67,7 +67,7 @@ class Statements:
         return [keyword for step, keyword in self._on_surfaces if step <= last]
 
     def take(self, keyword: Keyword) -> None:
-        """Take a keyword that is none of the mesh's."""
+        """Take a keyword that does not belong to the mesh."""
         name = keyword.name
         if name == "SOLID SECTION":
             elset, material = keyword.option("ELSET"), keyword.option("MATERIAL")

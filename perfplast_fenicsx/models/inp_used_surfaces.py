@@ -1,4 +1,4 @@
-"""Surfaces that statements of an ``.inp`` file stand on, and what is none."""
+"""Surfaces that statements of an ``.inp`` file refer to, and invalid ones."""
 
 from collections.abc import Sequence
 
@@ -65,7 +65,7 @@ class UsedSurfaces:
         return name
 
     def of_nodes(self, name: str, what: str) -> str | None:
-        """A set of nodes as a surface, if it is one; else ``what`` stands on it is left out."""
+        """A set of nodes as a surface, if it is one; else ``what`` refers to it is left out."""
         nodes = self._assembly.members("NSET", name)
         if nodes is None:
             raise missing(what, name)
@@ -76,7 +76,7 @@ class UsedSurfaces:
         return self.use(name, facets)
 
     def named(self, name: str, what: str) -> str | None:
-        """A surface of a ``*SURFACE``; without outer faces ``what`` stands on it is left out."""
+        """A surface of a ``*SURFACE``; without outer faces ``what`` refers to it is left out."""
         facets = self._facets.get(name.upper())
         if facets is None:
             raise missing(what, name)

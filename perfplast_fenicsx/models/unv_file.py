@@ -146,7 +146,7 @@ def _groups(
     # Kinds of members of groups, and numbers in a line of them.
     node, element, in_a_line = 7, 8, 8
     while at + 1 < len(lines):
-        if not lines[at].strip():  # behind groups without members
+        if not lines[at].strip():  # after groups without members
             at += 1
             continue
         head, name = whole_numbers([lines[at]], "groups"), lines[at + 1].strip()

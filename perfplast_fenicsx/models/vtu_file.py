@@ -124,7 +124,7 @@ def _group(
         for key in arrays.files
         if key.startswith(where) and key[-1].isdigit()
     }
-    most_groups = 200  # an array of more numbers counts cells, and is none of groups
+    most_groups = 200  # an array of more numbers counts cells, and does not give groups
     usable = {
         name: values for name, values in found.items() if 1 < len(np.unique(values)) <= most_groups
     }

@@ -22,7 +22,7 @@ class Label:
     Attributes:
         number: Of a face.
         at: The pixel of the face (x, y).
-        words_at: Where the number stands; elsewhere than ``at`` there is a line between both.
+        words_at: Where the number is drawn; if that is not ``at``, a line connects both.
     """
 
     number: int

@@ -25,7 +25,7 @@ HUES = ("#6c9bcd", "#b5945c", "#74b386", "#a587c4")
 
 
 PLASTIC = "#b81414"
-"""Darker than the hues, so that it can be told from them in grey."""
+"""Darker than the hues, so that it differs from them in grey."""
 
 
 @dataclass
@@ -35,7 +35,7 @@ class Panel:
     Attributes:
         title: Says what is seen.
         colours: RGB of each point, or of each triangle, in each frame, shape (num_frames, n, 3);
-            with a fourth column for the opacity, where what lies behind is to be seen.
+            with a fourth column for the opacity, where the background is to be seen.
         bars: Colour map, range and label of each colour bar.
         facets: Facets that are coloured, over bodies of glass; None for all triangles.
         loads: Draw the loads.
@@ -111,7 +111,7 @@ def _on_contact(surface: Surface, title: str, values: Floats, colours: str, labe
     if not surface.plane:
         panel.title += ", seen through the bodies"
         # In space, less than this share of the largest pressure is drawn with this opacity, lest
-        # surfaces that hardly touch hide those behind them.
+        # surfaces that hardly touch hide others.
         pressed, faint = 0.02, 0.12
         opacity = np.where(values > pressed * values.max(), 1.0, faint)
         panel.colours = np.concatenate([panel.colours, opacity[..., None]], axis=2)

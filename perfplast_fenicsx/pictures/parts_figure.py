@@ -31,7 +31,7 @@ Arrays = dict[str, npt.NDArray[np.generic]]
 def save_parts(source: str | Path, output: Path) -> None:
     """Draw the skin in an .npz file (:func:`perfplast_fenicsx.geometry.skin.skin_of`).
 
-    Bodies in space are seen from the front and from behind, and from both sides as well where a
+    Bodies in space are seen from the front and from the back, and from both sides as well where a
     face is not seen from there.
 
     Args:

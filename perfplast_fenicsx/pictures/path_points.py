@@ -11,7 +11,7 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def from_rest(solved: Sequence[LevelReport]) -> tuple[list[float], list[float]]:
-    """Works α and load factors ζ of levels, behind the unloaded bodies.
+    """Works α and load factors ζ of levels, after the unloaded bodies.
 
     Constant loads do work before any other one acts: where the first level is that of them alone,
     with ζ = 0, the curve begins there.

@@ -42,8 +42,8 @@ def stored_limit(table: Mapping[str, Any]) -> StoredLimit:
 
     Raises:
         KeyError: If a key is missing.
-        TypeError: If a value is none.
-        ValueError: If a number is none.
+        TypeError: If a value has the wrong type.
+        ValueError: If a text is not a number.
     """
     return StoredLimit(
         lower=float(table["lower"]) if table["lower"] is not None else -math.inf,

@@ -46,7 +46,7 @@ REVOLVED = View("", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), ("r", "z", ""))
 
 
 def view_of(surface: Surface, axisymmetric: bool) -> View:
-    """From where a result is shown: from the front, unless twice as much of it is seen from behind.
+    """Return the view of a result: the front, unless the back shows twice as much.
 
     Args:
         surface: With the ``yield_ratio``, of which the stressed skin is to be seen, or rigid.

@@ -66,7 +66,8 @@ class Problem:
         V: Continuous displacements, one vector a node.
         S: Mandel vectors at the quadrature points (:class:`spaces.Spaces`); ``Q``: scalars there.
         dx: Integrates over these points; around the axis in axisymmetry.
-        cells: All local cells, ghosts too, for `interpolate`, which else makes such an array anew.
+        cells: All local cells, ghosts too, for `interpolate`, which otherwise makes such an array
+            each time.
         bodies: Connected components and their rigid motions.
         laws: The material laws, each on the cells of its bodies.
         initial_strain: e₀, which the laws do not see of ε(u); None for none.

@@ -34,11 +34,11 @@ def variant(
     loads: Sequence[Load] | None = None,
     rubbing: tuple[Sequence[Contact], Sequence[Obstacle]] | None = None,
 ) -> Problem:
-    """The same bodies with other data, those that are None as they were. Collective.
+    """Return the same bodies with other data; data that is None stays as it was. Collective.
 
     It shares mesh, displacements, supports and the search for contact with the given problem, and
     nothing that levels change: supports, obstacles and slip move for each by itself,
-    and so does the history of its laws, which begins anew.
+    and so does the history of its laws, which starts again.
 
     Args:
         problem: What it is a variant of.

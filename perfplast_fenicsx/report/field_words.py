@@ -25,7 +25,7 @@ WORDS: dict[str, tuple[str, Literal["stress", "length", ""]]] = {
 
 @dataclass(frozen=True)
 class FieldWords:
-    """Attributes: what a field is called, and what stands behind its numbers."""
+    """Attributes: the name of a field, and the unit after its numbers."""
 
     label: str
     unit: str

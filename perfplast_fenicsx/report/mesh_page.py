@@ -1,4 +1,4 @@
-"""The page of a mesh: its bodies in the viewer, where a click tells the name of a face."""
+"""The page of a mesh: its bodies in the viewer, where a click shows the name of a face."""
 
 import json
 from collections.abc import Sequence

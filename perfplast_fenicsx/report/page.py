@@ -138,7 +138,7 @@ def _reactions(reader: ResultReader) -> str:
         return ""
     last, model = steps[-1], reader.summary.model
     if ((reader.summary.limit or {}).get("forces") or {}).get("zeta") == last["zeta"]:
-        return ""  # told with the limit load
+        return ""  # printed with the limit load
     table = reaction_table(last["reactions"], model["axes"], reader.summary.units.get("force", ""))
     of = f", {model['forces']}" if model["forces"] else ""
     note = f"<p>At the last solved step, ζ = {last['zeta']:.6g}{escape(of)}.</p>"

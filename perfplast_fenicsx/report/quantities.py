@@ -15,7 +15,7 @@ class Quantity:
 
     Attributes:
         words: What it is, as HTML.
-        of: Tells it of a run's results; None where there is none.
+        of: Computes it from a run's results; None where there is none.
         shown: Writes it.
         unit: Kind of its unit; nothing of pure numbers.
         is_load: Whether it is a load factor, which runs with other loads do not share.

@@ -6,7 +6,7 @@ import shlex
 from perfplast_fenicsx.io.results.summary import Summary
 
 OF_SOLVERS = re.compile(r"-perfplast_([a-z]+_)?\d+_\S+ \S+ ?")
-"""Options that solvers set for themselves, each behind a number of its own."""
+"""Options that solvers set for themselves, each after its own number."""
 
 
 def command_of(summary: Summary) -> str:

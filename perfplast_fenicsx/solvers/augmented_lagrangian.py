@@ -6,10 +6,10 @@ Section 3.2 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013), with the misprin
 2.  ω = (C⁻¹σ^k + rê)/(1+r),  e = ((1+r)ω − C⁻¹Σ(ω))/r,
 3.  σ^{k+1} = Σ(e) = Σ(ω),
 
-with ê = ε(u), or θε(u) + (1−θ)e^k when over-relaxed by θ. Behind plastic flow p, where
-Σ(e) = P(C(e − p)), steps 2 and 3 are those of e − p. The operator is the elastic one for the
-whole run: its multigrid hierarchy or factorisation is kept until the active set changes. r enters
-the right-hand sides alone. Since σ^k = Σ(e^k), an iteration is a map of e^k alone.
+with ê = ε(u), or θε(u) + (1−θ)e^k when over-relaxed by θ. After plastic flow p, where Σ(e) = P(C(e
+− p)), steps 2 and 3 are those of e − p. The operator is the elastic one for the whole run: its
+multigrid hierarchy or factorisation is kept until the active set changes. r enters the right-hand
+sides alone. Since σ^k = Σ(e^k), an iteration is a map of e^k alone.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """Gaps that close on a loading path: events at which steps in α end.
 
 Where a body has reached a limit load of its own, ζ(α) is level until a gap closes and another body
-helps it. The line through the last two levels tells when; what lies beyond is another curve.
+helps it. The line through the last two levels shows when; what lies beyond is another curve.
 """
 
 from mpi4py import MPI
@@ -64,5 +64,5 @@ def _room(problem: Problem, state: State) -> tuple[Floats, PairFlags]:
     jumps.destroy()
     size = np.abs(state.u.x.array).max(initial=0)
     largest = float(problem.comm.allreduce(size, MPI.MAX))
-    closed = 1e-9  # room below this share of the largest displacement is none
+    closed = 1e-9  # room below this share of the largest displacement is zero
     return room, room <= closed * largest

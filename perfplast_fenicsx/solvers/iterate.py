@@ -1,6 +1,6 @@
 """The current iterate of a Newton-like method: gradient, tangent, line search, increments.
 
-What ALG1 and the work-controlled methods do alike stands here; they differ in the step they take.
+This module has what ALG1 and the work-controlled methods share; they differ in the step they take.
 
 Vectors with an entry for each unknown are of two kinds, both of type ``PETSc.Vec``. Those in nodal
 unknowns have names of u: displacements, their change δu (:attr:`direction.Direction.du`), forces.
@@ -110,7 +110,7 @@ class Iterate:
         return self.problem.friction.slip(self.y)
 
     def _remembered(self, start: State | None) -> tuple[Floats, Floats] | None:
-        """Strain and stress of a state behind plastic flow, where it is to be moved from."""
+        """Strain and stress of a state after plastic flow, where it is to be moved from."""
         problem = self.problem
         moves = problem.motion.moves_supports or problem.motion.driven
         if start is None or not (problem.history and moves):
@@ -228,7 +228,7 @@ class Iterate:
         return direction.slope() + self._rubbing(float(direction.beta.value)) < along
 
     def take_step(self, beta: float, stopping: str, zeta: float = 0.0) -> float:
-        """Advance by β δu and tell how large the step was by a criterion of Remark 1.
+        """Advance by β δu and return the size of the step by a criterion of Remark 1.
 
         "energy" is the change of J_ζ, with ζ = 0, as for prescribed work, of Ψ − L₀, relative to
         the same or, beside what does not grow with ζ, to |Ψ| + ½‖σ‖².

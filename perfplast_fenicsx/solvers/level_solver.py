@@ -1,7 +1,7 @@
 """The loop of a load level, the same for every algorithm, and what they share with each other.
 
 An algorithm is a :class:`LevelSolver` that says how a level begins, what a step is, and what shows
-that there is no solution. What fails, ends or is judged stands here.
+that there is no solution. Failures, ends and judgements are decided here.
 """
 
 from abc import ABC, abstractmethod
@@ -33,7 +33,7 @@ from perfplast_fenicsx.solvers.tightening import tighten
 from perfplast_fenicsx.solvers.verdicts import no_convergence
 
 MOST_DOUBTS = 60
-"""So many times a level goes on behind steps that have become small at no solution."""
+"""The number of times that a level goes on after steps that have become small at no solution."""
 
 
 class Stepper(Protocol):

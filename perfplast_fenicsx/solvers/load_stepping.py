@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 
 def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
-    """Whether a path begins with ζ = 0 without being told. Collective.
+    """Whether a path begins with ζ = 0 although its values do not. Collective.
 
     So it does where loads are constant, or bolts are tightened.
     """
@@ -40,7 +40,7 @@ def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
 
 
 Ahead = Callable[[Reached], Leap | None]
-"""Whoever knows a collapse mechanism tells of a leap; collective."""
+"""Returns a leap if a collapse mechanism is known; collective."""
 
 
 def load_path(
@@ -52,10 +52,9 @@ def load_path(
 ) -> Iterator[Level]:
     """Solve for each prescribed value in turn, each on the line through the two before. Collective.
 
-    Where loads are constant the first level is ζ = 0, which tells whether the bodies carry them; so
-    it is where bolts are tightened.
-    Where nothing but ζ loads bodies without gaps, the unloaded state is on the line, too: elastic
-    levels are then multiples of each other.
+    Where loads are constant the first level is ζ = 0, which shows whether the bodies carry them; so
+    it is where bolts are tightened. Where nothing but ζ loads bodies without gaps, the unloaded
+    state is on the line, too: elastic levels are then multiples of each other.
 
     Args:
         solver: One of the four algorithms.

@@ -105,7 +105,7 @@ def newton_direction(
         options: Of the Newton method.
         zeta: Load factor.
         active: Active set to begin with.
-        history: The steps so far, which tell how accurate this one ought to be.
+        history: The steps so far, which determine the accuracy of this one.
         rho: Regularisation of the tangent.
         work: L₁(δu), if it is prescribed.
 

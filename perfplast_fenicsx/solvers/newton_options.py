@@ -47,8 +47,8 @@ class NewtonOptions:
             iteration.
         active_set: "exact" solves each contact quadratic program to its end; "once" updates the
             active set once in a Newton step; "adaptive" does so too, but up to four
-            times after a damped step (without friction; with it to the end), and goes on to the
-            end behind the tenth step.
+            times after a damped step (without friction; with it to the end), and goes on to the end
+            after the tenth step.
         max_iterations: Most Newton steps of a level, at least 1.
         contact_solver: "snes-vi" solves for the closed pairs by PETSc's SNES-VI, with one linear
             system for each active set; "tfeti" cuts the bodies into subdomains and solves for the
@@ -129,8 +129,8 @@ def most_sets(options: NewtonOptions, history: Sequence[Iteration]) -> int | Non
     """How often the next step may update its active set; None: until it is right.
 
     One update a step costs one linear system, and near the solution it is the right one. A damped
-    step tells that the model behind it was poor; the last few of thousands of pairs can wait for
-    the step after. Many steps tell that the sets may go in circles.
+    step shows that its model was poor; the last few of thousands of pairs can wait for the step
+    after. Many steps show that the sets may go in circles.
     """
     if options.active_set != "adaptive":
         return None if options.active_set == "exact" else 1

@@ -19,7 +19,7 @@ LARGEST_FACTOR = 4.0
 
 
 SMALLEST_FACTOR = 1.2
-"""Growth of α behind levels that were hard to solve."""
+"""Growth of α after levels that were hard to solve."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Reached:
 
     Attributes:
         last: State of the last level.
-        before: State of the level before it; None behind the first one.
+        before: State of the level before it; None after the first one.
         newton_iterations: Steps that the last level took.
         rest: α at ζ = 0, where something else than ζ loads the bodies.
     """
@@ -84,7 +84,7 @@ def next_work(
 
 def _next_factor(reached: Reached) -> float:
     last, before = reached.last, reached.before
-    first_factor = 3.0  # growth of α behind first yield, and the most where ζ(α) bends
+    first_factor = 3.0  # growth of α after first yield, and the most where ζ(α) bends
     if before is None or before.alpha <= reached.rest:
         return first_factor
     factor = (last.alpha - reached.rest) / (before.alpha - reached.rest)

@@ -25,7 +25,7 @@ class Step:
     """The result of one step of an algorithm.
 
     Attributes:
-        zeta: Load factor behind it.
+        zeta: Load factor after it.
         increment: Value of the stopping criterion.
         active: Closed pairs hosted by this rank, shape (num_pairs,).
         active_set_iterations: Linear solves of the contact quadratic program.
@@ -69,7 +69,7 @@ class Progress:
         self._krylov = linear.iterations
 
     def add(self, step: Step) -> None:
-        """Record the iterate as it is after a step, and tell the monitor. Collective."""
+        """Record the iterate as it is after a step, and call the monitor. Collective."""
         iterate, linear = self._iterate, self._linear
         record = Iteration(
             number=len(self.history) + 1,

@@ -34,7 +34,7 @@ def stage_path(
         last valid one.
 
     Raises:
-        InputError: If the solver prescribes works, or bolts were tightened anew before the start.
+        InputError: If the solver prescribes works, or bolts were tightened again before the start.
     """
     if solver.prescribes is not Prescribed.LOAD_FACTOR:
         raise InputError(

@@ -110,7 +110,7 @@ def _shorten(
         if np.abs(missing / scale).max() <= tolerance:
             return level
         change = forces - before
-        if number == 0:  # what has closed a gap at least tells its stiffness
+        if number == 0:  # what has closed a gap at least shows its stiffness
             told = change * np.sign(step) > tolerance * scale
             own = np.divide(change, step, out=slope.diagonal().copy(), where=told)
             slope = np.diag(own)

@@ -141,7 +141,7 @@ class WorkNewton(LevelSolver):
         """The state at which the first point yields, were all gaps closed. Collective.
 
         Elastic bodies in contact without gaps respond in proportion to the load, so one elastic
-        contact problem tells. Without any plastic body it is the one of ζ = 1.
+        contact problem is enough. Without any plastic body it is the one of ζ = 1.
 
         Raises:
             InputError: If something besides ζ loads the bodies.
@@ -205,7 +205,7 @@ class BorderedNewton(WorkNewton):
 
 
 def diverges(history: Sequence[Iteration]) -> bool:
-    """Whether an increment has ever grown, behind the second, which may well be the largest."""
+    """Whether an increment has ever grown, after the second, which may well be the largest."""
     sizes = [record.increment for record in history[1:]]
     return any(a < b for a, b in pairwise(sizes))
 

@@ -20,7 +20,7 @@ class FrictionTerms:
     associated: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse friction that is none.
+        """Refuse invalid friction.
 
         Raises:
             InputError: If friction is negative or not finite, or none follows the pressure that

@@ -28,7 +28,7 @@ class NodesOrMortar:
 
     Attributes:
         contact: The two surfaces.
-        place: Where it stands, for messages.
+        place: Where it is, for messages.
         number: Of the contact.
         taken: See :func:`surface_nodes.surface_node_type`, of each local node; None for nothing.
     """
@@ -64,7 +64,7 @@ def find_constraints(
     obstacles: Sequence[Obstacle],
     fixed: npt.NDArray[np.bool_],
 ) -> Constraints:
-    """The rows of all contacts and, behind them, of all obstacles. Collective.
+    """The rows of all contacts and, after them, of all obstacles. Collective.
 
     Args:
         V: Displacement space.

@@ -36,7 +36,7 @@ class NodeToNode:
 
     Attributes:
         contact: The two surfaces.
-        place: Where it stands, for messages.
+        place: Where it is, for messages.
         number: Of the contact.
         taken: See :func:`surface_nodes.surface_node_type`, of each local node; None for nothing.
     """

@@ -29,8 +29,8 @@ class NodeToObstacle:
 
     Attributes:
         obstacle: What does not move.
-        place: Where it stands, for messages.
-        number: Of the obstacle, counted on behind the contacts.
+        place: Where it is, for messages.
+        number: Of the obstacle, counted after the contacts.
     """
 
     obstacle: Obstacle

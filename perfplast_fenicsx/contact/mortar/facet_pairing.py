@@ -55,7 +55,7 @@ def candidates(host: Pieces, guest: Pieces, reach: float, behind: float) -> tupl
         host: Pieces of one surface.
         guest: Pieces of the other.
         reach: Largest distance (length).
-        behind: Largest distance of a guest that lies behind the host (length).
+        behind: Largest distance of a guest inside the host (length).
 
     Returns:
         Numbers of the host and of the guest of each pair, sorted by host.

@@ -40,8 +40,8 @@ def facing_facets(
     """Look for what lies opposite. Collective.
 
     The reach is doubled until anything is found and, if that is asked for, host facets that have
-    found nothing go on searching. In front of them alone: what lies farther behind them than the
-    first reach that found anything is no overlap of bodies. Those that are covered in part look
+    found nothing go on searching. In front of them alone: what lies deeper inside them than the
+    first reach that found anything is not an overlap of bodies. Those that are covered in part look
     as much farther as surfaces that face each other can lean apart along them.
 
     Args:
@@ -85,7 +85,7 @@ def _radius(facets: Facets) -> float:
 
 
 def _of(found: Integrals, some: PairFlags) -> Integrals:
-    """The integrals of some host facets, numbered anew."""
+    """The integrals of some host facets, renumbered."""
     number, kept = np.cumsum(some) - 1, some[found.host]
     return Integrals(
         number[found.host[kept]],

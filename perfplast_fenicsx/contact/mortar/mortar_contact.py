@@ -33,7 +33,7 @@ class Mortar:
 
     Attributes:
         contact: The two surfaces.
-        place: Where it stands, for messages.
+        place: Where it is, for messages.
         number: Of the contact.
     """
 

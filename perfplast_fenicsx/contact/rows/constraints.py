@@ -26,7 +26,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 @dataclass(frozen=True)
 class Source(FrictionTerms):
-    """A contact, an obstacle or what else has rows: what all but the rows themselves is told of it.
+    """A contact, an obstacle or what else has rows: the data that is passed on besides its rows.
 
     Attributes:
         name: What resultants call it.
@@ -37,7 +37,8 @@ class Source(FrictionTerms):
         move: How far what is opposite moves by itself for ζ = 1 (length, one number a direction);
             empty for not at all.
         grows: Whether ζ multiplies the overlap that its bodies have.
-        inner: Whether its rows are between bodies, so that their forces are none on all together.
+        inner: Whether its rows are between bodies, so that their forces cancel on all bodies
+            together.
     """
 
     name: str
@@ -240,7 +241,7 @@ def joined(
 def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
     """The rows of all parts, on each rank one below the other. Collective.
 
-    Sources are those of the first part; ``surface`` has other numbers behind its rows.
+    Sources are those of the first part; ``surface`` has other numbers after its rows.
     """
     count = sum(len(part.host) for part in parts)
     rows = (count, V.mesh.comm.allreduce(count))

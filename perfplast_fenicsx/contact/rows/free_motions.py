@@ -102,7 +102,7 @@ class FreeMotions:
         )
 
     def check(self, forces: Sequence[PETSc.Vec]) -> None:
-        """Refuse motions that these forces drive, and tell of others. Collective.
+        """Refuse motions that these forces drive, and report others. Collective.
 
         Raises:
             InputError: Naming bodies and motions.
@@ -215,7 +215,7 @@ def _untangled(bodies: Bodies, free: Floats) -> tuple[Floats, list[tuple[Ints, I
 
 
 def _pivots(comm: MPI.Intracomm, motions: Floats) -> Ints:
-    """Rows of this rank that tell motions apart best, one for each motion. Collective."""
+    """Rows of this rank that distinguish motions best, one for each motion. Collective."""
     left, chosen = motions.copy(), []
     for _ in range(motions.shape[1]):
         squares = np.einsum("nk,nk->n", left, left)

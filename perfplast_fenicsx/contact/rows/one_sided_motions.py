@@ -55,7 +55,7 @@ class OneSidedMotions:
         )
 
     def warn(self, forces: Sequence[PETSc.Vec]) -> None:
-        """Tell of bodies that may leave without work of any of these forces. Collective."""
+        """Report bodies that may leave without work of any of these forces. Collective."""
         comm = self.V.mesh.comm
         pairs = max(comm.allreduce(len(self.jumps)), 1)
         opening = -comm.allreduce(self.jumps.sum(axis=0)) / pairs
@@ -97,7 +97,7 @@ class OneSidedMotions:
         if not len(gain):
             return None
         rows: Floats = -np.reshape([*least], (-1, len(gain))).astype(np.float64)
-        still = 1e-9  # work on a motion, relative to what it might be, that is none
+        still = 1e-9  # work on a motion, relative to what it might be, that counts as zero
         room: Floats = np.full(len(rows), still)
         # So many pairs of a rank that a motion would close join a linear program at once.
         at_once = 20

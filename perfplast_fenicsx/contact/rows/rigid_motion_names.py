@@ -21,7 +21,8 @@ def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
     spin = v[gdim:]
     if middle is None:
         along = v[:gdim]
-        # Share of rotation in a rigid motion that makes it one, where its body's place is not told.
+        # Share of rotation in a rigid motion that makes it one, where its body's place is not
+        # known.
         least_spin = 1e-6
         turns = np.linalg.norm(spin) > least_spin * np.linalg.norm(v)
     else:

@@ -33,7 +33,7 @@ def normals_and_gaps(
 
     Args:
         comm: The ranks.
-        place: Where the contact stands, for messages.
+        place: Where the contact is, for messages.
         contact: Its gap, a number or a formula, or None to measure it; whether it may be negative.
         matching: Nodes of both surfaces, rows of :func:`surface_nodes.surface_node_type`.
         size: Of the surfaces (length).

@@ -21,7 +21,7 @@ SHARP = np.cos(np.radians(40.0))
 
 @dataclass(frozen=True)
 class FaceNodes:
-    """Owned nodes of a surface; a node on an edge of it stands there once for each face.
+    """Owned nodes of a surface; a node on an edge of it is listed once for each face.
 
     Attributes:
         node: Local block dofs, shape (n,).

@@ -1,7 +1,7 @@
 """Templates of ``[design]`` and ``[[combination]]`` by names of codes, and what is left open there.
 
-A template says which factors a check asks for and where its code has them. A number stands in it
-where a public source has it with standard and clause; what none has stays open, and a case in which
+A template says which factors a check asks for and where its code has them. It has a number if a
+public source gives it with standard and clause; what none has stays open, and a case in which
 something is still open is refused.
 """
 
@@ -86,7 +86,7 @@ def check_filled_in(table: Mapping[str, object], place: str) -> None:
 
     Args:
         table: Of a case.
-        place: Where it stands.
+        place: Where it is.
 
     Raises:
         InputError: If a value begins as :data:`OPEN`.

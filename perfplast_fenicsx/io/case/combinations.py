@@ -85,7 +85,7 @@ class DesignTable:
     Args:
         strength: Partial factor on yield stresses, cohesions and slopes of friction: a number for
             all bodies, or one for each, by its name; those that are not named keep theirs.
-        code: What factors of strengths and combinations are taken from, as results tell it.
+        code: Source of the factors of strengths and combinations, as results print it.
     """
 
     strength: float | dict[str, float] = 1.0

@@ -19,9 +19,9 @@ class GeometryFile:
 
     A ``.geo`` is a script that may run any command: it is run with ``--trust`` alone.
 
-    The mesh is kept beside the case file, as ``case.msh`` for ``case.toml``, and is made anew where
-    the geometry file or this table has changed. ``perfplast mesh`` writes a first case file with
-    the names of all bodies and faces.
+    The mesh is kept beside the case file, as ``case.msh`` for ``case.toml``, and is made again
+    after the geometry file or this table has changed. ``perfplast mesh`` writes a first case file
+    with the names of all bodies and faces.
 
     Args:
         file: Its path, relative to the folder of the case file.
@@ -56,7 +56,7 @@ def read_geometry(table: Table, mesh: Table, place: str) -> GeometryFile:
     Args:
         table: ``[geometry]``.
         mesh: ``[mesh]``, of which ``adapt`` alone may be there.
-        place: Where the table stands.
+        place: Where the table is.
 
     Raises:
         InputError: If there is a mesh besides, or keys are wrong.

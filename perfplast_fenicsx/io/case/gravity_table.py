@@ -35,7 +35,7 @@ class GravityTable:
             bodies: Names of all bodies.
 
         Raises:
-            InputError: If a name is unknown, or numbers are none that a weight has.
+            InputError: If a name is unknown, or numbers are not valid for a weight.
         """
         known, found = list(bodies), []
         if not self.density:

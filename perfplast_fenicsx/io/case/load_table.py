@@ -20,7 +20,7 @@ SHARED: dict[str, tuple[Any, Any, str]] = {
     ),
     "name": (str, "", "What messages and stages call the load."),
 }
-"""Type, default and meaning of the keys that all loads have behind their own."""
+"""Type, default and meaning of the keys that all loads have after their own."""
 
 HEAD = """A load on a surface or in a volume: give exactly one of its kinds.
 
@@ -55,7 +55,7 @@ def read_load(table: Table, place: str) -> Load:
 
     Args:
         table: What TOML has read.
-        place: Where it stands, for messages.
+        place: Where it is, for messages.
 
     Raises:
         InputError: If it has none or several of the kinds, keys of another kind, or numbers that
@@ -98,7 +98,7 @@ def _with(key: str) -> str:
 
 
 def _check_numbers(value: Any, key: str, place: str) -> None:
-    """Refuse numbers that are not finite, and formulas that are none."""
+    """Refuse numbers that are not finite, and invalid formulas."""
     numbers = value if isinstance(value, list) else [value]
     if not all(isinstance(one, str) or math.isfinite(one) for one in numbers):
         raise InputError(f"{place}: {key} = {shown(value)} is not finite; give finite numbers.")

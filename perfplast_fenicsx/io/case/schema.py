@@ -41,7 +41,7 @@ def convert(table: Table, schema: type[T], place: str) -> T:
     Args:
         table: What TOML has read.
         schema: A dataclass, frozen or not.
-        place: Where the table stands, for the message, e.g. ``"case.toml, [material.upper]"``.
+        place: Where the table is, for the message, e.g. ``"case.toml, [material.upper]"``.
 
     Raises:
         InputError: An unknown or missing key, a value of another type, or a value that the

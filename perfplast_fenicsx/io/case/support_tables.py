@@ -21,7 +21,7 @@ class SupportTable:
             "normal" for what is normal to a flat surface of any direction, which may slide along
             itself, as a plane of symmetry does. With a value the surface may be curved.
         value: Their displacement (length), such as a settlement, or that out of the body along the
-            normal; a number, or a formula in x, y, z such as "0.01*y". The default is none.
+            normal; a number, or a formula in x, y, z such as "0.01*y". There is none by default.
         constant: Whether it is the same at any load factor, as always but under control =
             "displacement" and in stages that name it: these multiply it unless this is true.
         name: What results and stages call it; that of its surface without it.
@@ -91,7 +91,7 @@ def read_contact(table: Table, moved: Callable[[str, str], bool], place: str) ->
     Args:
         table: Its keys.
         moved: See :meth:`~perfplast_fenicsx.controls.control.Control.moved`.
-        place: Where it stands, for messages.
+        place: Where it is, for messages.
 
     Raises:
         InputError: If keys are wrong, or it is to follow where none does.

@@ -50,7 +50,7 @@ def _content(path: Path) -> bytes:
 
 
 COMMA = re.compile(r"=\s*([+-]?\d+),(\d+)\s*(#.*)?$")
-"""A number with a decimal comma behind a key, alone in its line."""
+"""A number with a decimal comma after a key, alone in its line."""
 
 WINDOWS = re.compile(r'=\s*"([^"]*\\[^"]*)"')
 """A text in double quotes with a backslash, as in a path of Windows."""

@@ -25,7 +25,7 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.proof.stored_file import stored_file
 
 SCHEMA = 2
-"""Version of what stands in a checkpoint."""
+"""Version of the content of a checkpoint."""
 
 
 @dataclass(frozen=True)

@@ -198,7 +198,7 @@ class Checkpoints:
         return Saved(reports, level, before, search, header.timings)
 
     def _of_state(self, state: State, end: str = "") -> dict[str, Block]:
-        """Displacement, history, and a byte a node whose bits tell which of its pairs are closed.
+        """Displacement, history, and a byte a node with a bit for each closed pair.
 
         ``end`` is what the names of the level before the last end with.
         """

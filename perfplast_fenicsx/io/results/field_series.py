@@ -52,7 +52,7 @@ class FieldSeries:
         Args:
             folder: Where the files are.
             problem: Whose levels are written.
-            prescribed: What a level is told, and the other one is found.
+            prescribed: The prescribed quantity of a level; the other one is found.
             kept: The levels that an earlier run has written, from the first one on; files of later
                 ones are removed.
             points: Whether to write fields at the points of the quadrature too.

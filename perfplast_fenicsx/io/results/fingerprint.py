@@ -26,7 +26,7 @@ def case_hash(table: Table) -> str:
 def first_difference(now: Table, then: Table) -> str | None:
     """Where a case differs from an earlier one, in words; None where it does not.
 
-    More load levels behind the earlier ones are no difference.
+    More load levels after the earlier ones are not a difference.
     """
     entries, earlier = dict(_entries(now)), dict(_entries(then))
     levels = ("loading.values",)  # lists to which a restart may append
@@ -42,7 +42,7 @@ def first_difference(now: Table, then: Table) -> str | None:
 
 
 def _goes_on(new: object, old: object) -> bool:
-    """Whether a list is an earlier one with more behind."""
+    """Whether a list is an earlier one with more entries after it."""
     both = isinstance(new, list) and isinstance(old, list)
     return both and len(new) > len(old) and new[: len(old)] == old  # type: ignore[arg-type,index]
 

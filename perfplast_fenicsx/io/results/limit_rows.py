@@ -16,7 +16,7 @@ def limit_rows(summary: Summary) -> list[dict[str, Any]]:
         ``kinematic`` of its limit load, of the last mesh alone; ``body_lower`` and ``body_upper``,
         the best bounds of the bodies so far; ``seconds`` since the first began. Of a factor of
         safety, each ``factor`` with strict bounds, ``lower`` and ``upper``, of how many times the
-        loads are carried; behind them the points of its curve, each ``factor`` with the ``work`` of
+        loads are carried; after them the points of its curve, each ``factor`` with the ``work`` of
         the loads, the largest ``displacement``, and what they took. Of an envelope, each ``angle``
         (degrees), with three numbers ``elevation`` as well, with how far all is ``carried``, and
         ``not carried from`` where on. Of a diagram of shakedown, each ``angle`` with the factors

@@ -31,8 +31,8 @@ class OutputFields:
             of :class:`friction_fields.FrictionFields`.
         at_points: ``stress`` (3×3), ``yield_ratio`` and, of levels, ``plastic`` (1 or 0) at the
             points of the quadrature, shape (num_cells, points of a cell, ...), of the last update.
-        resultants: Force of each contact on its primary surface, and of each obstacle on its
-            surface behind them, shape (num_contacts, gdim), the same on every rank.
+        resultants: Force of each contact on its primary surface, and after them of each obstacle on
+            its surface, shape (num_contacts, gdim), the same on every rank.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -150,7 +150,7 @@ class OutputFields:
         self.resultants = comm.allreduce(resultants)
 
     def _contact_areas(self, vertices: fem.FunctionSpace) -> Floats:
-        """∫ψ_j over the contact surfaces for each owned vertex, 1 where it is none of theirs."""
+        """∫ψ_j over the contact surfaces for each owned vertex, 1 for other vertices."""
         tagged_mesh, tags = self._problem.tagged_mesh, self._problem.contact_tags
         if not tags:
             return np.ones(vertices.dofmap.index_map.size_local)

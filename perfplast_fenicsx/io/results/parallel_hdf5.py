@@ -3,7 +3,7 @@
 Rank 0 lays the file out, under another name and with all its room on the disk; each rank writes its
 own rows into it, past HDF5, straight to where the array lies. When all is on the disk the file gets
 its name. So nothing is gathered, a full disk is found before a file changes, and every fault is one
-of the system that all ranks can be told of.
+of the system, which all ranks can report.
 """
 
 import os
@@ -65,7 +65,7 @@ def write_arrays(
     """Write a file, or replace it. Collective.
 
     Args:
-        folder: Tells which ranks, and what to say where the system refuses.
+        folder: Gives the ranks, and the message if the system refuses.
         path: The file; its folder exists.
         blocks: Arrays by name, with the groups they are in; those that only rank 0 has are whole
             there.
@@ -158,7 +158,7 @@ def _bytes(rows: Block) -> int:
 def _lay_out(
     part: Path, blocks: Mapping[str, Block], describe: Callable[[h5py.File], None] | None
 ) -> dict[str, int]:
-    """Make a file whose arrays have their places, but no values yet; tell the places (bytes)."""
+    """Make a file whose arrays have their places, but no values yet; return the places (bytes)."""
     early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)

@@ -39,7 +39,7 @@ class PointWriter:
         """Find the points and the volumes that they stand for. Collective.
 
         Args:
-            folder: Tells which ranks, and what to say where the system refuses.
+            folder: Gives the ranks, and the message if the system refuses.
             problem: Whose points are meant.
         """
         mesh = problem.tagged_mesh.mesh

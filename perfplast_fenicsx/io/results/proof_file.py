@@ -131,7 +131,7 @@ def write_proof(
     """Write what proves bounds. Collective.
 
     Args:
-        folder: Tells which ranks, and what to say where the system refuses.
+        folder: Gives the ranks, and the message if the system refuses.
         path: The file; its folder exists.
         lower: The lower half, if there is one.
         upper: The upper half; its bodies may be meshed differently.

@@ -262,7 +262,7 @@ class ResultWriter:
             self.results.write()
 
     def write_shakedown(self, found: ShakedownLoad, diagram: Sequence[Direction]) -> None:
-        """Write a shakedown load, what a cycle leaves behind, and the residual stress. Collective.
+        """Write a shakedown load with its displacement and residual stress. Collective.
 
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.

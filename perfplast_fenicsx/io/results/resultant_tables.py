@@ -49,7 +49,7 @@ class ResultantTables:
         return asdict(found) | {"moments": moments}
 
     def _rounding(self, problem: Problem) -> float:
-        """Moment of a unit force that is none. Collective."""
+        """Moment of a unit force that counts as zero. Collective."""
         mine = float(np.abs(problem.tagged_mesh.mesh.geometry.x).max(initial=0.0))
         return ROUNDING * problem.comm.allreduce(mine, MPI.MAX)
 

@@ -1,6 +1,6 @@
 """Whether a run is alive: as long as it is it holds a lock on its ``run.log``, which ends with it.
 
-However a process ends, the system releases its locks. Process numbers would tell nothing in another
+However a process ends, the system releases its locks. Process numbers would mean nothing in another
 container.
 """
 

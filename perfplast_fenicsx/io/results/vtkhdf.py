@@ -60,7 +60,7 @@ class FieldWriter:
         """Number nodes and cells, and write the mesh. Collective.
 
         Args:
-            folder: Tells which ranks, and what to say where the system refuses.
+            folder: Gives the ranks, and the message if the system refuses.
             problem: Whose nodes are the points.
             mesh_file: The file of the mesh; its folder exists.
 

@@ -26,7 +26,7 @@ class Adaptation:
             only one then.
 
     Raises:
-        InputError: A gap that is none.
+        InputError: A gap that is not valid.
     """
 
     until: float | Literal["decided"] = 0.01

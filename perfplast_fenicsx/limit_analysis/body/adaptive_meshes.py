@@ -188,7 +188,7 @@ def adaptive_bounds(
 def _round(
     number: int, problem: Problem, found: BodyBounds, best: tuple[Bound, Bound], seconds: float
 ) -> Round:
-    """Return what is told of a mesh, with what is proven apart from what is not. Collective.
+    """Return the report on a mesh, with proven results apart from others. Collective.
 
     Args:
         number: From 1.

@@ -18,7 +18,7 @@ def sentence(words: str) -> str:
 
 
 def sentences(clauses: Iterable[str]) -> str:
-    """Clauses as sentences that follow another one; empty of none."""
+    """Clauses as sentences that follow another one; empty without clauses."""
     return "".join(f" {sentence(words)}." for words in clauses)
 
 

@@ -11,8 +11,8 @@ def designed(
 ) -> DesignFactor | None:
     """How many times the design load is carried; None without one, or where no load is.
 
-    Where the least load factor that is carried is above it, no multiple is told: more of the load
-    is wanted then, and not less. Where that is not proven, nor is it that it is carried.
+    Where the least load factor that is carried is above it, no multiple is reported: more of the
+    load is wanted then, and not less. Where that is not proven, nor is it that it is carried.
 
     Args:
         zeta: Load factor of the design load.

@@ -1,8 +1,8 @@
 """Both bounds at once on two ranks, each on its own copy of the mesh.
 
 Two ranks together are hardly faster than one alone at what a bound takes most of, factorisations.
-So each seeks one bound, and waits for the other only where steps are told. What is found is handed
-back to the mesh that both share (benchmarks/halves_at_once.py tells what is saved).
+So each seeks one bound, and waits for the other only where steps are reported. What is found is
+handed back to the mesh that both share (benchmarks/halves_at_once.py measures the saving).
 """
 
 import logging
@@ -41,7 +41,7 @@ class Halves:
 
     Attributes:
         flow: Where the mechanism was looked for.
-        limit: With the mechanism, as :func:`discrete_limit.interior_point` tells it.
+        limit: With the mechanism, as :func:`discrete_limit.interior_point` returns it.
         static: The lower bound with its stress.
         question: Of which loads that is.
     """

@@ -164,11 +164,11 @@ def envelope(
         monitor: Called on every rank with what each direction proves, and what has its lower and
             its upper bound.
         steps: Called on every rank after each step of the interior point method.
-        known: What an earlier search has proven, to go on with. Its last direction is looked at
-            anew, as the mechanism of the last one is part of the answer.
+        known: What an earlier search has proven, to go on with. Its last direction is computed
+            again, as the mechanism of the last one is part of the answer.
 
     Raises:
-        InputError: If a load is constant, as many loads are none of a diagram, and as
+        InputError: If a load is constant, the number of loads fits no diagram, and as
             :func:`limit_bounds.limit_bounds`.
     """
     _check(loads, directions)

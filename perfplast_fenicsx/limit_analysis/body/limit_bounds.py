@@ -223,7 +223,7 @@ def with_displacements(given: Problem, bounds: BodyBounds) -> BodyBounds:
 
 
 def judged(static: StaticBound, bounds: BodyBounds) -> tuple[Bound, dict[str, float]]:
-    """A lower bound beside what a mechanism tells of its balance, and its certificate. Collective.
+    """Return a lower bound checked by a mechanism, and its certificate. Collective.
 
     Args:
         static: The lower bound.

@@ -72,7 +72,7 @@ def _of_bound(body: BodyBounds) -> LimitForces | None:
     values[space.dofmap.list[: len(body.stress)]] = body.stress
     stress.x.scatter_forward()
     found = _forces(problem, stress, float(value))
-    # Forces whose rest is larger, relative, are not told: surfaces of other divisions hand
+    # Forces whose rest is larger, relative, are not printed: surfaces of other divisions hand
     # tractions over that nodal forces do not have.
     balanced = 1e-9
     return replace(found, strict=True) if found.balance <= balanced else None

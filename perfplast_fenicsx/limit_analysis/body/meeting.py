@@ -1,4 +1,4 @@
-"""Ranks that work by themselves, and meet where one of them has something to tell."""
+"""Ranks that work by themselves, and meet where one of them has something to report."""
 
 from collections.abc import Callable
 
@@ -46,11 +46,11 @@ class Meeting:
         return self._comm.allreduce(fits, MPI.LAND)
 
     def _tell(self, step: InteriorStep) -> None:
-        """Tell a step of this rank, and hear of those of others."""
+        """Report a step of this rank, and receive those of others."""
         self._meet(step)
 
     def _meet(self, step: InteriorStep | None) -> bool:
-        """Tell a step, or none once the work has ended, and whether any is still at work."""
+        """Report a step, or None once the work has ended; return whether any rank still works."""
         told = [it for it in self._comm.allgather(step) if it is not None]
         if self._monitor is not None:
             for it in told:

@@ -51,7 +51,7 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
                 f" which takes about {_times(bounded[dim], seconds)}"
             )
     elif lower.strict and upper.strict and (apart := lower.apart(upper)) is not None:
-        # Distance of bounds, relative, beyond which it is told what narrows them.
+        # Distance of bounds, relative, beyond which a message says how to narrow them.
         wide = 0.1
         if apart > wide and effort.ended:
             yield (

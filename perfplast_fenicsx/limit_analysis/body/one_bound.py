@@ -51,8 +51,8 @@ def lower_bound(
 
     Args:
         problem: As :func:`limit_bounds.limit_bounds` takes it.
-        beside: Bounds of the same loads, of nearly the same strengths. Its mechanism tells what is
-            left of the stress's balance, and stays the one that is told; its question is asked.
+        beside: Bounds of the same loads, of nearly the same strengths. Its mechanism measures the
+            residuals of the stress, and stays the reported one; its question is asked.
         rtol: How near it comes to the best of its mesh, relative.
         steps: Called after each step.
 

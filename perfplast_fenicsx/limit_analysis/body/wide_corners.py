@@ -67,7 +67,7 @@ def _from_sides(tagged_mesh: TaggedMesh, points: Floats, vertices: Ints) -> Floa
     outer = exterior_facet_indices(topology)
     ends = topology.connectivity(1, 0).array.reshape(-1, 2)[outer]
     along = _directions(points[ends[:, 1]] - points[ends[:, 0]])
-    # Of both directions in the complex plane the sum and that of their squares tell which they are.
+    # Of both directions in the complex plane the sum and that of their squares determine them.
     sums = la.vector(topology.index_map(0), 4, dtype=np.float64)
     table = sums.array.reshape(-1, 2, 2)
     for end, direction in ((0, along), (1, -along)):

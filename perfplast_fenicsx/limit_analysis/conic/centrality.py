@@ -53,7 +53,7 @@ class Products:
         share = (high - low) / 2 / np.maximum(size, TINY)
         cones[:, 1:] = share[:, None] * self.cones[:, 1:]
         matrices = np.zeros_like(self.matrices)
-        near = 1 + 1e-6  # most matrices have nothing to be moved, which their ends tell sooner
+        near = 1 + 1e-6  # most matrices have nothing to be moved, which their ends show sooner
         least, most = least_eigenvalue(self.matrices), -least_eigenvalue(-self.matrices)
         far = (least < near * NEAR * mu) | (most * near > mu / NEAR)
         values, axes = np.linalg.eigh(self.matrices[far])

@@ -12,9 +12,9 @@ volume; else they dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖d
 ε(v) = 0. The gaps of contact play no part: a body that moves without end has closed or opened them
 (E. Christiansen, Handbook of Numerical Analysis IV, 1996).
 
-What the velocities v are is told by a :class:`discretisation.Discretisation`: displacements of
-finite elements (:mod:`limit_program`), or the multipliers of the equilibrium of piecewise linear
-stresses (:mod:`static_program`).
+A :class:`discretisation.Discretisation` defines the velocities v: displacements of finite elements
+(:mod:`limit_program`), or the multipliers of the equilibrium of piecewise linear stresses
+(:mod:`static_program`).
 """
 
 from typing import TypeAlias
@@ -153,7 +153,7 @@ class ConicProgram:
             self.carried = (unit * self.carried[0], unit * self.carried[1])
 
     def stronger(self) -> float | None:
-        """Least yield radius (stress) of points that cannot yield; None of none. Collective."""
+        """Least yield radius (stress) of points that cannot yield, or None. Collective."""
         mine = float(self.sizes[self.sizes > self.strongest].min(initial=np.inf))
         least = float(self.comm.allreduce(mine, MPI.MIN))
         return least if np.isfinite(least) else None

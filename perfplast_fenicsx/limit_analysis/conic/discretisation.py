@@ -29,7 +29,7 @@ class Moduli:
         normal: N, a deviator, shape (count, m).
         along: b, a deviator, shape (count, m); None for zero.
         whole: Numbers of the points, shape (num,), whose modulus is RRᵀ of (tr ε, dev ε) instead,
-            and R, shape (num, 1 + m, 1 + m); None of none.
+            and R, shape (num, 1 + m, 1 + m); None without such points.
     """
 
     bulk: Floats

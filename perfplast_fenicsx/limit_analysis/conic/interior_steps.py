@@ -16,7 +16,7 @@ MOST_STEPS = 60
 
 
 class StopSearch(Exception):
-    """Raised by a monitor, on every rank alike: the steps end, and what is known is told with it.
+    """Raised by a monitor, on every rank alike, to end the steps and keep the results.
 
     Attributes:
         found: What the search has found so far; None if it had not begun.
@@ -72,7 +72,7 @@ def iterate(
     """Step until it is known what the limit load is. Collective.
 
     Forces without balance r change λ by r·v to first order, v being the mechanism with L(v) = 1.
-    What is left of them is done away with afterwards, or no bound is told.
+    Their residuals are removed afterwards, or there is no bound.
 
     Args:
         iteration: At its start.
@@ -95,7 +95,7 @@ def iterate(
     # fine cells this is far below the rounding of the forces inside. A velocity that is
     # less admissible is far from a mechanism.
     almost = 1e-3
-    no_load = 1e-7  # a load below this share of that of a viscous flow is none
+    no_load = 1e-7  # a load below this share of that of a viscous flow is zero
     stuck = 1e-6  # length of a step that counts as none
     while len(steps) < MOST_STEPS:
         try:

@@ -1,16 +1,16 @@
 """Units in which a limit load is about 1, from the flow of viscous bodies under the same loads.
 
-The flow tells the strength that matters: that of the points in which it dissipates. A weak layer in
+The flow shows the strength that matters: that of the points in which it dissipates. A weak layer in
 a stack flows alone, a weak column beside a strong one with it. Bodies that are far stronger are as
 elastic ones then. Both bounds stay bounds: a stress is scaled into the true yield sets in the end,
 and what a velocity dissipates is counted with the true yield radii; what is restricted is the
 search, and no wrongly where the stress found is within yield in the strong bodies too. Otherwise
 they are the next ones that matter (:meth:`ConicProgram.stronger`).
 
-And it tells what of the loads drives a flow at all. Mean stresses, and those of bodies that do not
-yield, have no bounds; what they balance is taken off the loads. With A⁺σ the forces of stresses σ,
-L' = L − A⁺σ₀ does the same work as L on any velocity that keeps volumes and the shape of what does
-not yield, and σ' is in equilibrium with λL' where σ' + λσ₀ is with λL.
+And it shows which part of the loads drives a flow at all. Mean stresses, and those of bodies that
+do not yield, have no bounds; what they balance is taken off the loads. With A⁺σ the forces of
+stresses σ, L' = L − A⁺σ₀ does the same work as L on any velocity that keeps volumes and the shape
+of what does not yield, and σ' is in equilibrium with λL' where σ' + λσ₀ is with λL.
 """
 
 from dataclasses import dataclass, replace
@@ -46,7 +46,8 @@ class Start:
     """The start of a search.
 
     Attributes:
-        scale: Yield radius (stress) of those that bear the loads; None where the flow has to tell.
+        scale: Yield radius (stress) of those that bear the loads; None if the flow is to determine
+            it.
         pushed: Whether contact carries most of the loads, so that a flow with soft springs in its
             place says nothing.
         reserve: Share of the strengths that is kept beside dead loads.
@@ -80,7 +81,7 @@ class Start:
 def next_start(
     start: Start, program: ConicProgram, now: Unknowns | None, verdict: Verdict, rtol: float
 ) -> Start | None:
-    """Where to begin anew if a search has not found what is sought; None to end. Collective.
+    """Return the next start if a search has not found what is sought; None to end. Collective.
 
     Args:
         start: Where it began.

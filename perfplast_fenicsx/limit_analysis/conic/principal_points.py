@@ -83,7 +83,7 @@ class PrincipalPoints:
 
         Args:
             aim: r̃, with what is missing in Z; None for neither.
-            trace: Of the change of the velocity, at all points; None of none.
+            trace: Of the change of the velocity, at all points; None if it does not change.
             deviator: The same.
         """
         right = np.zeros_like(self._off)

@@ -28,7 +28,7 @@ class SprungMatrix:
 
         Args:
             comm: The ranks.
-            matrix: Assembled anew by whoever owns this.
+            matrix: Assembled again by the owner of this.
             jumps: Owned unknowns that are jumps.
             options: PETSc's, of the factorisation.
         """

@@ -134,7 +134,7 @@ def body_cones(problem: Problem) -> BodyCones:
     """The cones of the bodies. Not collective: materials are the same on all ranks.
 
     Raises:
-        InputError: If a body's yield set is none that the method knows.
+        InputError: If the method does not know a body's yield set.
     """
     tagged_mesh, materials = problem.tagged_mesh, materials_of(problem)
     topology = tagged_mesh.mesh.topology

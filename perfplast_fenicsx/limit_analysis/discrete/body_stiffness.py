@@ -88,7 +88,7 @@ def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.M
         columns: The same.
 
     Returns:
-        How many zeros it takes behind the blocks' entries; the matrix.
+        How many zeros it takes after the blocks' entries; the matrix.
     """
     room = create_stiffness(problem)
     dim, size = room.getBlockSize(), room.getSize()[0] // room.getBlockSize()

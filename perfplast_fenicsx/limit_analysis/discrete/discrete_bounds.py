@@ -1,4 +1,4 @@
-"""Bounds of the discrete limit load from any iterate: what is printed is computed anew from it.
+"""Bounds of the discrete limit load from any iterate: printed values are computed from it.
 
 A stress that is in equilibrium with λL and contact forces, and nowhere above yield, gives a lower
 bound; a velocity that keeps the volume of plastic bodies and the shape of elastic ones, and enters

@@ -54,8 +54,8 @@ def interior_point(
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or a
-            body's yield set is none that the method knows (:mod:`body_cones`).
+        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or the
+            method does not know a body's yield set (:mod:`body_cones`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
@@ -86,7 +86,7 @@ def _searched(
     monitor: Callable[[InteriorStep], None] | None,
     question: Question,
 ) -> LimitLoad:
-    """Search, and begin anew as long as that may help. Collective."""
+    """Search, and start again as long as that may help. Collective."""
     found, start = _search(problem, rtol, monitor, Start.within(rtol), question)
     while start is not None:
         before = found
@@ -106,7 +106,7 @@ def _with_standing(found: LimitLoad, stands: LimitLoad) -> LimitLoad:
 
 
 def _of_dead_loads(stands: LimitLoad) -> LimitLoad:
-    """How many times dead loads are carried, told as that and as no load factor."""
+    """Return the result as a multiple of dead loads, and not as a load factor."""
     times = stands.lower if np.isfinite(stands.lower) else None
     standing = Standing(times, stands.upper)
     return replace(
@@ -145,7 +145,7 @@ def _search(
     start: Start,
     question: Question,
 ) -> tuple[LimitLoad, Start | None]:
-    """Search from a start, and tell where to begin anew; None to end. Collective."""
+    """Search from a start, and return the next start; None to end. Collective."""
     with ExitStack() as made:
         program = limit_program(problem, question, start.reserve)
         made.callback(program.destroy)

@@ -50,7 +50,7 @@ def discrete_result(
 ) -> LimitLoad:
     """Return the limit load of an iterate, with bounds computed from its fields. Collective.
 
-    Its ``lower`` is that of a stress, −∞ of none, and not yet that without loads.
+    Its ``lower`` is that of a stress, −∞ without one, and not yet that without loads.
     """
     mechanism = fem.Function(problem.V, name="mechanism")
     stress = fem.Function(problem.S, name="stress")
@@ -77,7 +77,7 @@ def discrete_result(
                 locked = locking_bodies(problem, iteration)
                 reason += f"; no admissible mechanism was found, {_remedy(problem)}"
                 # A mechanism that is less admissible, after it was
-                # projected, is none to estimate from.
+                # projected, gives no estimate.
                 nearly = 1e-6
                 verdict = verdict if inadmissible <= nearly else Verdict.STALLED
         if verdict is Verdict.FOUND or upper is not None:
@@ -94,8 +94,8 @@ def discrete_result(
             reason = apart if verdict is Verdict.FOUND else f"{reason}; {apart}"
         if verdict is Verdict.FOUND and estimate is None:
             # Excess of an upper bound over the kinematic load of the last step, relative to what a
-            # mechanism dissipates, from which on it tells nothing of the limit load: rounding is in
-            # it, of the strain of bodies that are far too strong to flow.
+            # mechanism dissipates, from which on it means nothing for the limit load: rounding is
+            # in it, of the strain of bodies that are far too strong to flow.
             polluted = 0.01
             useful = upper is not None and upper <= kinematic + polluted * power
             known = [bound for bound in (lower, upper if useful else None) if bound is not None]
@@ -127,7 +127,7 @@ def _write_stress(problem: Problem, iteration: InteriorIteration, function: fem.
     """Write the stress of the iterate into a function of S. Collective."""
     now = iteration.now
     pressure, deviator = iteration.program.whole((now.pressure, now.deviator), now.load)
-    count = problem.Q.dofmap.index_map.size_local  # points of friction follow behind them
+    count = problem.Q.dofmap.index_map.size_local  # points of friction follow them
     found = PointCoordinates(problem).whole(pressure[:count], deviator[:count])
     function.x.array[: found.size] = iteration.program.stress_unit * found.ravel()
     function.x.scatter_forward()

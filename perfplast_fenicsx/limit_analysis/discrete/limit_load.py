@@ -45,7 +45,7 @@ class LimitLoad:
         linear_solves: Linear systems solved for all of it, both sides included.
         factorisations: Of the interior point method.
         mechanism: Velocity v of the collapse, normalised to L₁(v) = 1.
-        levels: The loading path; behind a restart what came after it.
+        levels: The loading path; after a restart only the later levels.
         stress: σ at the static side, Mandel vectors at the quadrature points; None of a path, whose
             levels have theirs.
         contact_forces: Of the pairs hosted by this rank, with that stress.

@@ -30,7 +30,7 @@ def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str,
     trace, deviator = program.strains.of(iteration.velocity)
     wrong = trace**2 / program.strains.gdim
     wrong += np.where(program.plastic, 0.0, np.einsum("ni,ni->n", deviator, deviator))
-    wrong *= program.weights  # points of friction stand behind those of cells
+    wrong *= program.weights  # points of friction follow those of cells
     owned = tagged_mesh.mesh.topology.index_map(problem.bodies.gdim).size_local
     cells = wrong[problem.Q.dofmap.list[:owned]].sum(axis=1)
     names = sorted(tagged_mesh.volumes)

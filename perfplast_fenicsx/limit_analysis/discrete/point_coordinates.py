@@ -31,7 +31,7 @@ class PointCoordinates:
         """Ask the laws. Not collective.
 
         Raises:
-            InputError: If a body's yield set is none that the method knows.
+            InputError: If the method does not know a body's yield set.
         """
         cones = body_cones(problem)
         self.isotropic, self.dilates, self.normal = cones.isotropic, cones.dilates, cones.normal

@@ -6,8 +6,8 @@ A set {x : ‖Mx‖ ≤ c − q·x} of n stress components x (Mandel) with a mat
 
 with ε' = Fᵀε as strain rates, so that σ:ε = p ε'₀ + s·ε'₁. If M has a null vector ν, p is along it:
 α > 0 where q·ν ≠ 0, and where it is zero nothing bounds p. A matrix of rank n bounds all stresses,
-and p is none of them: F has a column of zeros for it. Where q = Mᵀr, ‖r‖ < 1, the set is an
-ellipsoid (or a cylinder over one) about another stress than zero, which t tells.
+and there is no p: F has a column of zeros for it. Where q = Mᵀr, ‖r‖ < 1, the set is an ellipsoid
+(or a cylinder over one) about another stress than zero, which t gives.
 
 In plane strain the stress out of the plane is in no equation. The set is then the shadow of the
 whole one on the others: with a = Me and b = q·e for the free component e, and β = b/‖a‖,

@@ -1,7 +1,7 @@
 """Interfaces of the bodies of a bound: with each other, and with half spaces.
 
-What an interface bears is told by its strength (:mod:`contact_strength`), whatever its kind is; on
-which facets it acts, and which unknowns its jumps are, is told here.
+The strength of an interface (:mod:`contact_strength`) defines what it bears, whatever its kind is;
+this module defines the facets on which it acts, and the unknowns that are its jumps.
 """
 
 from dataclasses import dataclass, replace

@@ -23,7 +23,7 @@ def with_divided_interfaces(problem: Problem) -> Problem:
     """The problem on a mesh with a node wherever the other side has one. Collective.
 
     Facets that lie on each other match then, so that tractions and velocities of both sides are
-    compared point by point. What bodies differ by from those of the mesh is told by the new one
+    compared point by point. The new mesh states how its bodies differ from those of the old one
     (``taken``).
 
     Args:

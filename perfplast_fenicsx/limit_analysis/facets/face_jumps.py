@@ -121,8 +121,8 @@ def jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
 def least_speed(problem: Problem, velocity: fem.Function) -> float:
     """Velocities at facets count as so much at least. Collective.
 
-    Jumps that are less than the rounding of the largest velocity of all are none, however slow a
-    body is itself.
+    Jumps below the rounding of the largest velocity of all count as zero, however slow a body is
+    itself.
     """
     slowest = 1e-8  # share of the largest velocity, as whoever judges jumps has it
     mine = float(np.abs(velocity.x.array).max(initial=0.0))

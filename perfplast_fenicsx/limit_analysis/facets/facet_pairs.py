@@ -89,7 +89,7 @@ def pair_facets(
 
 
 def _to_owners(comm: MPI.Intracomm, a: FacetRows, b: FacetRows, order: Longs) -> FacetPairs:
-    """Tell the owners of both facets. Collective.
+    """Inform the owners of both facets. Collective.
 
     Host is the first facet, but where supports hold components of it and fewer of the other.
     """

@@ -3,7 +3,7 @@
 Of the tractions of what such a surface is glued to only force and moment are known. So its
 multiplier is a rigid motion a + ω × (x − c), with the centre c of the surface, and ω over its
 extent, to have the units of the others. These 3 or in space 6 unknowns take the place of the first
-ones of one of its facets; those that are left there, and on its other facets, are none.
+ones of one of its facets; those that are left there, and on its other facets, are zero.
 """
 
 from dataclasses import dataclass

@@ -26,7 +26,7 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import CellLayout, gradients
 
 EDGES = ((1, 2), (0, 2), (0, 1))
-"""Ends of the edge of each coefficient behind those of vertices: edge a is the facet opposite a."""
+"""Ends of the edge of each coefficient after those of vertices: edge a is the facet opposite a."""
 
 COEFFICIENTS = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 """Number of the coefficient of each pair of vertices."""

@@ -95,7 +95,7 @@ def tensors(gdim: int) -> Floats:
 def components(gdim: int) -> Floats:
     """Their components (Mandel) that are in equations, shape (1 + m, 3 or 6): not σ_zz in plane."""
     E = tensors(gdim)
-    # Components behind the diagonal ones in a Mandel vector, by dimension.
+    # Components after the diagonal ones in a Mandel vector, by dimension.
     off_diagonal = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}
     return np.stack(
         [E[:, i, i] for i in range(gdim)]

@@ -3,7 +3,7 @@
 v minimises ½∫ η‖ε(v)‖² − L₀(v) over the velocities with L₁(v) = 1 that enter no other body and of
 which the laws nearly admit ε(v), as what they do not is penalised. The rest of that is done away
 with by the flows under stresses in proportion to it, with conjugate residuals: these need not be
-solved for well, and cope with pressures that an element hardly tells from none.
+solved for well, and cope with pressures that an element can hardly resolve.
 """
 
 from petsc4py import PETSc
@@ -34,7 +34,7 @@ MOST_ITERATIONS, PATIENCE = 400, 20
 
 
 class ViscousFlow:
-    """Flows of the bodies of a problem whose laws tell linearly what is admissible.
+    """Flows of the bodies of a problem whose laws have linear conditions of admissibility.
 
     Attributes:
         velocity: v, with L₁(v) = 1 after a solve.
@@ -169,7 +169,7 @@ class ViscousFlow:
         """Points of each law and √(w/η) there, by which what they miss is measured. Collective.
 
         The flows under it are then symmetric: there are as many directions as there are sizes of
-        pressures that the elements tell apart.
+        pressures that the elements distinguish.
         """
         Q = self._problem.Q
         owned, points = Q.dofmap.index_map.size_local, Q.dofmap.list

@@ -10,8 +10,8 @@ The multipliers z_k, in the same cones, are the plastic flow p_k = −Gᵀz_k at
     min Σ z_k·(h + Gσ₀)    with  w ε(v) = Σ_k p_k,  Σ_k σ_k:p_k = 1,
 
 which is Koiter's: the flow of a whole cycle is compatible with the increment v of displacement that
-it leaves behind. Where plasticity alternates the flow of a cycle cancels out, and v is zero. In
-plane strain ρ has the stress out of the plane as well, one for all corners.
+it leaves. Where plasticity alternates the flow of a cycle cancels out, and v is zero. In plane
+strain ρ has the stress out of the plane as well, one for all corners.
 """
 
 from dataclasses import dataclass

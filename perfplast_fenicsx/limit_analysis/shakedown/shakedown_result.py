@@ -45,7 +45,7 @@ class ShakedownLoad:
             residual stress; None beside constant loads.
         accumulated: Share of the flow of a cycle that is left at its end.
         failure: What ends shakedown there.
-        mechanism: Displacement that a cycle leaves behind, in proportion.
+        mechanism: Displacement that a cycle leaves, in proportion.
         dissipation: Of a cycle, at the points, in proportion.
         residual: ρ, Mandel vectors at the points (stress).
         steps: Of the interior point method.

@@ -2,8 +2,8 @@
 
 Beside constant loads a stress that has left yield cannot be made smaller. But the mean of two that
 are in equilibrium is so with the mean of their load factors, and yield sets are convex: some of a
-stress that is well inside brings one back that has left yield by little, and costs less than to
-tell the former.
+stress that is well inside brings one back that has left yield by little, and costs less than the
+search for the former.
 """
 
 from collections.abc import Sequence

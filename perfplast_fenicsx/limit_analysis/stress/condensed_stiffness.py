@@ -124,7 +124,7 @@ class CondensedStiffness(SprungMatrix):
         """
         strains = self._strains
         roots = moduli.roots() * np.sqrt(strains.weights)[:, None, None]
-        # rows that the eliminated ones have told already, of cells with few stresses
+        # rows that the eliminated ones imply already, of cells with few stresses
         ridge: Floats = RIDGE * strains.few.astype(np.float64)
         idle: Floats = strains.idle[:, strains.layout.outer :].astype(np.float64)
         values, done = self._cells.condense(roots, idle, ridge)

@@ -21,7 +21,7 @@ def bound_by_stress(
     """A lower bound, or what a search without one says of where stresses are too few. Collective.
 
     Beside constant loads a mesh may have none in equilibrium within yield at any load factor,
-    though the body has. How many times it carries them tells where cells are to be smaller.
+    though the body has. The multiple that it carries shows where cells must be smaller.
 
     Args:
         problem: As of :func:`static_bound.strict_lower_bound`, and so are the others.

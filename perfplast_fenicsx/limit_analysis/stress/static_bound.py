@@ -88,8 +88,8 @@ def strict_lower_bound(
             is made, and given back in the end.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or a
-            body's yield set is none that bounds know (:mod:`body_cones`).
+        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or bounds do
+            not know a body's yield set (:mod:`body_cones`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
@@ -136,7 +136,7 @@ def _search(
     reached: list[BalancedStress],
     start: Start,
 ) -> tuple[StaticBound, Start | None]:
-    """Search from a start, and tell where to begin anew; None to end. Collective.
+    """Search from a start, and return the next start; None to end. Collective.
 
     Stresses of searches before this one that are in equilibrium and left yield are ``reached``.
     """
@@ -155,7 +155,7 @@ def _search(
         if not limited:
             found = no_stress(body, Verdict.UNBOUNDED, UNLIMITED)
             return found, next_start(start, program, None, found.verdict, rtol)
-        none = None  # beside dead loads no stress is none of a load factor of 0 either
+        none = None  # beside dead loads zero stress is not admissible even at a load factor of 0
         if not program.has_dead:
             none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():

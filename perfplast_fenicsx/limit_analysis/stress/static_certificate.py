@@ -25,10 +25,10 @@ class StaticCertificate:
     The first four are stresses relative to the least finite yield radius γ (without cohesion what
     the stress itself has in its place, −αp, where that is least) of the cells that each
     condition touches: of a cell itself and those that share its facets, of a facet those on both
-    sides; of tension, and where all of these are elastic, to the least γ of all. The next four
-    tell of the sum of all forces that are not balanced, since these could add up, or be borne by a
-    body that is weaker than those in which they stand.
-    :func:`perfplast_fenicsx.proof.lower.measure_stress` finds the like anew.
+    sides; of tension, and where all of these are elastic, to the least γ of all. The next four are
+    sums of all unbalanced forces, since these could add up, or act on a weaker body than those in
+    which they are. :func:`perfplast_fenicsx.proof.lower.measure_stress` computes the same
+    quantities independently.
 
     Attributes:
         equilibrium: Largest div σ + λb, times the cell's size; in space also jumps of tractions
@@ -155,11 +155,11 @@ def certify_stress(
 def beside_mechanism(
     lower: Bound, certificate: StaticCertificate, power: float, mechanism: fem.Function
 ) -> Bound:
-    """A lower bound once a mechanism tells what is left of the stress's balance. Collective.
+    """Return a lower bound after its residuals have been weighed by a mechanism. Collective.
 
     Forces without balance do work on the mechanism, and change the bound by as much: where the
-    loads nearly balance each other, and motions per work of the loads are large, by more than
-    their sum tells. No such bound is told as strict.
+    loads nearly balance each other, and motions per work of the loads are large, by more than their
+    sum. No such bound is called strict.
 
     Args:
         lower: The bound.

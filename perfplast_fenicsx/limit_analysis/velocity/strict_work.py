@@ -6,10 +6,10 @@ vertex rule). Where volume changes vanish at the points they vanish everywhere. 
 body that dilates may flow, tr ε ≥ α‖dev ε‖, are a convex cone, so that they are such everywhere
 where they are at the vertices; they dissipate (γ/α) tr ε, which is linear. With contact that
 is not entered anywhere this is an upper bound of the limit load of the body that the mesh fills,
-and not just of the mesh. What slip dissipates is told by :mod:`slip_work`. Strains of strong bodies
-that rest or move as rigid ones, which are rounding, count with their true strength; volume changes
-that are left count as work of the loads that is none, with mean stresses as large as tractions, so
-that 1e-12 of them is not taken for a bound where loads nearly balance each other.
+and not just of the mesh. :mod:`slip_work` computes the dissipation of slip. Strains of strong
+bodies that rest or move as rigid ones, which are rounding, count with their true strength; volume
+changes that are left count as work that the loads do not do, with mean stresses as large as
+tractions, so that 1e-12 of them is not taken for a bound where loads nearly balance each other.
 """
 
 from mpi4py import MPI

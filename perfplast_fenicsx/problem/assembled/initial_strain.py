@@ -1,8 +1,8 @@
 """Strain that bodies have without any stress: of temperature, or of stress that is there at first.
 
 With e₀ the law sees ε(u) − e₀. A change of temperature T has e₀ = aTδ with the coefficient of
-expansion a of the material, a stress σ₀ in the undeformed bodies e₀ = −C⁻¹σ₀. What bolts add once
-they are tightened is told by :mod:`shanks`.
+expansion a of the material, a stress σ₀ in the undeformed bodies e₀ = −C⁻¹σ₀. :mod:`shanks`
+computes what bolts add once they are tightened.
 """
 
 import math

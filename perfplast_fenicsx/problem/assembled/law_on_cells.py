@@ -44,7 +44,7 @@ class LawOnCells:
 
 
 OfLaw: TypeAlias = Callable[[LawOnCells], Expr]
-"""Tells an expression of each law."""
+"""Returns an expression for each law."""
 
 
 def lay_out(

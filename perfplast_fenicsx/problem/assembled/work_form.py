@@ -20,7 +20,7 @@ def work_form(tagged_mesh: TaggedMesh, loads: Sequence[SpreadLoad], v: ufl.Argum
     """The linear form L(v) of some loads but forces on rigid surfaces, at least one. Collective.
 
     Raises:
-        InputError: An unknown name, a value that is not finite, or a formula that is none.
+        InputError: An unknown name, a value that is not finite, or an invalid formula.
     """
     mesh = tagged_mesh.mesh
     kinematics = tagged_mesh.kinematics

@@ -20,13 +20,13 @@ class Bolt:
             mesh: of a bolt that a plane of symmetry halves, half its force.
         axis: Direction of the shank, of any length and either sign; in axisymmetry that of the
             axis of revolution.
-        shank: Where the part begins and ends that is shortened, and whose force is told:
+        shank: Where the part begins and ends that is shortened, and whose force is reported:
             coordinates along the axis (length), with neither head, nut nor thread in between.
             Without it the middle third of the volume.
         name: What results call it; without it ``on``.
 
     Raises:
-        InputError: If the preload is not positive, or axis or shank are none.
+        InputError: If the preload is not positive, or axis or shank are not valid.
     """
 
     on: str

@@ -58,7 +58,7 @@ class RigidSurface:
         """Indices of the components that it holds, in a mesh of dimension ``gdim``.
 
         Raises:
-            InputError: If letters are none of its axes.
+            InputError: If letters do not name its axes.
         """
         if self.free and (
             set(self.held) - set(AXES[:gdim]) or len(set(self.held)) < len(self.held)

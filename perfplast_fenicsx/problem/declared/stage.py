@@ -42,7 +42,7 @@ class Stage:
 
     def __post_init__(self) -> None:
         whole = isinstance(self.steps, int) and not isinstance(self.steps, bool)
-        # Of a stage. Times nearer to each other could not be told apart.
+        # Of a stage. Times nearer to each other could not be distinguished.
         most_steps = 1_000_000
         if not (whole and 1 <= self.steps <= most_steps):
             raise InputError(

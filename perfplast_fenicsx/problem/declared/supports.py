@@ -21,7 +21,7 @@ class Support:
             ``"normal"`` for what is normal to a flat surface of any direction, which may slide
             along itself, as a plane of symmetry does. With a value the surface may be curved.
         value: Their displacement (length), such as a settlement, or that out of the body along the
-            normal; a number, or a formula in x, y, z. The default is none.
+            normal; a number, or a formula in x, y, z. There is none by default.
         constant: Whether it is the same at any load factor; otherwise ζ multiplies it, or a factor
             of stages.
         name: What results and stages call it; that of its surface without it.

@@ -14,7 +14,7 @@ what is left of strain and stress is next to rounding, and nothing is measured b
 
 
 def stress_norm2(problem: Problem, stress: OfLaw) -> Integral:
-    """‖σ‖² of a stress that each law tells of; compiled once. Collective."""
+    """‖σ‖² of a stress that each law gives; compiled once. Collective."""
 
     def square(on: LawOnCells) -> Expr:
         s = stress(on)

@@ -37,9 +37,9 @@ class QuadratureFields:
         e: ε(u) − e₀, Mandel vectors at the quadrature points, as all strains and stresses.
         stress: Σ(e).
         force: Of :meth:`assemble_force`.
-        bolt_forces: Tells the force of each bolt's shank now, by its name; collective.
+        bolt_forces: Returns the present force of each bolt's shank, by its name; collective.
         potential: Ψ(ε(u)).
-        conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩; that of the step behind a history.
+        conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩; that of the step after a history.
         stress_norm2: ‖σ‖² in the energy norm, ∫ σ:C⁻¹σ.
         u_norm2: ‖u‖² in the energy norm, ∫ ε(u):Cε(u).
     """
@@ -143,12 +143,12 @@ class QuadratureFields:
     def size(self) -> float:
         """|Ψ| + ½‖σ‖² (energy), which duality gaps are relative to. Collective.
 
-        Behind plastic flow stress is what is left of two strains, so that rounding errors of ψ + ψ*
+        After plastic flow stress is a difference of two strains, so that rounding errors of ψ + ψ*
         are relative to more: at least to 1e-4 of the energy that the strain would have.
         """
         energy = abs(self.potential()) + self.stress_norm2() / 2
         # Share of the energy of the strain, were it elastic, that
-        # gaps behind plastic flow are told by.
+        # measures gaps after plastic flow.
         share = 1e-4
         return max(energy, share * self.u_norm2() / 2) if self._remembers else energy
 
@@ -187,7 +187,7 @@ class QuadratureFields:
     def at_least(self, share: float, norm: float) -> float:
         """The larger one of a norm of strains and a share of the root of that. Collective.
 
-        The latter's integral is formed where a bound by the largest displacement does not tell.
+        The latter's integral is formed if a bound by the largest displacement does not decide.
         """
         largest = float(np.abs(self.u.x.array).max(initial=0.0))
         largest = self.problem.comm.allreduce(largest, MPI.MAX)
@@ -203,7 +203,7 @@ class QuadratureFields:
 
     def gross_force(self) -> float:
         """Norm (force) that rounding errors of all nodal forces are relative to. Collective."""
-        size = float(la.norm(self.u.x))  # PETSc would tell that of an earlier u
+        size = float(la.norm(self.u.x))  # PETSc would return that of an earlier u
         return max(self._jagged_norm2() / size if size > 0 else 0.0, self._left[1])
 
     def _updated(self, name: str) -> LawExpression:

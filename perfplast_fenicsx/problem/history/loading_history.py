@@ -109,7 +109,7 @@ class LoadingHistory:
         return {name: factors[name] * self._preloads[name] for name in named}
 
     def check_start(self, time: float) -> None:
-        """Refuse to go on from a time at which bolts have been tightened anew.
+        """Refuse to go on from a time at which bolts have been tightened again.
 
         Raises:
             InputError: If a stage has begun that does so: how far shanks are shortened is not with

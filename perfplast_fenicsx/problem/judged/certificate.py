@@ -68,9 +68,9 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     """Judge the state that ``fields`` is at. Collective.
 
     The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap + Σ μ·s₀ − ⟨reactions, u_D⟩, and inf J_ζ
-    is minus that at the solution, so the sum of both is the duality gap. It vanishes for the
-    solution alone, and is told relative to |Ψ| + ½‖σ‖². Gaps are those of the basis, which what u_D
-    closes is taken from.
+    is minus that at the solution, so the sum of both is the duality gap. It vanishes only for the
+    solution, and is relative to |Ψ| + ½‖σ‖². Gaps are those of the basis, which what u_D closes is
+    taken from.
     """
     comm, basis = problem.comm, problem.basis
     internal = fields.assemble_all_forces()
@@ -169,7 +169,7 @@ def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats, least:
     if not friction.count:
         return Rubbed(forces, jumps, 0.0, 0.0, 0.0, 0)
     sizes = norms(jumps)
-    rounding = 1e-13  # slip below this share of the largest displacement is none
+    rounding = 1e-13  # slip below this share of the largest displacement is zero
     slips = sizes > rounding * y.norm(PETSc.NormType.NORM_INFINITY)
     energy = comm.allreduce(friction.energy(np.where(slips[:, None], jumps, 0.0)))
     excess = float((norms(forces) - friction.bound).max(initial=0))

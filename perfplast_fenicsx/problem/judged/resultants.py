@@ -28,8 +28,8 @@ class Resultants:
             axisymmetry of the full turn, the radial one being what pushes outwards all around, and
             no resultant of vectors), of ``loads``, ``support NAME``, ``rigid surface NAME`` if that
             is moved, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the primary
-            surface's body, and none on both together. What two supports hold alike is told of the
-            first one.
+            surface's body, and none on both together. What two supports both hold is counted for
+            the first one.
         moments: Of ``loads`` and of each ``support NAME`` and ``rigid surface NAME`` about the
             origin (:func:`moments.moment`).
         balance: Sum of the forces on the bodies, or moment about the middle of the bodies over

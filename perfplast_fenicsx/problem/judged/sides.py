@@ -274,7 +274,7 @@ def _curved(patch: Longs, bends: Longs, gdim: int) -> tuple[Longs, npt.NDArray[n
 def _plane(normal: Floats, offset: float, axes: str, size: float) -> str:
     """Return a plane in words."""
     along = int(np.argmax(np.abs(normal)))
-    straight = 1e-6  # components of a normal along an axis that are none
+    straight = 1e-6  # components of a normal along an axis that count as zero
     if np.delete(np.abs(normal), along).max() <= straight:
         place = offset * np.sign(normal[along])
         place = 0.0 if abs(place) <= ROUNDING * size else place

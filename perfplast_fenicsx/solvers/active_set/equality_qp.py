@@ -169,7 +169,7 @@ class EqualityProgram:
             held: Pairs hosted here that are held, shape (num_pairs,).
 
         Raises:
-            LinearFailure: If the system cannot be solved; δ then is none.
+            LinearFailure: If the system cannot be solved; δ is then not a solution.
         """
         self._set_rhs(previous.model, held, previous.delta, previous.multiplier)
         return self._solve(previous, held, True)

@@ -146,7 +146,7 @@ class FrictionProgram:
         )
         iterations = 0
         most_linearisations = 20
-        # Distance from the law of friction, relative to the largest force, that is none.
+        # Distance from the law of friction, relative to the largest force, that counts as zero.
         least_distance = 1e-9
         for _ in range(most_linearisations):
             asked.r.copy(self._r)

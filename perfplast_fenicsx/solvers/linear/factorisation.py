@@ -32,7 +32,7 @@ DIRECT = {
 
 
 USELESS = 0.1
-"""A solution that leaves more of the right-hand side is none."""
+"""A solution that leaves more of the right-hand side is not accepted."""
 
 
 class Factorisation:
@@ -77,7 +77,7 @@ class Factorisation:
         # factorisation, which works in cache.
         balance = 40.0
         iterations = int(factors.getMumpsRinfog(OPERATIONS) / (balance * max(entries, 1)))
-        # Factorisations that cost less than so many iterations are always made anew.
+        # Factorisations that cost less than so many iterations are always repeated.
         least_worth = 5
         return iterations if iterations >= least_worth else 0
 

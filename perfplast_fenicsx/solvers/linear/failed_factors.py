@@ -4,7 +4,7 @@ from petsc4py import PETSc
 
 
 def forget_factors(ksp: PETSc.KSP) -> None:
-    """Let a solver analyse and factorise its matrix anew. Collective.
+    """Let a solver analyse and factorise its matrix again. Collective.
 
     Where MUMPS has met a zero pivot, PETSc takes that for a failure of the analysis when it is to
     factorise again: it does nothing, reports no failure, and solves with factors that are not

@@ -67,14 +67,14 @@ class Krylov:
         self.attach()
 
     def attach(self) -> None:
-        """Give the matrices to PETSc's object, anew where its preconditioner has been reset."""
+        """Give the matrices to PETSc's object, again after its preconditioner has been reset."""
         # PETSc gives its own to a part that has the matrix which the whole is of
         assert self._products is not None
         product = self._products.matrix
         self._ksp.setOperators(product, product if self._parts else self._matrix)
 
     def renew(self, flow: PETSc.Vec | None) -> None:
-        """Make the preconditioner anew at the next solve."""
+        """Make the preconditioner again at the next solve."""
         self.preconditioner.setReusePreconditioner(False)
 
     def keep(self) -> None:

@@ -1,4 +1,4 @@
-"""Linear systems of one step, with some unknowns held: which way to solve, when to set up anew.
+"""Linear systems of one step, with some unknowns held: which way to solve, when to set up again.
 
 A way of solving (:class:`Factorisation`, :class:`Multigrid`, :class:`Krylov`) knows how; when its
 set-up has aged and what takes over where it fails is decided here.
@@ -62,7 +62,7 @@ class Method(Protocol):
         """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
 
     def renew(self, flow: PETSc.Vec | None) -> None:
-        """Set up anew, from the present matrix at the latest with the next solve. Collective.
+        """Set up again, from the present matrix at the latest with the next solve. Collective.
 
         Args:
             flow: How bodies move that are hard to solve for; None if they are not.
@@ -159,8 +159,8 @@ class LinearSolver:
             b: Right-hand side; entries at held unknowns must be zero.
             x: Takes the solution.
             rtol: Tolerance relative to b.
-            correction: Whether x is a small part of a solution, which tells nothing of how bodies
-                flow, nor of what a digit costs.
+            correction: Whether x is a small part of a solution, which shows neither how bodies flow
+                nor what a digit costs.
 
         Raises:
             LinearFailure: If the system is singular or the iteration fails.
@@ -233,7 +233,7 @@ class LinearSolver:
         return int(self._problem.comm.allreduce(len(changed)))
 
     def _renew(self) -> None:
-        """Set up anew; where bodies flow, for the last solution as well."""
+        """Set up again; where bodies flow, for the last solution as well."""
         self._method.renew(self._flow if self._rate > WORTH_A_MOTION else None)
         self._factorised, self._other = self._held, False
         self._setup = SetUp(self._setup.usual)

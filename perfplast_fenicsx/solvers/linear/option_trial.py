@@ -1,4 +1,4 @@
-"""A trial of the user's PETSc options on tiny solvers: what is unknown is told before a run.
+"""A trial of the user's PETSc options on tiny solvers: unknown options are reported before a run.
 
 PETSc itself reports options that nobody has read at the end, and unknown types when a solver is
 made, far inside of a run.

@@ -1,4 +1,4 @@
-"""How one linear solve has ended: what every way of solving tells the policy over them."""
+"""How one linear solve has ended: the report of every way of solving to the policy above them."""
 
 from dataclasses import dataclass
 

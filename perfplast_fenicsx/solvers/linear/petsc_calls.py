@@ -39,7 +39,7 @@ def expect_entries(A: PETSc.Mat, i: npt.NDArray[np.integer], j: npt.NDArray[np.i
 
 
 def give_entries(A: PETSc.Mat, values: Floats) -> None:
-    """Set A to the sums of the entries that :func:`expect_entries` was told of. Collective."""
+    """Set A to the sums of the entries that were given to :func:`expect_entries`. Collective."""
     given = ctypes.c_void_p(np.ascontiguousarray(values).ctypes.data)
     insert = ctypes.c_int(int(PETSc.InsertMode.INSERT_VALUES))
     call("MatSetValuesCOO", ctypes.c_void_p(A.handle), given, insert)

@@ -33,7 +33,7 @@ class SetUp:
         self.excess += iterations + self.rate * float(np.log10(rtol))
 
     def note_correction(self, iterations: int, rtol: float) -> None:
-        """Count the solve for a small part of a solution, where full ones tell what is usual."""
+        """Count the solve for a small part of a solution, where full ones show what is usual."""
         usual = self.rate or self.usual
         if usual:
             self.excess += iterations + usual * float(np.log10(rtol))

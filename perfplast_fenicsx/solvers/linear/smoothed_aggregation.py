@@ -12,8 +12,8 @@ Of quadratic elements the first coarse space is that of linear ones (:class:`Lin
 through M in the same way, and it is their nodes that are aggregated.
 
 A body that flows hardly changes its volume, and motions put together of rigid pieces do, which
-costs them an energy that the flow does not have. So the way in which it flows, of which the last
-Newton increment tells, can be made one more motion of every aggregate.
+costs them an energy that the flow does not have. So the way in which it flows, which the last
+Newton increment shows, can be made one more motion of every aggregate.
 """
 
 from collections.abc import Callable
@@ -101,7 +101,7 @@ class CoarseSpaces:
             things.clear()
 
     def add(self, motion: PETSc.Vec, stiffness: Callable[[], PETSc.Mat]) -> None:
-        """Make all levels anew, with one motion besides the rigid ones. Collective.
+        """Make all levels again, with one motion besides the rigid ones. Collective.
 
         Args:
             motion: In the jump basis.

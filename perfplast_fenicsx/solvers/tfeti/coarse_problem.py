@@ -55,7 +55,7 @@ class CoarseProblem:
             matrix.destroy()
 
     def renew(self, force: npt.NDArray[np.bool_], border: Floats, own_border: bool) -> None:
-        """Take the rows in force, and the border behind those of one rank. Collective.
+        """Take the rows in force, and the border after those of one rank. Collective.
 
         Raises:
             LinearFailure: If they let a piece move as a rigid one.

@@ -10,7 +10,7 @@ from perfplast_fenicsx.solvers.linear.petsc_options import SUBDOMAINS, own_prefi
 
 
 class Factors:
-    """Factors of one pattern, made anew for new values."""
+    """Factors of one pattern, made again for new values."""
 
     def __init__(self) -> None:
         self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)

@@ -94,7 +94,7 @@ def minimise(program: BoundProgram, enough: Callable[[Floats, float], bool], mos
     Args:
         program: What is minimised; x may be anything feasible.
         enough: Asked with x and the norm of the projected gradient; the same on every rank.
-        most: Products with H in all, behind which the iteration is given up.
+        most: Products with H in all, after which the iteration is given up.
 
     Returns:
         Whether it was enough.

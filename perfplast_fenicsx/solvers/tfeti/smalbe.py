@@ -106,7 +106,7 @@ class Smalbe:
         Args:
             jumps: Tolerance of the projected gradient.
             forces: Of ‖Qx‖.
-            most: Products with A in all, behind which the iteration is given up.
+            most: Products with A in all, after which the iteration is given up.
 
         Returns:
             Whether both are met; not where nothing is feasible.

@@ -31,7 +31,7 @@ from perfplast_fenicsx.solvers.tfeti.torn_program import TornProgram
 from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
 
 MOST_EXCHANGES, MOST_SEARCHES = 20, 8
-"""So many faces are found by opening and closing wrong pairs, and by SMALBE-M behind them."""
+"""So many faces are found by opening and closing wrong pairs, and by SMALBE-M after them."""
 
 FIRST, SHARPER = 1e-3, 1e-2
 """Relative tolerance by which faces are judged or found at first; its factor for further ones."""
@@ -257,8 +257,8 @@ class TfetiProgram:
         start[self._dual.contact] *= closed
         program = self._program(asked, closed, np.full(self._dual.size, -np.inf), start)
         rtol = asked.rtol if given else max(asked.rtol, FIRST)
-        # Jumps are solved for anew to this share of what nodal forces
-        # ask for, at most by that factor.
+        # Jumps are solved for again to this share of what nodal forces ask for, at most by that
+        # factor.
         better, best = 0.3, 1e-3
         while True:
             self._run(program, rtol)

@@ -75,7 +75,7 @@ class TornProgram:
 
         Args:
             rtol: Relative to ``jumps`` and ``forces``; rounding is let pass.
-            most: Products with F, behind which the iteration is given up.
+            most: Products with F, after which the iteration is given up.
 
         Returns:
             Whether they are.
