@@ -1,7 +1,7 @@
 """The load at which a loading path loses equilibrium, in words: between two levels of it.
 
 Where no limit theorem holds, as with Coulomb's friction, nothing bounds such a load but levels that
-were tried: one is solved, and one ended with a verdict that there is no equilibrium.
+were tried. One is solved, and one ended with a verdict that there is no equilibrium.
 """
 
 from dataclasses import dataclass

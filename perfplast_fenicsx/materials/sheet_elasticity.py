@@ -1,7 +1,7 @@
 """Hooke's tensor of an isotropic sheet, σ_zz = 0, and its inverse in the plane. UFL at a point.
 
-Vectors have the four components of the plane (:mod:`mandel`): that across it is zero of stresses,
-and not looked at of strains, as bodies are free to grow thicker or thinner.
+Vectors have the four components of the plane (:mod:`mandel`): the one across it is zero for
+stresses, and ignored for strains, as bodies are free to grow thicker or thinner.
 """
 
 from dataclasses import dataclass

@@ -2,7 +2,7 @@
 
 A simplex is cut at its marked edge that comes last in a given order, its two parts at those marked
 edges that they still have, and so on. A face of two simplices is cut alike in both, for its edges
-come in the same order: so the parts fit whatever edges are marked, in the plane and in space. Where
+come in the same order. So the parts fit whatever edges are marked, in the plane and in space. Where
 edges are ordered by length, and the longest of every cut triangle is marked, this is the refinement
 by the skeleton of Plaza and Carey, doi:10.1016/S0168-9274(99)00022-7.
 """

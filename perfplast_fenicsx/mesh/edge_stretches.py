@@ -17,7 +17,7 @@ def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
     """Factors of the lengths of local edges, the same on all ranks that have them. Collective.
 
     They are 1/2 and the change along the edge in parts of the most that there could be for the size
-    of the gradients, a mean over the cells around: so cells become up to about three times as long
+    of the gradients, a mean over the cells around. So cells become up to about three times as long
     as wide.
 
     Args:

@@ -1,7 +1,7 @@
 """From one conforming gmsh mesh to bodies that share no node, with matching contact surfaces.
 
 Bodies cut from one geometry by ``gmsh.model.occ.fragment`` are meshed together and share the nodes
-of their interfaces. :func:`write_split` numbers the nodes of each body apart: the two sides of an
+of their interfaces. :func:`write_split` numbers the nodes of each body apart. The two sides of an
 interface then have the same nodes twice, whatever the geometry, and contact pairs match exactly.
 """
 

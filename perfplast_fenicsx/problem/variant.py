@@ -36,9 +36,9 @@ def variant(
 ) -> Problem:
     """Return the same bodies with other data; data that is None stays as it was. Collective.
 
-    It shares mesh, displacements, supports and the search for contact with the given problem, and
-    nothing that levels change: supports, obstacles and slip move for each by itself,
-    and so does the history of its laws, which starts again.
+    It shares mesh, displacements, supports and the search for contact with the given problem, but
+    nothing that levels change. Supports, obstacles and slip move for each by itself. The history of
+    its laws starts again.
 
     Args:
         problem: What it is a variant of.

@@ -16,8 +16,8 @@ LONGEST = 1.5
 """A step is stretched to so many times its length at most; twice is too far where bodies bend."""
 
 STRETCHABLE = 0.1
-"""A step is stretched where at least this share of φ'(0) is left at its end, and until no more is:
-cells that yield spread from step to step, so that each falls short of the solution."""
+"""A step is stretched where at least this share of φ'(0) is left at its end, and until no more is.
+Cells that yield spread from step to step, so that each falls short of the solution."""
 
 
 def step_length(

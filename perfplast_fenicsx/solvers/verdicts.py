@@ -11,9 +11,9 @@ CREDIBLE = 1e-2
 """A state with a larger duality gap is no solution, whatever the steps to it were."""
 
 SLIDES = 1e-6
-"""Where surfaces rub, a larger duality gap, or force of friction beyond its bound, is no solution
-that steps were too coarse for: bodies slide on, and steps that are nearly rigid motions look small.
-Levels with a coarser tolerance may have ten times that."""
+"""Where surfaces rub, a larger duality gap, or force of friction beyond its bound, does not come
+from steps that were too coarse. Bodies slide on, and steps that are nearly rigid motions look
+small. Levels with a coarser tolerance may have ten times that."""
 
 
 def above_limit(zeta: float, history: Sequence[Iteration], grows: bool = True) -> str:

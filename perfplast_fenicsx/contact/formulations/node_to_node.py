@@ -30,9 +30,9 @@ class NodeToNode:
     """(u_a − u_b)·n ≤ g for each node a of the primary surface and b of the secondary opposite it.
 
     n is the mean of both surfaces' normals, so that it is the same seen from either. The host is a
-    unless supports leave a no freedom along n, or rows of other contacts have taken more of it
-    than of b's: where three bodies meet along a curve two normals of a node may be one. Where
-    supports leave b none either, there is no row.
+    unless supports leave a no freedom along n, or rows of other contacts have taken more of it than
+    of b's. Where three bodies meet along a curve two normals of a node may be one. Where supports
+    leave b none either, there is no row.
 
     Attributes:
         contact: The two surfaces.

@@ -28,7 +28,7 @@ class Mortar:
     The nodes of that surface are the hosts: the one that is covered by the other, or the one of
     smaller facets if both or neither are covered. A dual function belongs to a smooth face of the
     host surface; n is its normal at the node. On triangles of second order, where φ_j belongs to
-    a coefficient of Bernstein's and to no node, n is the normal at each point: the row is the
+    a coefficient of Bernstein's and to no node, n is the normal at each point. The row is then the
     coefficient of the jump along it, and the gap that of the gap at nodes.
 
     Attributes:

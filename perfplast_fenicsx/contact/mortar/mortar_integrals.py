@@ -1,9 +1,9 @@
 """Integrals over the overlap of two surfaces with dual functions: the rows of mortar contact.
 
 They are summed by pairs of facets, of all pieces that overlap, and made dual by facets. Where the
-host's functions are Bernstein's and its normal n turns, they are had with n too, interpolated
-between the nodes: coefficients of a displacement, a vector, times the normal of a node are not
-those of its normal component, but miss them by O(h²).
+host's functions are Bernstein's and its normal n turns, they are also integrated with n,
+interpolated between the nodes. Coefficients of a displacement, a vector, times the normal of a node
+are not those of its normal component, but miss them by O(h²).
 """
 
 import math

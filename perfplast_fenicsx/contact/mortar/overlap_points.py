@@ -1,7 +1,7 @@
 """Points at which overlaps of facets are integrated, on the facets as they are curved.
 
 Overlaps are found between straight pieces. Their points are carried on to the host's facet by
-reference coordinates, and from there along its normal to the guest's: so areas, places and normals
+reference coordinates, and from there along its normal to the guest's. So areas, places and normals
 are those of the facets of second order, and not of the pieces (T. Dickopf and R. Krause, Int. J.
 Numer. Meth. Engng 77, 2009, doi 10.1002/nme.2464).
 """

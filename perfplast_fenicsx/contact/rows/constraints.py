@@ -56,10 +56,10 @@ class Constraints:
     """The inequalities B u ≤ g, a row each; row i is kept by the rank that owns ``host[i]``.
 
     A row is the jump (u_a − u_b)·n of two surfaces at a node: positive where they come closer. It
-    is a contact pair of one *host* node and any number of *guests*, on any ranks: none at a rigid
-    obstacle, one where nodes match, several with weights where they do not. One component of the
-    host that no support holds will be replaced by the jump (:mod:`jump_basis`). B itself knows
-    nothing of supports: they take part in the jump as long as they move.
+    is a contact pair of one *host* node and any number of *guests*, on any ranks. There are none at
+    a rigid obstacle, one where nodes match, several with weights where they do not. One component
+    of the host that no support holds will be replaced by the jump (:mod:`jump_basis`). B itself
+    knows nothing of supports: they take part in the jump as long as they move.
 
     With forces λ ≥ 0 (force) of the rows, −Bᵀλ are the contact forces on the nodes.
 

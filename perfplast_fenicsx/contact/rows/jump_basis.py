@@ -5,7 +5,7 @@ all other unknowns stay as they are. Then the condition of K_h is s ≤ g, and t
 
 Only the normal jump is an unknown, not the tangential ones: the block size is kept, and multigrid
 needs as few iterations as without contact. On two blocks that touch, of 85 thousand unknowns, with
-the rigid motions of each body, CG took 15 in this basis and 16 without contact; it took 60 with the
+the rigid motions of each body, CG took 15 in this basis and 16 without contact. It took 60 with the
 rigid motions of both bodies together, and 105 where the whole jump had replaced the host's
 displacement.
 """

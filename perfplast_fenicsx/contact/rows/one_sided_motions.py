@@ -1,8 +1,8 @@
 """Rigid motions by which bodies leave each other: contact stops them one way only.
 
 All v with v = 0 where supports, ties and friction hold, and B v ≤ 0 at all pairs, form a cone. The
-energy of bodies that move so changes by the work of the loads and by nothing else: where that is
-positive for one v, no equilibrium exists, whatever the bodies are made of.
+energy of bodies that move so changes only by the work of the loads. Where that is positive for one
+v, no equilibrium exists, whatever the bodies are made of.
 """
 
 import logging

@@ -74,7 +74,7 @@ def face_nodes(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> F
     """Find the nodes of a surface, vertices and midsides, with their normals. Collective.
 
     The normal of a face at a node is the mean over its facets there, weighted by area. Facets that
-    differ by more than 40° are different faces: a smooth surface, flat or curved, gives one normal
+    differ by more than 40° are different faces. A smooth surface, flat or curved, gives one normal
     to each node, and an edge between flat faces gives one for each of them.
     """
     return faces_of(V, surface_facets(V, tagged_mesh, surface))[0]

@@ -19,7 +19,7 @@ from perfplast_fenicsx.problem.declared.stage import called
 class Combination:
     """Loads that act together, each times a factor.
 
-    It is solved by itself, on the mesh and with the contact of all: what loads it does not name do
+    It is solved by itself, on the mesh and with the contact of all. Loads that it does not name do
     not act in it, and ζ multiplies those that are not constant. Without ``design`` under [loading]
     the combination itself is the design load, ζ = 1.
 

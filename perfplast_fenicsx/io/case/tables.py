@@ -115,8 +115,8 @@ class ModelOptions:
 
     In axisymmetry x is the radius (x ≥ 0), y the axis of revolution, and zz the hoop direction,
     as in an initial stress. Nothing moves outwards on the axis, without a support. Loads are per
-    area and volume, as anywhere; all forces and works in results are those of the full turn, and
-    their column r is what pushes outwards all around, not a resultant of vectors.
+    area and volume, as anywhere. All forces and works in results are those of the full turn. Their
+    column r is what pushes outwards all around, not a resultant of vectors.
 
     In plane stress triangles are sheets that are free to grow thicker or thinner; bodies are of
     von Mises, Hill or elastic. All forces and works in results are for each unit of thickness.

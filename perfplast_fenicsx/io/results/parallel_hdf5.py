@@ -1,6 +1,6 @@
 """HDF5 files of arrays that are distributed over the ranks, written so that no crash harms them.
 
-Rank 0 lays the file out, under another name and with all its room on the disk; each rank writes its
+Rank 0 lays the file out, under another name and with all its room on the disk. Each rank writes its
 own rows into it, past HDF5, straight to where the array lies. When all is on the disk the file gets
 its name. So nothing is gathered, a full disk is found before a file changes, and every fault is one
 of the system, which all ranks can report.

@@ -5,8 +5,8 @@ whole data set for VTK and none repeats the mesh. Everything is in the order of 
 the number of ranks.
 
 The points are the nodes of the displacements, so that quadratic ones keep the values at the
-midsides, where the edges are straight too; of fields of lower degree these are interpolated. Where
-the edges are curved, linear displacements are shown on the curved mesh.
+midsides, where the edges are straight too. Fields of lower degree are interpolated there. Where the
+edges are curved, linear displacements are shown on the curved mesh.
 """
 
 import os

@@ -1,7 +1,7 @@
 """Bounds of the limit load on meshes that are refined where the bounds say.
 
 The difference of both bounds is the sum of shares of the cells, none below zero, and shows where
-the mechanism is poor; the dissipation of the lower bound's multipliers shows where the stress is.
+the mechanism is poor. The dissipation of the lower bound's multipliers shows where the stress is.
 Cells that have most of either are refined. M. Ciria, J. Peraire and J. Bonet, doi:10.1002/nme.2310.
 """
 

@@ -1,7 +1,7 @@
 """In which directions the velocity and the stress of bounds in space change, cell by cell.
 
 A mesh wants to be fine across bands of slip, which the velocity shows, and across the thickness of
-what bends, which the stress shows; along them it may be coarse.
+what bends, which the stress shows. Along them it may be coarse.
 """
 
 from mpi4py import MPI

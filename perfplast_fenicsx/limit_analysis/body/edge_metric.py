@@ -1,7 +1,7 @@
 """How long edges of a plane mesh count, by what changes along them.
 
 Where bodies slide in layers the velocity changes across these alone, and where principal stresses
-turn about a point they change around it alone: cells that are long the other way are as good. Of
+turn about a point they change around it alone. Cells that are long the other way are as good. Of
 two edges of the same length the one along which more changes counts as the longer one.
 """
 

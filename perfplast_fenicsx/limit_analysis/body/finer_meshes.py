@@ -28,7 +28,7 @@ def finer_mesh(
     """The next mesh, or why there is none. Collective.
 
     Where it would have too many cells, as many are marked as fit. A mesh that has hardly more
-    cells than this one would cost as much and find little new: in the plane a twelfth more, where
+    cells than this one would cost as much and find little new. In the plane a twelfth more, where
     they matter most, is worth a fifth of the gap. In space, where each mesh costs more than all
     before it, more are marked where the next one would be a small step.
 

@@ -1,7 +1,7 @@
 """Edges of a mesh in space around which the stress depends on the direction alone.
 
-In the plane across such an edge it is as at a singular point (:mod:`singular_points`): bisecting
-cells brings no new directions to it, whatever their size, but fans of cells around the edge do.
+In the plane across such an edge it is as at a singular point (:mod:`singular_points`): bisection
+brings no new directions to it, at any size of cells. Fans of cells around the edge do.
 """
 
 import numpy as np

@@ -3,9 +3,9 @@
 The flow shows the strength that matters: that of the points in which it dissipates. A weak layer in
 a stack flows alone, a weak column beside a strong one with it. Bodies that are far stronger are as
 elastic ones then. Both bounds stay bounds: a stress is scaled into the true yield sets in the end,
-and what a velocity dissipates is counted with the true yield radii; what is restricted is the
-search, and no wrongly where the stress found is within yield in the strong bodies too. Otherwise
-they are the next ones that matter (:meth:`ConicProgram.stronger`).
+and what a velocity dissipates is counted with the true yield radii. Only the search is restricted,
+and not wrongly where the stress found is within yield in the strong bodies too. Otherwise they are
+the next ones that matter (:meth:`ConicProgram.stronger`).
 
 And it shows which part of the loads drives a flow at all. Mean stresses, and those of bodies that
 do not yield, have no bounds; what they balance is taken off the loads. With A⁺σ the forces of

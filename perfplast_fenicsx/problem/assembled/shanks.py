@@ -1,7 +1,7 @@
 """Shanks of bolts: how far each is shortened, the strain without stress of that, and its force.
 
 A shank that is shortened by s has e₀ = −s ε(w), with the displacement w = φa of the bolt alone
-along its axis a: the nodal values of φ rise from 0 to 1 from where the shank begins to where it
+along its axis a. The nodal values of φ rise from 0 to 1 from where the shank begins to where it
 ends. The law sees ε(u + sw), a displacement as smooth as any, so that nothing but the shortening
 strains the bolt. The force of the shank is N = ⟨σ, ε(w)⟩: in equilibrium that is what one end of
 the bolt exerts on the other, exactly so on any mesh, wherever no force acts on the shank between

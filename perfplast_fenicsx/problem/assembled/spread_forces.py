@@ -40,7 +40,7 @@ def on_this_mesh(
 def _linear(tagged_mesh: TaggedMesh, load: Force) -> Load:
     """The traction t = F/A + ω × (x − c) with this force and moment. Collective.
 
-    c is the centroid of the surface and ω = J⁻¹M with the moment M about c and J = ∫|r|² − r rᵀ: so
+    c is the centroid of the surface and ω = J⁻¹M with the moment M about c and J = ∫|r|² − r rᵀ. So
     all is linear on each straight facet, and a stress that is linear in the cells can balance it.
     """
     if tagged_mesh.kinematics.whole and tagged_mesh.mesh.geometry.dim == 2:

@@ -21,7 +21,7 @@ from perfplast_fenicsx.rounding import TINY
 
 LEAST_PUSH = 1e-6
 """Surfaces that push and rub by less than this share of the forces that stress leaves at nodes are
-judged as if they did by so much: what rounding leaves to them decides nothing."""
+judged as if they did by so much. So rounding decides nothing."""
 
 
 @dataclass(frozen=True)

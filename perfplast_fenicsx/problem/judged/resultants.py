@@ -1,6 +1,6 @@
 """Forces on the bodies as resultants: of the loads, each support, obstacle and contact.
 
-They balance: internal forces do no work on rigid motions, so that the sum of all resultants is what
+They balance. Internal forces do no work on rigid motions, so that the sum of all resultants is what
 the residual at unknowns without supports adds up to, and so for moments.
 """
 

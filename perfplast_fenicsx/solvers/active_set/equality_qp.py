@@ -6,8 +6,8 @@ The work equality borders the system: with A v = b and A w = ℓ on the same fre
 solution is v + ζ w, where ζ, the multiplier, makes the work right (ALG4 of the paper; on a fixed
 active set it solves the quadratic program of ALG3 too). Both solves share one set-up.
 
-Where nothing but the held pairs change, the solution with the last ones is corrected: a few pairs
-disturb it little, so that not much accuracy is left to be won.
+Where nothing but the held pairs change, the solution with the last ones is corrected. A few pairs
+disturb it little, so that a rough solve is enough.
 """
 
 from dataclasses import dataclass

@@ -4,8 +4,8 @@
     F(δ) = Aδ + r − ζℓ
 
 ``vinewtonrsls`` takes these steps, again and again: it evaluates F, reads the active set from it
-(at the bound, and F_i < 0), solves the Newton equation on the other unknowns, takes the full step
-and projects onto the bounds. Two things are given to it.
+(at the bound, and F_i < 0), solves the Newton equation on the other unknowns. Then it takes the
+full step and projects onto the bounds. Two things are given to it.
 
 *F at pairs.* Projected pairs that penetrated carry no force yet, so that F at the projection would
 count them as open, and SNES-VI would go in circles. So F is that of the solution before the

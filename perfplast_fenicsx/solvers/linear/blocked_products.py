@@ -1,9 +1,8 @@
 """Products with a symmetric matrix that keep the blocks of its upper triangle, in C.
 
 They are bound by what comes from memory, of which this is half; in single precision a quarter. That
-is for the smoothers of multigrid, which multiply six times for each product of CG: what it changes
-in a preconditioner is of the order of 1e-7 of what that gives. CG itself, coarse spaces and factors
-keep to double precision.
+is for the smoothers of multigrid, which multiply six times for each product of CG. It changes a
+preconditioner by about 1e-7. CG itself, coarse spaces and factors keep to double precision.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,8 @@
 """The operator of a step in the jump basis, A = TᵀKT, with unknowns held where it is a matrix.
 
-Its products with vectors are made of those with K and T, so that one matrix is enough: the one that
-is solved with, in which rows and columns of held unknowns are those of the identity times a scale.
+Its products with vectors are made of those with K and T, so that one matrix is enough. It is the
+one that is solved with, in which rows and columns of held unknowns are those of the identity times
+a scale.
 """
 
 from petsc4py import PETSc

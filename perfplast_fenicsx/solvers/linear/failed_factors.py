@@ -7,7 +7,7 @@ def forget_factors(ksp: PETSc.KSP) -> None:
     """Let a solver analyse and factorise its matrix again. Collective.
 
     Where MUMPS has met a zero pivot, PETSc takes that for a failure of the analysis when it is to
-    factorise again: it does nothing, reports no failure, and solves with factors that are not
+    factorise again. It then does nothing, reports no failure, and solves with factors that are not
     there, which is a fault (INFOG(1) = −3) on all ranks (``MatFactorNumeric_MUMPS``).
 
     Args:

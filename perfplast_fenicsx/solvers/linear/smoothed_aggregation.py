@@ -4,7 +4,7 @@ In the jump basis an operator couples the bodies, and aggregates that mix them n
 the rigid motions of one body (the in-plane slip of frictionless contact). So the aggregates are
 those of the stiffness K in nodal unknowns, where bodies do not see each other and 6 (3 in 2D)
 motions do. Their tentative interpolation Q is smoothed by one Jacobi step, P = Q - w D^-1 K Q. In
-the jump basis y = M u the finest one is M P, without its rows of held unknowns: at a closed pair
+the jump basis y = M u the finest one is M P, without its rows of held unknowns. At a closed pair
 the host takes the normal displacement of its guest, and slides along it. Coarser levels do the same
 with the operators that they have. A set-up forms the coarse operators PᵀAP.
 

@@ -1,6 +1,6 @@
 """CHOLMOD's factors, in place of MUMPS's where they are made sooner: on one rank, in space.
 
-CHOLMOD orders by METIS, which MUMPS as Debian has it cannot: the lower bound's matrices in space
+CHOLMOD orders by METIS, which MUMPS as Debian has it cannot. The lower bound's matrices in space
 are factorised in three fifths of the time, and systems solved in half of it. In the plane, where
 there are few operations for an entry of the factors, MUMPS is the quicker one
 (benchmarks/NOTEBOOK.md). It wants a matrix that is positive definite, and rounding may leave none.

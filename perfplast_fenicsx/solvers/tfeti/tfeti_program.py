@@ -7,7 +7,7 @@ Supports are rows too, so that the stiffness of each piece has its rigid motions
 on the multipliers: whatever pairs are closed, the same factors serve.
 
 First the dual is solved on the face of the step before: closed pairs are equalities, open ones left
-out. Pairs that are wrong by more than what is left of jumps are opened or closed, and so on; where
+out. Pairs that are wrong by more than what is left of jumps are opened or closed, and so on. Where
 that goes in circles or lets a body free, SMALBE-M and MPRGP find the face.
 """
 
