@@ -1,4 +1,4 @@
-"""Which pictures are made of a result folder: ``path.png``, ``fields.png``, ``mechanism.png``.
+"""What the pictures of a result folder show (:mod:`perfplast_fenicsx.io.results.figures`).
 
 What needs matplotlib or VTK is imported when it is needed, so that the loading curve is drawn where
 there is no VTK, and a sentence says what is missing.
@@ -7,9 +7,11 @@ there is no VTK, and a sentence says what is missing.
 import dataclasses
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.results.figures import Drawing, figures
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.result_reader import ResultReader
@@ -18,7 +20,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
 def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
-    """Draw loading curve, plastic zone, mechanism, contact pressure and friction of a run.
+    """Draw the :func:`~perfplast_fenicsx.io.results.figures.figures` of a run.
 
     Args:
         folder: Its results; it may still be going on.
@@ -33,71 +35,124 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
     reader, target = ResultReader(folder), Path(output or folder)
     if not reader.reports and reader.limit is None:
         raise InputError(f"the run in '{folder}' has solved no level yet; wait for its first one.")
-    if reader.reports:
-        yield from _levels(reader, target)
-    elif reader.limit is not None and reader.limit.strength:
-        with _drawing(target / "strength.png") as path:
-            from perfplast_fenicsx.pictures.strength_curve import save_strength
-
-            save_strength(reader.limit.strength, reader.scene.title, path)
-        yield str(path)
-    elif reader.limit is not None and reader.limit.envelope:
-        with _drawing(target / "envelope.png") as path:
-            from perfplast_fenicsx.pictures.envelope_picture import save_envelope
-
-            pairs = reader.limit.envelope
-            alone = not any(load.constant for load in reader.scene.loads)
-            save_envelope(pairs["rows"], pairs["names"], reader.scene.title, path, alone)
-        yield str(path)
-    elif reader.limit is not None and reader.limit.shakedown:
-        if rows := reader.limit.shakedown["diagram"]:
-            with _drawing(target / "shakedown.png") as path:
-                from perfplast_fenicsx.pictures.shakedown_picture import save_shakedown
-
-                save_shakedown(rows, reader.limit.shakedown["names"], reader.scene.title, path)
+    for figure in figures():
+        with _drawing(target / figure.file) as path:
+            draw = figure.of(reader)
+            said = draw(path) if callable(draw) else draw
+        if callable(draw):
             yield str(path)
-    surface = reader.surface(reader.levels[-1]) if reader.levels else None
-    found = _mechanism(reader, surface) if surface or not reader.reports else None
-    if found is not None:
-        moving, largest, caption = found
-        with _drawing(target / "mechanism.png") as path:
-            from perfplast_fenicsx.pictures.field_figure import draw_fields
-
-            unique = surface is not None
-            draw_fields(moving, reader.scene, caption, path, largest, unique=unique)
-        yield str(path)
-    elif not reader.reports:
-        yield "No mechanism is on file: it needs a limit load, and [output] fields."
+        if said is not None:
+            yield said
 
 
-def _levels(reader: ResultReader, target: Path) -> Iterator[str]:
-    """Draw what there is of levels: ``path.png``, and ``fields.png`` of the last."""
-    scene, levels = reader.scene, reader.levels
-    unit = scene.unit_of_work(reader.gdim) if levels else ""
-    with _drawing(target / "path.png") as path:
+def path(reader: ResultReader) -> Drawing | None:
+    """Return what draws ``path.png``: load factor and work of all levels."""
+    if not reader.reports:
+        return None
+
+    def draw(picture: Path) -> str | None:
         from perfplast_fenicsx.pictures.heading import heading, remark_on
         from perfplast_fenicsx.pictures.loading_curve import save_curve
 
-        title, remark = heading(scene.title), remark_on(scene.title)
-        save_curve(reader.reports, title, path, reader.limit, unit, scene.driven)
-    yield str(path)
-    if remark is not None:
-        yield remark
+        scene = reader.scene
+        unit = scene.unit_of_work(reader.gdim) if reader.levels else ""
+        title = heading(scene.title)
+        save_curve(reader.reports, title, picture, reader.limit, unit, scene.driven)
+        return remark_on(scene.title)
+
+    return draw
+
+
+def fields(reader: ResultReader) -> Drawing | str | None:
+    """Return what draws ``fields.png``: the bodies after the last level."""
+    if not reader.reports:
+        return None
     if not any(report.converged for report in reader.reports):
-        yield "No level is solved: there are no fields to draw."
-        return
-    if not levels:
-        yield "The run has written no fields: fields.png and mechanism.png need [output] fields."
-        return
-    report = levels[-1].report
-    surface = reader.surface(levels[-1])
-    with _drawing(target / "fields.png") as path:
+        return "No level is solved: there are no fields to draw."
+    if not reader.levels:
+        return "The run has written no fields: fields.png and mechanism.png need [output] fields."
+
+    def draw(picture: Path) -> None:
         from perfplast_fenicsx.pictures.acting import acting
         from perfplast_fenicsx.pictures.field_figure import draw_fields, level_caption
 
-        caption = level_caption(report, scene.driven, unit)
-        draw_fields(surface, scene, caption, path, state=acting([report])[0])
-    yield str(path)
+        scene, report = reader.scene, reader.levels[-1].report
+        caption = level_caption(report, scene.driven, scene.unit_of_work(reader.gdim))
+        draw_fields(_last(reader), scene, caption, picture, state=acting([report])[0])
+
+    return draw
+
+
+def strength(reader: ResultReader) -> Drawing | None:
+    """Return what draws ``strength.png``: load factors over the divisor of strengths."""
+    limit = reader.limit
+    if reader.reports or limit is None or not limit.strength:
+        return None
+
+    def draw(picture: Path) -> None:
+        from perfplast_fenicsx.pictures.strength_curve import save_strength
+
+        save_strength(limit.strength, reader.scene.title, picture)
+
+    return draw
+
+
+def envelope(reader: ResultReader) -> Drawing | None:
+    """Return what draws ``envelope.png``: the pairs of loads that are carried."""
+    limit = reader.limit
+    if reader.reports or limit is None or limit.strength or not limit.envelope:
+        return None
+
+    def draw(picture: Path) -> None:
+        from perfplast_fenicsx.pictures.envelope_picture import save_envelope
+
+        pairs, scene = limit.envelope, reader.scene
+        alone = not any(load.constant for load in scene.loads)
+        save_envelope(pairs["rows"], pairs["names"], scene.title, picture, alone)
+
+    return draw
+
+
+def shakedown(reader: ResultReader) -> Drawing | None:
+    """Return what draws ``shakedown.png``: the loads of each ratio that bodies shake down under."""
+    limit = reader.limit
+    if reader.reports or limit is None or limit.strength or limit.envelope:
+        return None
+    if not limit.shakedown or not limit.shakedown["diagram"]:
+        return None
+
+    def draw(picture: Path) -> None:
+        from perfplast_fenicsx.pictures.shakedown_picture import save_shakedown
+
+        table = limit.shakedown
+        save_shakedown(table["diagram"], table["names"], reader.scene.title, picture)
+
+    return draw
+
+
+def mechanism(reader: ResultReader) -> Drawing | str | None:
+    """Return what draws ``mechanism.png``: the bodies as they collapse."""
+    surface = _last(reader) if reader.levels else None
+    found = _mechanism(reader, surface) if surface or not reader.reports else None
+    if found is None:
+        if reader.reports:
+            return None
+        return "No mechanism is on file: it needs a limit load, and [output] fields."
+    moving, largest, caption = found
+
+    def draw(picture: Path) -> None:
+        from perfplast_fenicsx.pictures.field_figure import draw_fields
+
+        unique = surface is not None
+        draw_fields(moving, reader.scene, caption, picture, largest, unique=unique)
+
+    return draw
+
+
+@lru_cache(maxsize=1)
+def _last(reader: ResultReader) -> Surface:
+    """Return the surface of the last level that has fields."""
+    return reader.surface(reader.levels[-1])
 
 
 def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:

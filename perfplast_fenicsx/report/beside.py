@@ -1,6 +1,5 @@
 """A page of two runs beside each other: verdicts, numbers with differences, pictures, cases."""
 
-import base64
 import difflib
 from collections.abc import Sequence
 from html import escape
@@ -9,6 +8,7 @@ from string import Template
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.results.figures import figures
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
 from perfplast_fenicsx.report.page import asset
@@ -16,26 +16,12 @@ from perfplast_fenicsx.report.page_file import write_page
 from perfplast_fenicsx.report.proof_section import proofs_of
 from perfplast_fenicsx.report.quantities import QUANTITIES, bolts, last_load
 from perfplast_fenicsx.report.stored_summary import check_summary
-from perfplast_fenicsx.report.tables import pairs, table
+from perfplast_fenicsx.report.tables import image, pairs, table
 from perfplast_fenicsx.report.verdict import verdict_on
 from perfplast_fenicsx.rounding import ROUNDING
 
 LETTERS = ("A", "B")
 """Names of the two runs on a page."""
-
-
-PICTURES = {
-    "path.png": "The curve",
-    "fields.png": "The bodies at the last step",
-    "mechanism.png": "The collapse mechanism",
-    "strength.png": "Strengths",
-    "envelope.png": "Pairs of loads",
-    "shakedown.png": "Shakedown",
-}
-"""Pictures of a result folder, with their captions."""
-
-WIDE = ("fields.png", "mechanism.png")
-"""Pictures that stand one above the other, as they have several parts side by side."""
 
 
 def write_beside(folders: Sequence[str | Path], output: str | Path | None = None) -> Path:
@@ -175,27 +161,20 @@ def _difference(a: float | None, b: float | None) -> str:
 def _pictures(readers: Sequence[ResultReader]) -> str:
     """The pictures on file, each beside that of the other run."""
     text = ""
-    for name, words in PICTURES.items():
-        files = [reader.path / name for reader in readers]
+    for figure in figures():
+        words, files = figure.title, [reader.path / figure.file for reader in readers]
         if not any(file.is_file() for file in files):
             continue
-        figures = "".join(map(_figure, LETTERS, files, [words] * 2))
-        way = "above" if name in WIDE else "beside"
-        text += f'<h3>{words}</h3><div class="{way}">{figures}</div>'
+        both = "".join(map(_figure, LETTERS, files, [words] * 2))
+        way = "above" if figure.wide else "beside"
+        text += f'<h3>{escape(words)}</h3><div class="{way}">{both}</div>'
     return text
 
 
 def _figure(letter: str, file: Path, words: str) -> str:
     if not file.is_file():
         return f"<figure><figcaption>{letter} has none.</figcaption></figure>"
-    try:
-        data = base64.b64encode(file.read_bytes()).decode()
-    except OSError as error:
-        raise InputError(f"'{file}' cannot be read ({error.strerror}); draw it again.") from error
-    return (
-        f'<figure><img src="data:image/png;base64,{data}" alt="{words} of {letter}">'
-        f"<figcaption>{letter}</figcaption></figure>"
-    )
+    return f"<figure>{image(file, f'{words} of {letter}')}<figcaption>{letter}</figcaption></figure>"
 
 
 def _cases(readers: Sequence[ResultReader]) -> str:

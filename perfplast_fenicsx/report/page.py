@@ -7,6 +7,7 @@ from string import Template
 
 from perfplast_fenicsx.force_rows import force_rows
 from perfplast_fenicsx.io.results.combination_table import as_cells, read_table
+from perfplast_fenicsx.io.results.figures import FIGURES, figures
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
@@ -18,6 +19,7 @@ from perfplast_fenicsx.report.tables import (
     TIGHT,
     bolt_table,
     force_table,
+    image,
     level_table,
     pairs,
     reaction_table,
@@ -60,7 +62,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         warnings=_warnings(summary),
         view=_view(view),
         curve=_curve(reader),
-        levels=_levels(reader),
+        levels=_levels(reader) + _pictures(reader),
         reactions=_limit_forces(reader) + _reactions(reader) + _bolts(reader),
         proof=_section("proof", "The proof", proof_section(reader.path, proofs)),
         case=_case(summary, words),
@@ -130,6 +132,17 @@ def _levels(reader: ResultReader) -> str:
         f" relation to the whole; {fair.sign} {fair.word}: no more than {CREDIBLE:.0e}.</p>"
     )
     return _section("levels", "Levels", table + note)
+
+
+def _pictures(reader: ResultReader) -> str:
+    """Return the pictures that installed packages add; the page draws what the others show."""
+    added = [figure for figure in figures() if figure not in FIGURES]
+    shown = [
+        f"<h3>{escape(figure.title)}</h3>{image(file, figure.title)}"
+        for figure in added
+        if (file := reader.path / figure.file).is_file()
+    ]
+    return _section("pictures", "More pictures", "".join(shown))
 
 
 def _reactions(reader: ResultReader) -> str:

@@ -1,10 +1,13 @@
 """Tables of the page: levels with marks that judge them, forces, and pairs of words."""
 
+import base64
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from pathlib import Path
 from typing import Any
 
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
@@ -126,3 +129,16 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
         '<div class="scroll" tabindex="0" role="region" aria-label="table, which scrolls sideways">'
         f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
+
+
+def image(file: Path, words: str) -> str:
+    """Return an <img> that holds a PNG file, with words for those who do not see it.
+
+    Raises:
+        InputError: If the file cannot be read.
+    """
+    try:
+        data = base64.b64encode(file.read_bytes()).decode()
+    except OSError as error:
+        raise InputError(f"'{file}' cannot be read ({error.strerror}); draw it again.") from error
+    return f'<img src="data:image/png;base64,{data}" alt="{escape(words)}">'

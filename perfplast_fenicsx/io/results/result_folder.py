@@ -40,21 +40,26 @@ from perfplast_fenicsx.io.results.result_files import (
     SERIES,
     STANDS,
 )
+from perfplast_fenicsx.io.results.figures import figures
 from perfplast_fenicsx.io.results.summary import Summary, to_json
 from perfplast_fenicsx.mesh.element_size import element_size
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.problem.problem import Problem
 
-RESULT_FILES = (
-    *("summary.json", "path.csv", "run.log", "scene.json", SERIES),
-    *("path.png", "fields.png", "loading.gif", MECHANISM, "mechanism.png", PROOF, LEAST),
-    *(POINT_SERIES, MECHANISM_POINTS),
-    *("strength.png", STANDS, FALLS, "envelope.png", KNOWN),
+BESIDE_FIGURES = (
+    *("summary.json", "path.csv", "run.log", "scene.json", SERIES, "loading.gif"),
+    *(MECHANISM, PROOF, LEAST, POINT_SERIES, MECHANISM_POINTS, STANDS, FALLS, KNOWN),
     "report.html",
     *(NEWEST, BEFORE, *EARLIER),
 )
-"""Files that a run looks for before it writes, and removes with ``--force``."""
+"""Files of a run that are no pictures of :func:`figures`."""
+
+
+def result_files() -> tuple[str, ...]:
+    """Return what a run looks for before it writes, and removes when it is told to."""
+    pictures = tuple(figure.file for figure in figures())
+    return *BESIDE_FIGURES[:5], *pictures, *BESIDE_FIGURES[5:]
 
 
 STEP_KEYS = (
@@ -100,7 +105,7 @@ class ResultFolder:
 
     def found(self) -> list[str]:
         """Names of the result files there are."""
-        return [name for name in RESULT_FILES if self.file(name).exists()]
+        return [name for name in result_files() if self.file(name).exists()]
 
     def create(self) -> None:
         """Make the folder, and remove older results from it. Collective.
@@ -111,7 +116,7 @@ class ResultFolder:
 
         def create() -> None:
             self.path.mkdir(parents=True, exist_ok=True)
-            for name in RESULT_FILES:
+            for name in result_files():
                 self.file(name).unlink(missing_ok=True)
             fields = self.file(FIELDS)
             rests = (fields.glob(f"*{end}*") for end in (".vtkhdf", ".h5"))
@@ -188,7 +193,7 @@ class ResultFolder:
 
     def _links(self) -> list[Path]:
         """Links in the places of what a run writes; the folder itself may be one."""
-        ours = [self.file(name) for name in (*RESULT_FILES, FIELDS)]
+        ours = [self.file(name) for name in (*result_files(), FIELDS)]
         fields = self.file(FIELDS)
         inside = [*fields.glob("*.vtkhdf"), *fields.glob("*.h5")]
         return [path for path in (*ours, *inside) if path.is_symlink()]

@@ -15,10 +15,10 @@ from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.result_files import NAMED
 from perfplast_fenicsx.io.results.result_folder import (
-    RESULT_FILES,
     STEP_KEYS,
     ResultFolder,
     Results,
+    result_files,
 )
 from perfplast_fenicsx.io.results.summary import to_json
 from perfplast_fenicsx.materials.elastic import Elastic
@@ -213,7 +213,7 @@ def test_summary_and_path(comm: MPI.Intracomm, shared_tmp_path: Path, problem: P
     assert summary["steps"][1]["duality_gap"] is None
     assert summary["steps"][1]["converged"] is False
     assert list(summary["timings"]) == ["solve"]
-    assert set(folder.found()) == {"summary.json", "path.csv"} <= set(RESULT_FILES)
+    assert set(folder.found()) == {"summary.json", "path.csv"} <= set(result_files())
     assert {entry.name for entry in folder.path.iterdir()} == {"summary.json", "path.csv"}
 
 

@@ -1,0 +1,121 @@
+"""A figure that the package does not have, as one file and one entry point, through a whole run."""
+
+import base64
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from perfplast_fenicsx import Contact, Support, VonMises
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.results import figures as registry
+from perfplast_fenicsx.io.results.figures import FIGURES, Figure, figures
+from tests.models import case_text
+
+pytestmark = pytest.mark.serial
+
+ROOT = Path(__file__).parents[2]
+
+OWN = """
+from perfplast_fenicsx.io.results.figures import Figure
+
+STEPS = Figure("steps.png", "Newton steps <of each level>", "own_figure:steps")
+
+
+def steps(reader):
+    if not reader.reports:
+        return None
+
+    def draw(path):
+        from matplotlib.figure import Figure as Canvas
+
+        canvas = Canvas()
+        canvas.subplots().plot([report.newton_iterations for report in reader.reports])
+        canvas.savefig(path)
+        return "steps.png has the Newton steps."
+
+    return draw
+"""
+
+
+def install(folder: Path, entry: str) -> None:
+    """Install a package of one module by hand, as pip does it."""
+    (folder / "own_figure.py").write_text(OWN, encoding="utf-8")
+    about = folder / "own_figure-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: own-figure\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(f"[{registry.GROUP}]\nsteps = {entry}\n")
+
+
+def perfplast(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "perfplast_fenicsx", *arguments],
+        env=os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{folder}"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+def test_a_figure_is_drawn_listed_and_shown(tmp_path: Path) -> None:
+    install(tmp_path, "own_figure:STEPS")
+    case, results = tmp_path / "case.toml", tmp_path / "results"
+    steel = VonMises(2e5, 0.3, 300.0)
+    case.write_text(
+        case_text(
+            {"builder": "stacked_blocks", "n": 1},
+            {"lower": steel, "upper": steel},
+            [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
+            contacts=[Contact("lower_top", "upper_bottom")],
+            more='[loading]\ncontrol = "load"\nvalues = [100.0]\n[output]\nfields = false\n',
+        )
+    )
+    run = perfplast(tmp_path, "run", str(case), "-o", str(results), "--report")
+    assert run.returncode == 0, run.stderr
+    assert "steps.png" in next(line for line in run.stdout.splitlines() if "Results in" in line)
+    drawn = (results / "steps.png").read_bytes()
+    page = (results / "report.html").read_text(encoding="utf-8")
+    assert "<h3>Newton steps &lt;of each level&gt;</h3>" in page
+    assert base64.b64encode(drawn).decode() in page
+    again = perfplast(tmp_path, "plot", str(results), "-o", str(tmp_path / "pictures"))
+    assert again.stdout.splitlines()[-2:] == [
+        str(tmp_path / "pictures" / "steps.png"),
+        "steps.png has the Newton steps.",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        ("own_figure:steps", "must be a Figure"),
+        ("own_figure:CURVE", "cannot be loaded"),
+        ("no_such_module:STEPS", "cannot be loaded"),
+        ("own_figure:TAKEN", "a new name"),
+    ],
+)
+def test_a_figure_that_is_none_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, entry: str, says: str
+) -> None:
+    install(tmp_path, entry)
+    with (tmp_path / "own_figure.py").open("a", encoding="utf-8") as module:
+        module.write('\nTAKEN = Figure("path.png", "The curve", "own_figure:steps")\n')
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "own_figure", raising=False)
+    figures.cache_clear()
+    try:
+        with pytest.raises(InputError, match=says):
+            figures()
+    finally:
+        figures.cache_clear()
+
+
+def test_figures_have_names_and_functions_of_their_own() -> None:
+    """Each entry's function exists; no two share a file."""
+    assert len({figure.file for figure in FIGURES}) == len(FIGURES)
+    for figure in FIGURES:
+        module, function = figure.source.split(":")
+        assert callable(getattr(__import__(module, fromlist=[function]), function))
+        assert isinstance(figure, Figure)
