@@ -1,4 +1,4 @@
-"""What the pictures of a result folder show (:mod:`perfplast_fenicsx.io.results.figures`).
+"""Draw the pictures of a result folder (:mod:`perfplast_fenicsx.io.results.figures`).
 
 What needs matplotlib or VTK is imported when it is needed, so that the loading curve is drawn where
 there is no VTK, and a sentence says what is missing.
@@ -85,46 +85,42 @@ def fields(reader: ResultReader) -> Drawing | str | None:
 
 def strength(reader: ResultReader) -> Drawing | None:
     """Return what draws ``strength.png``: load factors over the divisor of strengths."""
-    limit = reader.limit
-    if reader.reports or limit is None or not limit.strength:
+    table = reader.limit.strength if reader.limit and not reader.reports else None
+    if not table:
         return None
 
     def draw(picture: Path) -> None:
         from perfplast_fenicsx.pictures.strength_curve import save_strength
 
-        save_strength(limit.strength, reader.scene.title, picture)
+        save_strength(table, reader.scene.title, picture)
 
     return draw
 
 
 def envelope(reader: ResultReader) -> Drawing | None:
     """Return what draws ``envelope.png``: the pairs of loads that are carried."""
-    limit = reader.limit
-    if reader.reports or limit is None or limit.strength or not limit.envelope:
+    pairs = reader.limit.envelope if reader.limit and not reader.reports else None
+    if not pairs:
         return None
 
     def draw(picture: Path) -> None:
         from perfplast_fenicsx.pictures.envelope_picture import save_envelope
 
-        pairs, scene = limit.envelope, reader.scene
-        alone = not any(load.constant for load in scene.loads)
-        save_envelope(pairs["rows"], pairs["names"], scene.title, picture, alone)
+        alone = not any(load.constant for load in reader.scene.loads)
+        save_envelope(pairs["rows"], pairs["names"], reader.scene.title, picture, alone)
 
     return draw
 
 
 def shakedown(reader: ResultReader) -> Drawing | None:
     """Return what draws ``shakedown.png``: the loads of each ratio that bodies shake down under."""
-    limit = reader.limit
-    if reader.reports or limit is None or limit.strength or limit.envelope:
-        return None
-    if not limit.shakedown or not limit.shakedown["diagram"]:
+    table = reader.limit.shakedown if reader.limit and not reader.reports else None
+    if not table or not table["diagram"]:
         return None
 
     def draw(picture: Path) -> None:
         from perfplast_fenicsx.pictures.shakedown_picture import save_shakedown
 
-        table = limit.shakedown
         save_shakedown(table["diagram"], table["names"], reader.scene.title, picture)
 
     return draw
