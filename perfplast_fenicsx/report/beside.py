@@ -174,7 +174,9 @@ def _pictures(readers: Sequence[ResultReader]) -> str:
 def _figure(letter: str, file: Path, words: str) -> str:
     if not file.is_file():
         return f"<figure><figcaption>{letter} has none.</figcaption></figure>"
-    return f"<figure>{image(file, f'{words} of {letter}')}<figcaption>{letter}</figcaption></figure>"
+    return (
+        f"<figure>{image(file, f'{words} of {letter}')}<figcaption>{letter}</figcaption></figure>"
+    )
 
 
 def _cases(readers: Sequence[ResultReader]) -> str:

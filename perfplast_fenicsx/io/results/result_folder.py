@@ -20,6 +20,7 @@ from mpi4py import MPI
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.csv_table import csv_table
 from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.io.results.figures import figures
 from perfplast_fenicsx.io.results.given_table import given_table
 from perfplast_fenicsx.io.results.limit_rows import limit_rows
 from perfplast_fenicsx.io.results.result_files import (
@@ -40,7 +41,6 @@ from perfplast_fenicsx.io.results.result_files import (
     SERIES,
     STANDS,
 )
-from perfplast_fenicsx.io.results.figures import figures
 from perfplast_fenicsx.io.results.summary import Summary, to_json
 from perfplast_fenicsx.mesh.element_size import element_size
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
