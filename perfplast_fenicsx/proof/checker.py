@@ -15,7 +15,7 @@ from perfplast_fenicsx.proof.blocks import measure_forces
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.halves import differences, pair_of_drucker, pair_of_radenkovic
 from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.lower import Left, measure_stress
+from perfplast_fenicsx.proof.lower import Left, is_counted, measure_stress, overstress
 from perfplast_fenicsx.proof.overlap import overlapping
 from perfplast_fenicsx.proof.plain_arrays import (
     ProofError,
@@ -28,7 +28,7 @@ from perfplast_fenicsx.proof.rigid import check_loaded
 from perfplast_fenicsx.proof.stored_file import stored_file
 from perfplast_fenicsx.proof.taken_as_written import taken_as_written
 from perfplast_fenicsx.proof.upper import check_nodes, measure_velocity
-from perfplast_fenicsx.proof.verdict import RATIOS, Checked, faults_of, rounding_of
+from perfplast_fenicsx.proof.verdict import RATIOS, ROUNDED, Checked, faults_of, rounding_of
 
 DRUCKER = (
     "Drucker's pair: with less friction from below, and friction whose slip follows its normal from"
@@ -100,6 +100,7 @@ def check(path: str | Path) -> dict[str, Checked]:
 def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:
     """Check a stress: ``stress`` (num_cells, d + 1, d, d), ``bound``, and those of the bodies.
 
+    The loads that it balances are those at ``factor``, or at ``bound`` where that is missing.
     Of bodies of revolution the coefficients of rσ (:mod:`rings`), shape (num_cells, 6, 2, 2). Where
     no cell can yield ``joint_force`` (num_facets, d, d) is in its place, and where joints adhere
     ``joint_traction`` of the same shape beside it (:mod:`blocks`).
@@ -124,20 +125,41 @@ def check_upper(arrays: Mapping[str, npt.NDArray]) -> Checked:
 def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     body, overlaps = _body(arrays, before)
     claimed = bound_of(arrays["bound"], bool(body.constant))
+    factor = bound_of(arrays.get("factor", claimed), bool(body.constant))
     other = number_of("any_factor", arrays.get("any_factor", 0.0))
-    left = _left(body, arrays, (claimed * body.sought, body.constant, other * body.others))
-    faults = (*_reasons(overlaps, left.reason), *faults_of(left.measured))
-    over = max(left.measured.get(name, 0.0) for name in RATIOS)
+    left = _left(body, arrays, (factor * body.sought, body.constant, other * body.others))
+    reasons, rows = _reasons(overlaps, left.reason), faults_of(left.measured)
+    counted = is_counted(body)
+    if counted:
+        kinds = [(factor, body.sought), (1.0, body.constant), (other, body.others)]
+        over, why = overstress(body, checked(arrays, ("stress",))["stress"], kinds)
+        exact = left.measured["asymmetry"] == 0
+        reasons += [] if why is None else [why]
+    else:
+        over, exact = max(left.measured.get(name, 0.0) for name in RATIOS), not rows
     if (body.constant or body.loose) and not over <= 1:  # such a stress cannot be made smaller
-        faults = (*faults, f"stresses are {over:.17g} times as large as they may be")
-    proven = None if faults else claimed / max(1.0, over)
+        reasons.append(f"stresses are {over:.17g} times as large as they may be")
+    proven = None if reasons or not exact else _divided(factor, over)
+    if proven is None or not proven >= claimed - ROUNDED * abs(claimed):
+        only = [] if proven is None else [f"only {proven:.9g} is proven"]
+        faults = tuple(dict.fromkeys([*reasons, *only, *rows]))
+    else:
+        faults = ()
     sums = (
         f"Forces without balance are {left.forces:.2g} in all, of {left.loads:.6g} that the loads"
         " are."
     )
+    if counted and proven is not None:
+        sums += f" They and rounding cost {max(factor - proven, 0.0):.2g} of the bound."
     words = (taken_as_written(body), sums)
-    found = Checked("lower", claimed, proven, left.measured, faults, words)
-    return _Half(found, body, overlaps, forces=left.forces)
+    shown = None if faults else proven
+    found = Checked("lower", claimed, shown, left.measured, faults, words, reached=proven)
+    return _Half(found, body, overlaps, forces=0.0 if counted else left.forces)
+
+
+def _divided(claimed: float, over: float) -> float:
+    """Return a bound of a stress that is so many times as large as it may be, from below."""
+    return claimed if over <= 1 else float(np.nextafter(claimed / over, -np.inf))
 
 
 def _left(body: Body, arrays: Mapping[str, npt.NDArray], kinds: Sequence[Loads]) -> Left:

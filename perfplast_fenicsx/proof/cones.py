@@ -185,6 +185,13 @@ class Cones:
         found = self.bound / steepest
         return np.where(self.is_cut, np.minimum(found, self.tension), found)
 
+    @property
+    def weakness(self) -> Floats:
+        """The most that a stress of size 1 adds to :meth:`ratios`, where c > 0."""
+        found = 1 / self.radius + np.linalg.norm(self.slope, axis=1) / self.bound
+        rounding = 1e-12  # of singular values
+        return np.asarray(found * (1 + rounding))
+
     def own_radius(self, at: Longs, stress: Floats) -> Floats:
         """The same of each cell; where c = 0 what the stress has itself, −q·σ in the place of c.
 

@@ -6,9 +6,11 @@ loads on outer ones, contact pushes with the pressure q and has no shear, or whe
 ‖τ‖ ≤ c + μq at most, and ‖Mσ‖ ≤ c − q·σ at each vertex with the cone of the cell (:mod:`cones`),
 and so everywhere, as the stresses that keep to it are a convex set (static theorem, W. Prager,
 P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). With a pressure u in pores the cones bound
-effective stresses σ′, and σ = σ′ − uI. What is left by rounding is a load of its own: it is
-measured by what the weakest could bear of it, each row by itself and all together. Of bodies of
-revolution all this is said of S = rσ, which is quadratic (:mod:`rings`), over 2π.
+effective stresses σ′, and σ = σ′ − uI. What is left of equilibrium is balanced by another stress,
+and its size makes the bound smaller (:mod:`balance`). No such stress is known for rings, rigid
+surfaces and cones without a bound. There what is left is measured by what the weakest could bear of
+it, each row by itself and all together. Of bodies of revolution all this is said of S = rσ, which
+is quadratic (:mod:`rings`), over 2π.
 """
 
 from collections.abc import Sequence
@@ -16,12 +18,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perfplast_fenicsx.proof.balance import cost_of
+from perfplast_fenicsx.proof.balls import U
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
 from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.least_radii import BARE, finite, least_of, least_radii
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.outer_tractions import outer_tractions, tractions_on
 from perfplast_fenicsx.proof.pieces import largest_share
+from perfplast_fenicsx.proof.remainder import remainder_of, shapes_of
 from perfplast_fenicsx.proof.rigid import rigid_of, sums_of
 from perfplast_fenicsx.proof.rings import (
     applied,
@@ -125,6 +130,38 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
         measured["axis"] = on_axis(body, stress) / weakest
     measured["yield_ratio"] = _largest(np.where(ratios_of_yield < 0, 0.0, ratios_of_yield))
     return Left(measured, forces, loaded, outer.reason)
+
+
+def is_counted(body: Body) -> bool:
+    """Return whether what a stress leaves of equilibrium enters the bound."""
+    bounded = body.plastic.any() and not body.loose
+    return bool(bounded) and not body.is_revolved and not len(body.rigid)
+
+
+def overstress(
+    body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]]
+) -> tuple[float, str | None]:
+    """Return how many times as large as it may be a stress in equilibrium is, near one given.
+
+    At each vertex (f(σ) + f(τ))/c, with a stress τ that balances what σ leaves: divided by the
+    largest of these σ + τ keeps to the cones.
+
+    Args:
+        body: The bodies.
+        stress: σ, effective where there is a pressure in pores, shape (num_cells, d + 1, d, d).
+        kinds: Loads of each kind, and their factors.
+
+    Returns:
+        ∞ where no τ is known, and why.
+    """
+    shapes = shapes_of(body)
+    cost = cost_of(body, remainder_of(body, stress, kinds, shapes), shapes)
+    plastic = body.plastic
+    cones, at, bounded = body.cones, body.cone[plastic], vectors(stress[plastic])
+    rounding = 128 * U * np.linalg.norm(bounded, axis=2)
+    more = (cost.size[plastic, None] + rounding) * cones.weakness[at, None]
+    over = float((cones.ratios(at, bounded) + more).max())
+    return (over if np.isfinite(over) else np.inf), cost.reason
 
 
 def _largest(values: Floats) -> float:

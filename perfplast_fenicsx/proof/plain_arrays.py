@@ -129,7 +129,7 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
         found[name] = np.asarray(data)
     if "bound" not in group.attrs:
         raise ProofError("bound is missing.")
-    numbers = ("bound", "any_factor", "revolved")
+    numbers = ("bound", "factor", "any_factor", "revolved")
     return found | {name: np.asarray(group.attrs[name]) for name in numbers if name in group.attrs}
 
 

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 ROUNDING = 1e-9
 """What may be left of a condition that has no limit of its own in :data:`LIMITS`."""
 
+ROUNDED = 1e-8
+"""Share by which a lower bound may be claimed higher than it is proven: what is proven is told."""
+
 LIMITS: Mapping[str, float] = {
     "asymmetry": 0.0,
     "moved_supports": 0.0,
@@ -48,6 +51,8 @@ class Checked:
         measured: What is left of each condition.
         faults: Which fail, in words; nothing where what is claimed holds.
         words: What it is a proof about, and what is left in all, a sentence each.
+        reached: The lower bound that the numbers prove, whatever is claimed; None where they prove
+            nothing.
     """
 
     kind: str
@@ -56,6 +61,7 @@ class Checked:
     measured: Mapping[str, float]
     faults: tuple[str, ...]
     words: tuple[str, ...] = ()
+    reached: float | None = None
 
     def __str__(self) -> str:
         left = ", ".join(f"{name} {value:.1e}" for name, value in self.measured.items())

@@ -106,7 +106,8 @@ def radii(them: Arrays) -> npt.NDArray:
 @pytest.mark.mpi3
 def test_both_bounds_are_proven(proof: Path) -> None:
     found = check(proof)
-    assert found["lower"].proven == pytest.approx(LIMIT, rel=1e-12)
+    assert found["lower"].proven == pytest.approx(LIMIT, rel=1e-9)
+    assert found["lower"].proven < LIMIT  # less what rounding of the stress may cost
     assert found["upper"].proven == pytest.approx(LIMIT, rel=1e-4)
     assert found["upper"].proven is not None
     assert found["upper"].proven == pytest.approx(found["upper"].claimed, rel=1e-12)

@@ -432,7 +432,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         "asymmetry",
     ),
     "everywhere a little pull": (low(lambda them: raised(them, 1e-6)), "tractions|tension"),
-    "stress larger by 1e-8": (low(times("stress", 1 + 1e-8)), "tractions"),
+    "stress larger by 1e-7": (low(times("stress", 1 + 1e-7)), "tractions"),
     "one component": (low(lambda them: put("stress", (0, 0, 0, 0), 7.0)(them)), "equilibrium"),
     "cells changed over": (
         low(lambda them: put("stress", slice(0, 2), them["stress"][1::-1])(them)),
@@ -441,7 +441,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "weaker by 1e-8": (both(times("cone_bound", 1 - 1e-4)), "times as large"),
     "pull": (low(times("stress", -1.0)), "tension|tractions"),
     "hidden forces, each small": (
-        low(make("body_force", lambda a: a + 1e-7 / len(a))),
+        low(make("body_force", lambda a: a + 1e-6 / len(a))),
         "left of load|equilibrium",
     ),
     "hidden forces in a strong body under its own load": (

@@ -1,0 +1,405 @@
+"""Cost of forces without balance: the size of a stress that balances them.
+
+A stress σ leaves some forces without balance. If τ balances them, σ + τ is in equilibrium. It keeps
+to a cone f(σ) ≤ c where f(σ) + f(τ) ≤ c, as f is convex and of first degree. So the size of τ in
+each cell is enough, and only that is computed, from above.
+
+1. Supports and contact exert further forces, so that each piece of cells that facets join is in
+   equilibrium as a whole (:func:`_reactions`). Contact has to press by more than these.
+2. The cells of a piece are a tree. Through one facet each cell passes on all that lies beyond: the
+   force F and the moment M, by the traction F/A + θ × (x − c) with Iθ = M. So each cell by itself
+   is in equilibrium.
+3. Consider tractions that are linear on each facet of a simplex, in equilibrium with a uniform
+   force. They are those of a stress that is linear in each of the d + 1 parts into which the centre
+   divides it (C. Johnson, B. Mercier, doi:10.1007/BF01403910; in space M. Křížek,
+   doi:10.1090/S0025-5718-1983-0717689-3). On the regular simplex with edges 1 :data:`SIZE` bounds
+   it. The map x = By onto the cell gives τ = Bτ'Bᵀ and tractions times areas B⁻¹T/det B.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.proof.balls import Balls, U, crossed, upwards
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.pieces import pieces_of
+from perfplast_fenicsx.proof.remainder import Anchors, Remainder, Shapes
+from perfplast_fenicsx.proof.rigid import moments
+
+SIZE = {2: (2.78, 0.96), 3: (12.2, 3.26)}
+"""Bounds of the stress on a regular simplex, by dimension. The first is a factor of the largest
+traction times area, added up over the facets, the second one of the force. A test computes them."""
+
+VOLUME = {2: 3**0.5 / 4, 3: 2**0.5 / 12}
+"""Volume of the regular simplex with edges 1, by dimension."""
+
+MOST_NUMBERS = 40_000_000
+"""Numbers that the matrix of forces on pieces may have, for the memory it takes."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """The cost of forces without balance.
+
+    Attributes:
+        size: Size of τ, the largest in each cell, shape (num_cells,); ∞ where nothing is known.
+        reason: Why there is none, or None.
+    """
+
+    size: Floats
+    reason: str | None
+
+
+def cost_of(body: Body, left: Remainder, shapes: Shapes) -> Cost:
+    """Return what a remainder costs."""
+    lost = np.full(len(body.cells), np.inf)
+    if not all(np.isfinite(of.size).all() for of in (left.cells, left.inner, left.outer)):
+        return Cost(lost, "numbers are too large or are none")
+    acting = _Acting(body, left, shapes)
+    pushes, reason = _reactions(body, left, acting)
+    if pushes is None:
+        return Cost(lost, reason)
+    of_facets, of_force = SIZE[body.dim]
+    on_sides = acting.on_sides + np.bincount(
+        body.outer // (body.dim + 1), weights=pushes, minlength=len(lost)
+    )
+    passed = _passed(body, shapes, acting, pushes)
+    inside = upwards(of_facets * (on_sides + passed) + of_force * left.cells.norms())
+    with np.errstate(invalid="ignore"):
+        size = np.where(inside > 0, _stretch(body, shapes, acting.volumes) * inside, 0.0)
+    return Cost(upwards(np.where(np.isnan(size), np.inf, size)), None)
+
+
+class _Acting:
+    """Forces and moments on each cell that τ has to balance.
+
+    A jump of tractions acts on the cell that bears more.
+
+    Attributes:
+        volumes: From below.
+        on_sides: The largest traction times area of each side, added up, shape (num_cells,).
+        forces: Shape (num_cells, d).
+        moments: About ``middles``, shape (num_cells, 1 or 3).
+        errors: Of forces and of moments, shape (2, num_cells).
+        middles: A place in each cell.
+        extents: The largest distance of its vertices from that.
+        pieces: Number of the piece of each cell.
+    """
+
+    def __init__(self, body: Body, left: Remainder, shapes: Shapes) -> None:
+        d, count, x = body.dim, len(body.cells), body.vertices[body.cells]
+        self.volumes = np.maximum(shapes.volumes.mid - 2 * shapes.volumes.rad, 0.0)
+        self.pieces = np.unique(pieces_of(body), return_inverse=True)[1].ravel()
+        self.middles = x.mean(axis=1)
+        self.extents = np.linalg.norm(x - self.middles[:, None], axis=2).max(axis=1)
+        self.on_sides = np.zeros(count)
+        self.forces, self.moments = left.cells.mid.copy(), np.zeros((count, 2 * d - 3))
+        pulls = left.cells.norms()
+        rounded = 16 * U * np.abs(x).max(axis=(1, 2))
+        self.errors = np.stack([np.linalg.norm(left.cells.rad, axis=1), pulls * rounded])
+        self.errors[0] += 4 * U * pulls
+        self._put(body, body.outer, body.facets, left.outer)
+        one, other = body.sides[0].T
+        cells = one // (d + 1), other // (d + 1)
+        bears = np.minimum(body.yield_radius, np.finfo(float).max)
+        less, more = (bears[of] for of in cells)
+        larger = self.volumes[cells[1]] > self.volumes[cells[0]]
+        at = np.where((more > less) | ((more == less) & larger), other, one)
+        corners = body.corners[one % (d + 1)]
+        vertices = np.sort(np.take_along_axis(body.cells[cells[0]], corners, axis=1), axis=1)
+        self._put(body, at, vertices, left.inner)
+
+    def push(self, body: Body, anchors: Anchors, forces: Floats) -> None:
+        """Let forces of anchors act."""
+        for facets, corners, sign in (
+            (anchors.facets, anchors.corners, -1.0),
+            (anchors.opposite, anchors.opposite_corners, 1.0),
+        ):
+            at = np.flatnonzero((facets >= 0) & (forces != 0))
+            values = anchors.along[at] * Balls.exact(sign * forces[at])[:, None]
+            here = np.arange(body.dim) == corners[at, None]
+            each = values[:, None].where(here[..., None])
+            self._put(body, body.outer[facets[at]], body.facets[facets[at]], each)
+
+    def _put(self, body: Body, sides: Longs, vertices: Longs, tractions: Balls) -> None:
+        """Let tractions act on sides, with the other sign."""
+        d = body.dim
+        cells = sides // (d + 1)
+        np.add.at(self.on_sides, cells, tractions.norms().max(axis=1, initial=0.0))
+        mid = -tractions.mid
+        means = (np.eye(d) + 1) / (d * (d + 1))  # of products of barycentric coordinates
+        arms = body.vertices[vertices] - self.middles[cells][:, None]
+        spread = np.einsum("ab,fbi->fai", means, mid)
+        turns = moments(arms.reshape(-1, d), spread.reshape(-1, d))
+        np.add.at(self.forces, cells, mid.mean(axis=1))
+        np.add.at(self.moments, cells, turns.reshape(len(cells), d, 2 * d - 3).sum(axis=1))
+        size = np.linalg.norm(tractions.size, axis=2).mean(axis=1)
+        off = np.linalg.norm(tractions.rad + np.abs(tractions.low), axis=2).mean(axis=1)
+        off += 32 * U * size
+        np.add.at(self.errors[0], cells, off)
+        far = self.extents[cells] + np.abs(body.vertices[vertices]).max(axis=(1, 2)) * 4 * U
+        np.add.at(self.errors[1], cells, off * far + size * 32 * U * far)
+
+
+def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
+    """Return ‖B‖²‖B⁻¹‖/det B of cells, from above."""
+    d = body.dim
+    regular = np.zeros((d + 1, d))
+    for i in range(1, d + 1):
+        regular[i] = regular[:i].mean(axis=0)
+        regular[i, i - 1] = np.sqrt(1 - ((regular[0] - regular[i]) ** 2).sum())
+    x = body.vertices[body.cells]
+    edges = (x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
+    back = np.linalg.inv(regular[1:].T)
+    largest = np.linalg.norm(edges @ back, ord=2, axis=(1, 2))
+    # The rows of B⁻¹ are combinations of the gradients −a/(dV).
+    turned = regular[1:].T @ (shapes.areas.mid[:, 1:] / d)
+    inverse = np.linalg.norm(turned, ord=2, axis=(1, 2)) + np.linalg.norm(
+        shapes.areas.rad, axis=(1, 2)
+    )
+    with np.errstate(divide="ignore", over="ignore"):
+        determinant = volumes / VOLUME[d]
+        found = largest**2 * (inverse / volumes) / determinant
+    rounding = 1e-12  # of norms of small matrices, relative
+    return np.asarray(found * (1 + rounding))
+
+
+def _across(body: Body) -> Longs:
+    """Return the side on the other side of each one, −1 of outer ones."""
+    sides = body.sides[0]
+    found = np.full(len(body.cells) * (body.dim + 1), -1)
+    found[sides[:, 0]], found[sides[:, 1]] = sides[:, 1], sides[:, 0]
+    return found
+
+
+def _tree(body: Body, across: Longs, volumes: Floats, pieces: Longs) -> tuple[list[Longs], Longs]:
+    """Return the cells by their distance from the roots, and the side towards these (−1 at a root).
+
+    A root is the largest cell of its piece. Of the ways back, those over large facets are taken.
+    """
+    wide, count = body.dim + 1, len(body.cells)
+    size = body.areas_of(np.arange(count * wide))
+    order = np.lexsort([volumes, pieces])
+    roots = order[np.flatnonzero(np.diff(pieces[order], append=-1))]
+    back = np.full(count, -1)
+    seen = np.zeros(count, dtype=bool)
+    seen[roots] = True
+    levels = [roots]
+    while len(levels[-1]):
+        out = (levels[-1][:, None] * wide + np.arange(wide)).ravel()
+        there = across[out[across[out] >= 0]]
+        there = there[~seen[there // wide]]
+        there = there[np.lexsort([size[there], there // wide])]
+        last = np.append(np.diff(there // wide) != 0, True)[: len(there)]
+        there = there[last]
+        cells = there // wide
+        back[cells], seen[cells] = there, True
+        levels.append(cells)
+    return levels, back
+
+
+def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats:
+    """Return the sum over the facets of each cell of what it passes on, and what is passed to it.
+
+    Args:
+        body: The bodies.
+        shapes: Of the cells.
+        acting: Forces and moments of each cell.
+        pushes: Sizes of forces on outer facets besides.
+    """
+    d, wide, count = body.dim, body.dim + 1, len(body.cells)
+    across = _across(body)
+    levels, back = _tree(body, across, acting.volumes, acting.pieces)
+    x, found = body.vertices[body.cells], np.zeros(count)
+    forces, turns = acting.forces.copy(), acting.moments.copy()
+    force_errors, turn_errors = acting.errors.copy()
+    more = np.bincount(body.outer // wide, weights=pushes, minlength=count)
+    force_errors += more
+    turn_errors += more * acting.extents
+    sizes = np.linalg.norm(forces, axis=1) + force_errors  # all that is added up
+    away = np.flatnonzero(back >= 0)
+    ends = np.take_along_axis(x[away], body.corners[back[away] % wide][..., None], axis=1)
+    middles = acting.middles.copy()  # of the way back
+    middles[away] = ends.mean(axis=1)
+    vectors = shapes.areas[away, back[away] % wide]
+    least = np.linalg.norm(vectors.mid, axis=1) - 2 * np.linalg.norm(vectors.rad, axis=1)
+    area = np.maximum(least * (1 - 1e-12), np.finfo(float).tiny)
+    bends = np.zeros(count)  # traction times area of a moment
+    arms = np.linalg.norm(ends - middles[away][:, None], axis=2)
+    if d == 2:
+        bends[away] = 6 / area
+    else:
+        bends[away] = 9 * arms.max(axis=1) * (arms**2).sum(axis=1) / area**2
+    shift = acting.middles - middles
+    rounded = 32 * U * np.abs(x).max(axis=(1, 2))
+    for cells in levels[:0:-1]:
+        towards = across[back[cells]] // wide
+        # from the cell's middle, which what was passed to it is about as well
+        turns[cells] += moments(shift[cells], forces[cells])
+        force_errors[cells] += 8 * U * sizes[cells]
+        force = np.linalg.norm(forces[cells], axis=1) + force_errors[cells]
+        arm = np.linalg.norm(shift[cells], axis=1) + rounded[cells]
+        turn_errors[cells] += force_errors[cells] * arm + rounded[cells] * sizes[cells]
+        turn = np.linalg.norm(turns[cells], axis=1)
+        turn_errors[cells] += 32 * U * (turn + force * arm)
+        tractions = force + (turn + turn_errors[cells]) * bends[cells]
+        step = middles[cells] - acting.middles[towards]
+        arm = np.linalg.norm(step, axis=1) + rounded[cells] + rounded[towards]
+        np.add.at(found, cells, tractions)
+        np.add.at(found, towards, tractions)
+        np.add.at(sizes, towards, sizes[cells])
+        np.add.at(forces, towards, forces[cells])
+        np.add.at(force_errors, towards, force_errors[cells])
+        np.add.at(turns, towards, turns[cells] + moments(step, forces[cells]))
+        added = turn_errors[cells] + force_errors[cells] * arm
+        added += (rounded[cells] + rounded[towards]) * force + 32 * U * (turn + force * arm)
+        np.add.at(turn_errors, towards, added)
+    # Sums of numbers that are not negative: each is rounded as often as cells lie behind it.
+    return upwards(found * (1 + 1e-12), 2 * count + 64)
+
+
+def _reactions(body: Body, left: Remainder, acting: _Acting) -> tuple[Floats | None, str | None]:
+    """Return sizes of forces that supports and contact exert besides, of each facet.
+
+    Args:
+        body: The bodies.
+        left: What is without balance.
+        acting: The same of each cell.
+
+    Returns:
+        None where there are no such forces, and why.
+    """
+    d, pieces = body.dim, acting.pieces
+    count = int(pieces.max()) + 1
+    of_facets = pieces[body.outer // (d + 1)]
+    middle, extent = _middles(body, pieces, count)
+    about = middle, extent
+    missing, errors = _missing(body, acting, about)
+    # Along an axis along which nothing acts on a piece all forces without balance cancel.
+    idle = np.zeros((count, 3 * (d - 1)), dtype=bool)
+    idle[:, :d] = True
+    for of, acts in ((of_facets, left.acts), (pieces, left.pulls)):
+        np.logical_and.at(idle[:, :d], of, ~acts)
+    missing[idle], errors[idle] = 0.0, 0.0
+    anchors, found = left.anchors, np.zeros(len(body.facets))
+    active = (errors > 0).ravel()
+    if not active.any():
+        return found, None
+    columns = len(anchors.facets)
+    if not columns:
+        return None, HELD
+    if missing.size * columns > MOST_NUMBERS:
+        return None, "there are too many bodies and supports"
+    mid, rad = _matrix(body, anchors, of_facets, about)
+    # Other rows are of bodies, or directions, on which nothing acts: they stay as they are.
+    touched = ((mid != 0) | (rad > 0)).reshape(-1, columns)
+    rows = _closed(active, touched)
+    weights = _weights(body, anchors)
+    mid, rad = (part.reshape(-1, columns)[rows] * weights for part in (mid, rad))
+    gram = mid @ mid.T
+    size = np.abs(mid)
+    error = size @ rad.T + rad @ size.T + rad @ rad.T + (columns + 16) * U * (size @ size.T)
+    try:
+        inverse = np.linalg.inv(gram)
+    except np.linalg.LinAlgError:
+        return None, HELD
+    n = len(gram)
+    rest = np.abs(np.eye(n) - inverse @ gram) + np.abs(inverse) @ (
+        error + (n + 2) * U * np.abs(gram)
+    )
+    off_one = float(upwards(rest, columns).sum(axis=1).max(initial=0.0))
+    if not off_one < 0.5:
+        return None, HELD
+    first = -weights * (mid.T @ (inverse @ missing.ravel()[rows]))
+    acting.push(body, anchors, first)
+    missing, errors = _missing(body, acting, about)
+    needed = np.abs(inverse) @ (np.abs(missing) + errors).ravel()[rows]
+    needed = needed + 2 * off_one * needed.max(initial=0.0)
+    forces = upwards(weights * ((size + rad).T @ needed), columns + n)
+    if (upwards(np.abs(first) + forces) > anchors.most).any():
+        return None, HELD
+    np.add.at(found, anchors.facets, forces)
+    paired = anchors.opposite >= 0
+    np.add.at(found, anchors.opposite[paired], forces[paired])
+    return upwards(found * (1 + 1e-9), columns), None
+
+
+HELD = "neither supports nor contact that presses hold a body against what is left of its balance"
+
+
+def _closed(rows: Flags, touched: Flags) -> Flags:
+    """Return the rows that matter: those of forces that act on one of them, and so on."""
+    while True:
+        more = touched[:, touched[rows].any(axis=0)].any(axis=1) | rows
+        if (more == rows).all():
+            return np.asarray(rows)
+        rows = more
+
+
+def _weights(body: Body, anchors: Anchors) -> Floats:
+    """Return weights of forces: what contact may exert, and of supports what their cells bear."""
+    cells = body.outer // (body.dim + 1)
+    radii = body.yield_radius[cells][anchors.facets]
+    plastic = radii[np.isfinite(radii)]
+    radii = np.where(np.isfinite(radii), radii, plastic.max(initial=0.0) or 1.0)
+    borne = radii * body.areas[anchors.facets]
+    return np.minimum(borne, anchors.most)
+
+
+def _middles(body: Body, pieces: Longs, count: int) -> tuple[Floats, Floats]:
+    """Return a place in each piece, and its extent."""
+    x = body.vertices[body.cells]
+    least, most = np.full((count, body.dim), np.inf), np.full((count, body.dim), -np.inf)
+    np.minimum.at(least, pieces, x.min(axis=1))
+    np.maximum.at(most, pieces, x.max(axis=1))
+    return (least + most) / 2, (most - least).max(axis=1)
+
+
+def _missing(body: Body, acting: _Acting, about: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    """Return forces, and moments over extents, on each piece, and errors, shape (count, 3 or 6)."""
+    d, pieces, count = body.dim, acting.pieces, len(about[1])
+    arms = acting.middles - about[0][pieces]
+    turns = acting.moments + moments(arms, acting.forces)
+    forces, turning = np.zeros((count, d)), np.zeros((count, 2 * d - 3))
+    np.add.at(forces, pieces, acting.forces)
+    np.add.at(turning, pieces, turns)
+    size = np.linalg.norm(acting.forces, axis=1)
+    reach = np.linalg.norm(arms, axis=1) + acting.extents
+    rounded = 4 * U * (np.bincount(pieces).max() + 16)
+    far = 16 * U * np.abs(body.vertices[body.cells]).max(axis=(1, 2))
+    off = acting.errors[0] + rounded * size
+    sizes = size * reach + np.linalg.norm(acting.moments, axis=1)
+    turned_off = acting.errors[1] + acting.errors[0] * reach + rounded * sizes + far * size
+    errors = np.zeros((count, 3 * (d - 1)))
+    errors[:, :d] = np.bincount(pieces, weights=off, minlength=count)[:, None]
+    errors[:, d:] = np.bincount(pieces, weights=turned_off, minlength=count)[:, None]
+    mid = np.hstack([forces, turning])
+    errors += 4 * U * np.abs(mid)
+    errors[:, d:] /= about[1][:, None]
+    mid[:, d:] /= about[1][:, None]
+    return mid, upwards(errors, 2 * len(pieces) + 64)
+
+
+def _matrix(
+    body: Body, anchors: Anchors, of_facets: Longs, about: tuple[Floats, Floats]
+) -> tuple[Floats, Floats]:
+    """Return forces and moments of anchors on pieces, and errors, (count, 3 or 6, num_anchors)."""
+    d, count, columns = body.dim, len(about[1]), len(anchors.facets)
+    rows = d + 2 * d - 3
+    mid, rad = np.zeros((2, count, rows, columns))
+    for facets, corners, sign in (
+        (anchors.facets, anchors.corners, 1.0),
+        (anchors.opposite, anchors.opposite_corners, -1.0),
+    ):
+        at = np.flatnonzero(facets >= 0)
+        of, numbers = of_facets[facets[at]], body.facets[facets[at]]
+        x = Balls.exact(body.vertices[numbers]) - Balls.exact(about[0][of][:, None])
+        # Means of products of barycentric coordinates are (1 + δ)/(d(d + 1)).
+        arms = x.sum(axis=1) + x[np.arange(len(at)), corners[at]]
+        arms = arms * Balls.exact(1 / about[1][of])[:, None] * Balls.part(d * (d + 1))
+        force = anchors.along[at]
+        turns = crossed(arms, force)
+        for part, here in ((force * Balls.part(d), slice(0, d)), (turns, slice(d, rows))):
+            mid[of, here, at] += sign * part.mid
+            rad[of, here, at] += part.rad + np.abs(part.low)
+    return mid, upwards(rad + U * np.abs(mid))

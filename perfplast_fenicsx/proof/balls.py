@@ -1,0 +1,172 @@
+"""Arrays of numbers of twice the usual digits with bounds of their errors.
+
+A number is a sum of two, the second at most a rounding of the first. Its radius bounds the error:
+every result contains what exact arithmetic makes of any numbers within the radii. Sums and products
+of two numbers are such pairs without error (T. J. Dekker, doi:10.1007/BF01397083). Only the second
+part is rounded, by U times its size in each operation, and the radius grows by that. Radii are
+rounded too, and made larger by as much. Arrays on file are between 1e-60 and 1e60 in size, so that
+no product overflows. Numbers below 1e-75 count as zero with that radius, so that none is lost.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from perfplast_fenicsx.proof.load_kinds import Floats
+
+U = 2.0**-53
+"""Largest rounding of an operation, relative to its result."""
+
+TINY = 1e-75
+"""Numbers below it are zero with this radius."""
+
+
+def upwards(values: Floats, terms: int = 16) -> Floats:
+    """Return bounds from above of sums and products of ``terms`` numbers that are not negative."""
+    return np.asarray(values * (1 + 4 * terms * U))
+
+
+@dataclass(frozen=True)
+class Balls:
+    """Numbers that differ from ``mid + low`` by ``rad`` at most.
+
+    Attributes:
+        mid: Any shape.
+        low: The same shape.
+        rad: The same shape.
+    """
+
+    mid: Floats
+    low: Floats
+    rad: Floats
+
+    @classmethod
+    def exact(cls, values: Any) -> "Balls":
+        """Return numbers without error."""
+        mid = np.asarray(values, dtype=np.float64)
+        lost = (mid != 0) & (np.abs(mid) < TINY)
+        return cls(np.where(lost, 0.0, mid), np.zeros_like(mid), np.where(lost, TINY, 0.0))
+
+    @classmethod
+    def part(cls, number: int) -> "Balls":
+        """Return 1 over a number."""
+        mid = np.asarray(1 / number)
+        product, rest = _product(mid, np.asarray(float(number)))
+        low = np.asarray(((1 - product) - rest) / number)
+        return cls(mid, low, 4 * U * np.abs(low))
+
+    @property
+    def size(self) -> Floats:
+        """The largest magnitudes."""
+        return upwards(np.abs(self.mid) + np.abs(self.low) + self.rad)
+
+    def norms(self) -> Floats:
+        """Return the largest Euclidean norms along the last axis."""
+        return upwards(np.sqrt((self.size**2).sum(axis=-1)))
+
+    def each(self, change: Callable[[Floats], Any]) -> "Balls":
+        """Return numbers that are moved, repeated or left out alike in all parts."""
+        return Balls(*(np.asarray(change(part)) for part in (self.mid, self.low, self.rad)))
+
+    def __getitem__(self, at: Any) -> "Balls":
+        return self.each(lambda part: part[at])
+
+    def __neg__(self) -> "Balls":
+        return Balls(-self.mid, -self.low, self.rad)
+
+    def __add__(self, other: "Balls") -> "Balls":
+        mid, rest = _sum(self.mid, other.mid)
+        low = self.low + other.low
+        low, lost = low + rest, np.abs(low) + np.abs(rest)
+        rad = self.rad + other.rad + 2 * U * lost
+        return Balls(*_sum(mid, low), upwards(rad))
+
+    def __sub__(self, other: "Balls") -> "Balls":
+        return self + -other
+
+    def __mul__(self, other: "Balls") -> "Balls":
+        mid, rest = _product(self.mid, other.mid)
+        one, two = self.mid * other.low, self.low * other.mid
+        low = rest + (one + two)
+        lost = 3 * U * (np.abs(rest) + np.abs(one) + np.abs(two)) + np.abs(self.low * other.low)
+        rad = lost + _size(self) * other.rad + self.rad * (_size(other) + other.rad)
+        return Balls(*_short_sum(mid, low), upwards(rad))
+
+    def sum(self, axis: int) -> "Balls":
+        """Return sums along an axis, which is short."""
+        count = self.mid.shape[axis]
+        every = (slice(None),) * (axis % self.mid.ndim)
+        return reduce(Balls.__add__, (self[(*every, k)] for k in range(count)))
+
+    def where(self, here: Any, other: "Balls | None" = None) -> "Balls":
+        """Return these where a condition holds, and others, or zero, elsewhere."""
+        if other is None:
+            return self.each(lambda part: np.where(here, part, 0.0))
+        return Balls(
+            np.where(here, self.mid, other.mid),
+            np.where(here, self.low, other.low),
+            np.where(here, self.rad, other.rad),
+        )
+
+    def root(self) -> "Balls":
+        """Return square roots of numbers that are zero or larger than their radius."""
+        mid = np.sqrt(self.mid)
+        some = mid > 0
+        square, rest = _product(mid, mid)
+        left = (self.mid - square) - rest + self.low  # the first difference is exact
+        low = np.divide(left, 2 * mid, out=np.zeros_like(mid), where=some)
+        lost = self.rad + 4 * U * (np.abs(left) + np.abs(rest)) + low**2
+        rad = np.divide(lost, mid, out=np.zeros_like(mid), where=some)
+        return Balls(mid, low, upwards(rad))
+
+
+def _size(of: Balls) -> Floats:
+    return np.abs(of.mid) + np.abs(of.low)
+
+
+def _sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """Return a + b, and what it is rounded by."""
+    total = a + b
+    there = total - a
+    return total, (a - (total - there)) + (b - there)
+
+
+def _short_sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """Return the same where b is not larger than a."""
+    total = a + b
+    return total, b - (total - a)
+
+
+def _product(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """Return ab, and what it is rounded by."""
+    total = a * b
+    (a1, a2), (b1, b2) = _halves(a), _halves(b)
+    return total, a2 * b2 - (((total - a1 * b1) - a2 * b1) - a1 * b2)
+
+
+def _halves(a: Floats) -> tuple[Floats, Floats]:
+    """Return two numbers of 26 digits each whose sum is a."""
+    large = 134_217_729.0 * a
+    first = large - (large - a)
+    return first, a - first
+
+
+def contracted(one: Balls, other: Balls) -> Balls:
+    """Return sums of products along the last axis, which is short."""
+    return (one * other).sum(axis=-1)
+
+
+def stacked(parts: Iterable[Balls], axis: int) -> Balls:
+    """Return arrays beside each other, along a new axis."""
+    parts = list(parts)
+    return Balls(*(np.stack([getattr(p, of) for p in parts], axis) for of in ("mid", "low", "rad")))
+
+
+def crossed(arms: Balls, forces: Balls) -> Balls:
+    """Return arms × forces, of shape (..., d): shape (..., 1) in the plane, (..., 3) in space."""
+    pairs = [(0, 1)] if arms.mid.shape[-1] == 2 else [(1, 2), (2, 0), (0, 1)]
+    parts = [arms[..., i] * forces[..., j] - arms[..., j] * forces[..., i] for i, j in pairs]
+    return stacked(parts, -1)

@@ -1,0 +1,320 @@
+"""Forces that a stress leaves without balance, with bounds of the rounding errors.
+
+Forces on a cell are those per volume times the volume, and tractions at the vertices of its facets
+times their area. The real cell is meant, with the coordinates that are on file. Supports and
+contact exert forces on outer facets. These are chosen here, so that little is left:
+
+- a support exerts what the stress has along what it holds;
+- contact exerts q ≥ 0 times the normal of the first facet of a pair, and where it rubs a shear
+  force of c + μq at most, opposite on both sides.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.proof.balls import Balls, U, contracted, crossed, stacked
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.load_kinds import Loads
+from perfplast_fenicsx.proof.touching import Touching, obstacles_of, touching
+
+UNIT = 4e-12
+"""Four times the error in length of unit vectors on file."""
+
+
+@dataclass(frozen=True)
+class Anchors:
+    """Tractions that supports and contact can exert besides.
+
+    Each is linear on its facet, and zero at all vertices of that but one.
+
+    Attributes:
+        facets: The facet of each, shape (n,).
+        corners: The place of the vertex among those of the facet.
+        opposite: The facet on which it acts with the other sign, or −1.
+        opposite_corners: The place of the vertex there.
+        along: Directions, vectors of a length of about 1, shape (n, d).
+        most: The largest traction times area at the vertex, ∞ where it is not limited.
+    """
+
+    facets: Longs
+    corners: Longs
+    opposite: Longs
+    opposite_corners: Longs
+    along: Balls
+    most: Floats
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """Forces without balance, and those that act.
+
+    Attributes:
+        cells: Forces per volume times the volume that nothing balances, shape (num_cells, d).
+        inner: Jumps of tractions times area at the vertices of inner facets, in the order of their
+            numbers, that act on the first of two cells, shape (num_inner, d, d).
+        outer: Tractions times area that outer facets have and nothing exerts, (num_facets, d, d).
+        acts: Whether anything acts on facets along each axis, shape (num_facets, d).
+        pulls: The same of cells, shape (num_cells, d).
+        anchors: Forces that can act besides.
+    """
+
+    cells: Balls
+    inner: Balls
+    outer: Balls
+    acts: Flags
+    pulls: Flags
+    anchors: Anchors
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """Shapes of the cells.
+
+    Attributes:
+        areas: Area vectors of the facets opposite each vertex, outward, (num_cells, d + 1, d).
+        volumes: Volumes; zero is inside of the ball of a cell whose shape is lost.
+    """
+
+    areas: Balls
+    volumes: Balls
+
+
+def shapes_of(body: Body) -> Shapes:
+    """Return the shapes of the cells of bodies."""
+    d, x = body.dim, Balls.exact(body.vertices[body.cells])
+    areas, heights = [], []
+    for i in range(d + 1):
+        first, *others = body.corners[i]
+        edges = [x[:, k] - x[:, first] for k in others]
+        if d == 2:
+            area = stacked([edges[0][:, 1], -edges[0][:, 0]], 1)
+        else:
+            area = crossed(*edges) * Balls.exact(0.5)
+        heights.append(contracted(area, x[:, first] - x[:, i]))
+        sign = np.where(heights[-1].mid < 0, -1.0, 1.0)
+        areas.append(area * Balls.exact(sign)[:, None])
+    height = heights[0] * Balls.exact(np.sign(heights[0].mid))
+    turned = np.any([np.abs(of.mid) <= 2 * of.rad for of in heights], axis=0)
+    height = Balls(height.mid, height.low, np.where(turned, np.inf, height.rad))
+    return Shapes(stacked(areas, 1), height * Balls.part(d))
+
+
+def remainder_of(
+    body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]], shapes: Shapes
+) -> Remainder:
+    """Return what a stress leaves.
+
+    Args:
+        body: The bodies, of cells in the plane or in space.
+        stress: At the vertices of each cell, effective where there is a pressure in pores.
+        kinds: Loads of each kind, and their factors.
+        shapes: Of the cells.
+    """
+    d = body.dim
+    areas = shapes.areas
+    force, pores, traction = (
+        _summed([(factor, getattr(of, name)) for factor, of in kinds])
+        for name in ("body_force", "pore_pressure", "traction")
+    )
+    total = Balls.exact(stress)
+    if pores.mid.any():
+        total = total - pores[..., None, None] * Balls.exact(np.eye(d)[None, None])
+    on_sides = contracted(total[:, None], areas[:, :, None, None])  # cell, side, vertex, axis
+    pulling = force * shapes.volumes[:, None]
+    ends = stacked([on_sides[:, k, k] for k in range(d + 1)], 1).sum(axis=1)
+    sides = on_sides.each(lambda part: part.reshape(-1, d + 1, d))
+
+    def at(numbers: Longs, places: Longs) -> Balls:
+        return sides[numbers[:, None], places]
+
+    one, other = body.sides[0].T
+    jumps = at(one, _alike(body, one)) + at(other, _alike(body, other))
+    outer = _Outer(body, at(body.outer, body.places), traction, areas)
+    return Remainder(
+        pulling - ends * Balls.part(d),
+        jumps,
+        outer.left,
+        np.asarray((outer.acting.size > 0).any(axis=1)),
+        pulling.size > 0,
+        outer.anchors(),
+    )
+
+
+def _summed(kinds: Sequence[tuple[float, Floats]]) -> Balls:
+    """Return the sum of loads times their factors."""
+    found = [Balls.exact(values) * Balls.exact(factor) for factor, values in kinds if values.any()]
+    if not found:
+        return Balls.exact(np.zeros_like(kinds[0][1]))
+    return sum(found[1:], start=found[0])
+
+
+def _alike(body: Body, sides: Longs) -> Longs:
+    """Return the places in their cells of the vertices of sides, in the order of their numbers."""
+    d = body.dim
+    cells, places = sides // (d + 1), body.corners[sides % (d + 1)]
+    numbers = np.take_along_axis(body.cells[cells], places, axis=1)
+    return np.take_along_axis(places, np.argsort(numbers, axis=1), axis=1)
+
+
+class _Outer:
+    """Outer facets.
+
+    Attributes:
+        left: Forces at vertices that nothing exerts.
+        acting: Those that act.
+    """
+
+    def __init__(self, body: Body, at: Balls, traction: Balls, areas: Balls) -> None:
+        d = body.dim
+        self._body, self._free = body, ~body.held
+        self._areas = areas.each(lambda part: part.reshape(-1, d)[body.outer])
+        squares = (self._areas * self._areas).sum(axis=1)
+        self._sizes = squares.root()
+        count = len(body.facets)
+        self._into = Balls.exact(np.zeros((count, d)))
+        self._pressure, self._shear = np.zeros((count, d)), np.zeros((count, d, d))
+        self._opposite = np.full(count, -1)
+        self._touches = np.zeros(count, dtype=bool)
+        self._order = np.zeros((count, d), dtype=np.int64)
+        self._second = np.zeros(count, dtype=bool)
+        self._room = np.full((count, d), np.inf)  # force that friction lets act besides
+        self._rubs = np.zeros(count, dtype=bool)
+        loads = traction * self._sizes[:, None, None]
+        self._rest = at - loads
+        self._exert()
+        exerted = self._into[:, None] * Balls.exact(-self._pressure)[..., None]
+        exerted = exerted + Balls.exact(self._shear)
+        free = self._free[:, None]
+        self.left = (self._rest - exerted).where(free)
+        self.acting = (loads + exerted).where(free, at)
+
+    def _exert(self) -> None:
+        """Choose what supports and contact exert."""
+        body = self._body
+        for pair, c, mu in self._pairs():
+            self._into = _put(self._into, pair.first, self._areas[pair.first])
+            self._into = _put(self._into, pair.second, -self._areas[pair.first])
+            self._opposite[pair.first], self._order[pair.first] = pair.second, pair.order
+            self._second[pair.second] = True
+            self._touches[pair.first] = self._touches[pair.second] = True
+            known = self._told(pair.first)
+            first = self._pushes(pair.first)
+            across = np.take_along_axis(self._pushes(pair.second), pair.order, axis=1)
+            pushes = np.where(known[:, None], first, across)
+            pushes = np.where((known | self._told(pair.second))[:, None], pushes, 0.0)
+            self._rub(pair.first, pushes, c, mu, pair)
+        for tag, normal, c, mu in obstacles_of(body):
+            facets = body.on(tag)
+            normals = Balls.exact(np.tile(normal, (len(facets), 1)))
+            self._into = _put(self._into, facets, normals * self._sizes[facets][:, None])
+            self._touches[facets] = True
+            self._rub(facets, self._pushes(facets), c, mu, None)
+        guided = np.flatnonzero(body.guided.any(axis=1))
+        along = Balls.exact(body.guided[guided]) * self._sizes[guided][:, None]
+        self._into = _put(self._into, guided, along)
+        self._pressure[guided] = self._pushes(guided)
+
+    def _pairs(self) -> list[tuple[Touching, float, float]]:
+        body = self._body
+        rubs = zip(body.contact_adhesion, body.contact_friction, strict=True)
+        return [
+            (touching(body, one, other), float(c), float(mu))
+            for one, other, (c, mu) in zip(*body.contacts.T, rubs, strict=True)
+        ]
+
+    def _told(self, facets: Longs) -> Flags:
+        """Return where supports leave free what contact pushes along."""
+        share = self._into.mid[facets] * self._free[facets]
+        squares = np.einsum("fi,fi->f", share, share)
+        undetermined = 1e-12
+        return np.asarray(squares > undetermined * self._sizes.mid[facets] ** 2)
+
+    def _pushes(self, facets: Longs) -> Floats:
+        """Return the pressure that leaves least, at the vertices of facets."""
+        share = self._into.mid[facets] * self._free[facets]
+        squares = np.einsum("fi,fi->f", share, share)
+        squares[~self._told(facets)] = np.inf
+        return np.asarray(
+            -np.einsum("fvi,fi->fv", self._rest.mid[facets], share) / squares[:, None]
+        )
+
+    def _rub(
+        self, facets: Longs, pushes: Floats, c: float, mu: float, pair: Touching | None
+    ) -> None:
+        """Choose the pressure on facets of contact, and shear forces if they rub."""
+        pressure, shear = np.maximum(pushes, 0.0), None
+        if c > 0 or mu > 0:
+            shear = self._shears(facets, pair)
+            least = self._sizes.mid[facets] - self._sizes.rad[facets]
+            sizes = np.linalg.norm(shear, axis=2)
+            rounding = 64 * U if pair is not None else UNIT
+            limit = (1 - rounding) * (c + mu * pressure) * least[:, None]
+            shear *= np.minimum(1.0, limit / np.where(sizes > 0, sizes, 1.0))[..., None]
+            sizes = np.minimum(sizes, limit)
+            # what is left along the normal of a shear force that is rounded has to be pressed on
+            pressure = pressure + rounding * sizes / least[:, None]
+            self._shear[facets] = shear
+            room = np.maximum(limit - sizes, 0.0) / (1 + mu)
+            self._rubs[facets], self._room[facets] = True, room
+        self._pressure[facets] = pressure
+        if pair is not None:
+            places = np.argsort(pair.order, axis=1)
+            self._pressure[pair.second] = np.take_along_axis(pressure, places, axis=1)
+            if shear is not None:
+                self._shear[pair.second] = -np.take_along_axis(shear, places[..., None], axis=1)
+
+    def _shears(self, facets: Longs, pair: Touching | None) -> Floats:
+        """Return what the stress has across contact, of the side that no support holds."""
+        found = self._across(facets)
+        if pair is not None:
+            there = -np.take_along_axis(self._across(pair.second), pair.order[..., None], axis=1)
+            alone = np.asarray(self._free[facets].all(axis=1))
+            found = np.where(alone[:, None, None], found, there)
+        return found
+
+    def _across(self, facets: Longs) -> Floats:
+        rest, into = self._rest.mid[facets], self._into.mid[facets]
+        squares = np.einsum("fi,fi->f", into, into)
+        for _ in range(2):  # the second time for what rounding has left
+            along = np.einsum("fvi,fi->fv", rest, into) / squares[:, None]
+            rest = rest - along[..., None] * into[:, None]
+        return np.asarray(rest)
+
+    def anchors(self) -> Anchors:
+        """Return what can act besides."""
+        body, d = self._body, self._body.dim
+        sizes = np.maximum(self._sizes.mid, np.finfo(float).tiny)
+        unit = self._into * Balls.exact(1 / sizes)[:, None]
+        facets, axes = np.nonzero(body.held)
+        guided = np.flatnonzero(body.guided.any(axis=1))
+        found = [
+            (facets, Balls.exact(np.eye(d)[axes]), np.full((len(facets), d), np.inf)),
+            (guided, unit[guided], np.full((len(guided), d), np.inf)),
+        ]
+        least = self._sizes.mid - 2 * self._sizes.rad
+        presses = np.maximum(self._pressure, 0.0) * least[:, None]
+        # Of what presses a part each, so that together they neither pull nor slip.
+        room = np.minimum(self._room, presses / 2) / (d + 1)
+        presses_there = np.asarray((room > 0).any(axis=1))
+        some = np.flatnonzero(self._touches & ~self._second & presses_there)
+        found.append((some, unit[some], room[some]))
+        some = some[self._rubs[some]]
+        for axis in np.eye(d):
+            found.append((some, Balls.exact(np.tile(axis, (len(some), 1))), room[some]))
+        facets = np.repeat(np.concatenate([rows[0] for rows in found]), d)
+        corners = np.tile(np.arange(d), len(facets) // d)
+        parts = [[getattr(rows[1], of) for rows in found] for of in ("mid", "low", "rad")]
+        along = Balls(*(np.repeat(np.concatenate(part), d, axis=0) for part in parts))
+        most = np.concatenate([rows[2] for rows in found]).ravel()
+        opposite = np.where(np.isinf(most), -1, self._opposite[facets])
+        there = self._order[facets, corners]
+        return Anchors(facets, corners, opposite, there, along, most)
+
+
+def _put(all_of: Balls, at: Longs, values: Balls) -> Balls:
+    """Return rows with some of them replaced."""
+    found = all_of.each(np.copy)
+    found.mid[at], found.low[at], found.rad[at] = values.mid, values.low, values.rad
+    return found

@@ -1,0 +1,378 @@
+"""What a stress leaves of equilibrium makes its bound smaller, by as much as it can cost.
+
+Bodies here are cells by hand, so that limits are known: strips, columns and blocks in contact.
+"""
+
+from collections.abc import Callable
+from fractions import Fraction
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from perfplast_fenicsx.proof.balance import SIZE, VOLUME
+from perfplast_fenicsx.proof.balls import Balls, contracted, crossed
+from perfplast_fenicsx.proof.checker import check_lower
+
+pytestmark = pytest.mark.serial
+
+Arrays = dict[str, npt.NDArray]
+RADIUS = np.sqrt(2.0)
+"""Of a shear strength of 1."""
+
+
+def strip(length: float, cells: int, height: float = 1.0) -> Arrays:
+    """A strip of squares of two cells, held at its left end, free and without stress.
+
+    Args:
+        length: Along x.
+        cells: How many squares.
+        height: Along y.
+    """
+    x = np.linspace(0.0, length, cells + 1)
+    lower, upper = (np.column_stack([x, np.full(len(x), y)]) for y in (0.0, height))
+    n = cells + 1
+    squares = [(i, i + 1, n + i + 1, n + i) for i in range(cells)]
+    triangles = [t for a, b, c, e in squares for t in ((a, b, c), (a, c, e))]
+    facets = [(i, i + 1) for i in range(cells)] + [(n + i, n + i + 1) for i in range(cells)]
+    facets += [(0, n), (cells, n + cells)]
+    held = np.zeros((len(facets), 2), dtype=np.uint8)
+    held[-2] = 1
+    deviator = np.array([[0.5, -0.5, 0.0], [-0.5, 0.5, 0.0], [0.0, 0.0, 1.0]])
+    count = len(triangles)
+    return {
+        "vertices": np.concatenate([lower, upper]),
+        "cells": np.array(triangles),
+        "cone": np.zeros(count, dtype=int),
+        "cone_bound": np.array([RADIUS]),
+        "cone_slope": np.zeros((1, 3)),
+        "cone_matrix": deviator[None],
+        "cone_sine": np.full(1, np.nan),
+        "body_force": np.zeros((count, 2)),
+        "facets": np.array(facets),
+        "surface": np.zeros(len(facets), dtype=int),
+        "held": held,
+        "traction": np.zeros((len(facets), 2, 2)),
+        "contacts": np.zeros((0, 2), dtype=int),
+        "obstacles": np.zeros(0, dtype=int),
+        "obstacle_normals": np.zeros((0, 2)),
+        "stress": np.zeros((count, 3, 2, 2)),
+        "bound": np.array(1.0),
+    }
+
+
+def cantilever(length: float, cells: int) -> Arrays:
+    """A strip with a shear traction at its free end, and no stress at all."""
+    them = strip(length, cells)
+    them["traction"][-1, :, 1] = -1.0
+    return them
+
+
+def limit(length: float) -> float:
+    """Above the shear at the end of a strip that a hinge at its root carries: 2k/4 over it."""
+    return 0.5 / length
+
+
+def pressed(them: Arrays, pressure: float) -> None:
+    """Constant pressure all around, with the stress of that alone: nothing of the load."""
+    x = them["vertices"][them["facets"]]
+    along = x[:, 1] - x[:, 0]
+    normals = np.column_stack([along[:, 1], -along[:, 0]])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    middle = x.mean(axis=1) - them["vertices"].mean(axis=0)
+    normals *= np.sign(np.einsum("fi,fi->f", normals, middle))[:, None]
+    free = ~np.asarray(them["held"].any(axis=1, keepdims=True))
+    pushes = np.where(free, -pressure * normals, 0.0)
+    them["constant_traction"] = np.repeat(pushes[:, None], 2, axis=1)
+    them["stress"] = them["stress"] - pressure * np.eye(2)
+
+
+@pytest.mark.parametrize("slenderness", [10.0, 1e3, 1e5, 1e6])
+@pytest.mark.parametrize("share", [1e-6, 1e-2, 0.9, 1.1, 90.0])
+def test_loads_far_below_the_strength(slenderness: float, share: float) -> None:
+    """No claim above the limit is proven, however small both are beside the strength (B4)."""
+    them = cantilever(slenderness, 8)
+    pressed(them, 1.5)
+    them["bound"] = np.array(share * limit(slenderness))
+    found = check_lower(them)
+    assert found.reached is None or found.reached <= limit(slenderness)
+    if share > 1.0:
+        assert found.faults
+
+
+@pytest.mark.parametrize("pressure", [0.0, 1.5, 1e3])
+@pytest.mark.parametrize("slenderness", [1.0, 100.0])
+def test_a_body_without_the_stress_of_its_load(slenderness: float, pressure: float) -> None:
+    """What balances the load is found, and the bound is one of it: small, and not zero."""
+    them = cantilever(slenderness, 8)
+    if pressure:
+        pressed(them, pressure)
+        them["bound"] = np.array(1e-4 * limit(slenderness) / slenderness)
+    found = check_lower(them)
+    assert found.reached is not None
+    assert 0.0 < found.reached <= limit(slenderness)
+
+
+def turned(them: Arrays) -> None:
+    """The load along the strip, which pulls."""
+    them["traction"] = them["traction"][..., ::-1] * -1.0
+
+
+def sheared(them: Arrays) -> None:
+    """A shear stress of the size of the load in one cell alone."""
+    them["stress"][3, :, 0, 1] += 1e-3
+    them["stress"][3, :, 1, 0] += 1e-3
+
+
+def moved_vertex(them: Arrays) -> None:
+    """A place moves by the rounding of a mesh, and no stress with it."""
+    them["vertices"][3] += 3e-12
+
+
+def heavy(them: Arrays) -> None:
+    """Weight in place of the load at the end."""
+    them["traction"] *= 0.0
+    them["body_force"][:, 1] = -1.0
+
+
+def heavy_at_the_end(them: Arrays) -> None:
+    """Weight of the last cell alone."""
+    them["traction"] *= 0.0
+    them["body_force"][-1, 1] = -1.0
+
+
+def twisting(them: Arrays) -> None:
+    """A linear traction whose resultant is a moment."""
+    them["traction"][-1] = [[-1.0, 0.0], [1.0, 0.0]]
+
+
+def asymmetric_load(them: Arrays) -> None:
+    """Shear on one side alone."""
+    them["traction"][:8, :, 0] = 1.0
+
+
+def wet(them: Arrays) -> None:
+    """A pressure in the pores of one cell, which pushes its neighbours."""
+    them["pore_pressure"] = np.zeros((len(them["cells"]), 3))
+    them["pore_pressure"][5] = 1.0
+
+
+def half_a_stress(them: Arrays) -> None:
+    """Pull along the strip by half of what the load asks for."""
+    turned(them)
+    them["stress"][..., 0, 0] += 0.5
+
+
+def nothing_more(them: Arrays) -> None:
+    """The load at the end."""
+
+
+VARIANTS: dict[str, Callable[[Arrays], None]] = {
+    of.__name__: of
+    for of in (
+        *(nothing_more, turned, sheared, moved_vertex, heavy, heavy_at_the_end, twisting),
+        *(asymmetric_load, wet, half_a_stress),
+    )
+}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("claim", [1e-3, 1e6])
+def test_what_is_proven_does_not_exceed_what_a_mechanism_allows(name: str, claim: float) -> None:
+    """The ten variants carry at most k times the section over the load, or its moment."""
+    them = strip(4.0, 8)
+    them["traction"][-1, :, 1] = -1.0
+    VARIANTS[name](them)
+    them["stress"] *= claim
+    them["bound"] = np.array(claim)
+    found = check_lower(them)
+    areas = np.full(len(them["facets"]), 0.5)
+    areas[-2:] = 1.0
+    push = areas @ np.abs(them["traction"]).mean(axis=1)
+    weight = 0.25 * np.abs(them["body_force"]).sum(axis=0)
+    resultant = push + weight
+    assert found.reached is not None
+    assert found.reached > 0.0
+    # By shear across the root, or pull along it; a pressure in pores or a moment bends.
+    if resultant[1] > 0:
+        assert found.reached <= 1.0 / resultant[1]
+    elif resultant[0] > 0:
+        assert found.reached <= 2.0 / resultant[0] * 2.0
+    assert found.faults or claim <= found.reached * (1 + 1e-7)
+
+
+def test_nothing_holds_a_body() -> None:
+    """Without supports no stress balances the load, and the bound is lost, however small it is."""
+    for size in (1.0, 1e-12, 1e-30):
+        them = cantilever(2.0, 4)
+        them["held"][:] = 0
+        them["traction"] *= size
+        found = check_lower(them)
+        assert found.reached is None
+        assert "neither supports nor contact" in "; ".join(found.faults)
+
+
+def test_rollers_hold_what_they_hold() -> None:
+    """A column on rollers stands, and no force along them is carried."""
+    them = strip(2.0, 4)
+    them["held"][:] = 0
+    them["held"][:4, 1] = 1
+    them["traction"][4:8, :, 1] = -1.0
+    them["stress"][..., 1, 1] = -1.0
+    assert check_lower(them).reached == pytest.approx(1.0, rel=1e-9)
+    them["traction"][4:8, :, 0] = 1e-14
+    assert check_lower(them).reached is None
+
+
+def test_a_small_gap_of_balance_costs_little_and_is_told() -> None:
+    """A load 1e-6 larger than the stress bears lowers the bound by 1e-6 times the size."""
+    them = strip(2.0, 4)
+    them["traction"][-1, :, 0] = 1.0
+    them["stress"][..., 0, 0] = 2.0
+    them["bound"] = np.array(2.0)
+    whole = check_lower(them)
+    assert not whole.faults
+    them["stress"] = them["stress"] * (1 - 1e-6)
+    less = check_lower(them)
+    assert less.faults[0].startswith("only 1.999")
+    assert less.reached is not None
+    assert 1e-7 < 1 - less.reached / 2.0 < 1e-4
+    them["factor"], them["bound"] = them["bound"], np.array(less.reached)
+    assert check_lower(them).proven == less.reached
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_sizes_of_stresses_on_the_regular_simplex(dim: int) -> None:
+    """The numbers of the argument, computed from the conditions on the parts of the simplex."""
+    of_facets, of_force = sizes_on(dim)
+    assert SIZE[dim][0] * 0.98 <= of_facets <= SIZE[dim][0] * (1 - 1e-3)
+    assert SIZE[dim][1] * 0.98 <= of_force <= SIZE[dim][1] * (1 - 1e-3)
+    corners = regular(dim)
+    volume = abs(np.linalg.det(corners[1:] - corners[0])) / (2 if dim == 2 else 6)
+    assert VOLUME[dim] == pytest.approx(volume, rel=1e-12)
+
+
+def regular(dim: int) -> npt.NDArray:
+    """Vertices of the regular simplex with edges 1."""
+    found = np.zeros((dim + 1, dim))
+    for i in range(1, dim + 1):
+        found[i] = found[:i].mean(axis=0)
+        found[i, i - 1] = np.sqrt(1 - ((found[0] - found[i]) ** 2).sum())
+    return found
+
+
+def sizes_on(dim: int) -> tuple[float, float]:
+    """The largest stress for tractions of size 1 on a facet, and for a force of size 1."""
+    corners = regular(dim)
+    centre = corners.mean(axis=0)
+    points = np.vstack([corners, centre])
+    parts = [[*(j for j in range(dim + 1) if j != i), dim + 1] for i in range(dim + 1)]
+    basis = []
+    for i in range(dim):
+        for j in range(i, dim):
+            one = np.zeros((dim, dim))
+            one[i, j] = one[j, i] = 1.0 if i == j else np.sqrt(0.5)
+            basis.append(one)
+    m, wide = len(basis), dim + 1
+    unknowns, given = wide * wide * m, wide * dim * dim + dim
+
+    def area(places: npt.NDArray, away: npt.NDArray) -> npt.NDArray:
+        edges = places[1:] - places[0]
+        vector = (
+            np.array([edges[0][1], -edges[0][0]]) if dim == 2 else np.cross(edges[0], edges[1]) / 2
+        )
+        return vector if vector @ (places[0] - away) > 0 else -vector
+
+    rows: list[npt.NDArray] = []
+    sides: list[npt.NDArray] = []
+
+    def condition(terms: list[tuple[int, int, npt.NDArray]], of: dict[int, float]) -> None:
+        for axis in range(dim):
+            row, side = np.zeros(unknowns), np.zeros(given)
+            for part, vertex, vector in terms:
+                first = (part * wide + parts[part].index(vertex)) * m
+                row[first : first + m] += [(one @ vector)[axis] for one in basis]
+            for number, factor in of.items():
+                side[number + axis] = factor
+            rows.append(row)
+            sides.append(side)
+
+    for s, t in combinations(range(wide), 2):
+        shared = [p for p in parts[s] if p in parts[t]]
+        vector = area(points[shared], points[next(p for p in parts[s] if p not in shared)])
+        for p in shared:
+            condition([(s, p, vector), (t, p, -vector)], {})
+    for s in range(wide):
+        vector = area(points[parts[s][:-1]], centre)
+        for k, p in enumerate(parts[s][:-1]):
+            condition([(s, p, vector)], {(s * dim + k) * dim: 1.0})
+        terms = []
+        for p in parts[s]:
+            rest = points[[q for q in parts[s] if q != p]]
+            terms.append((s, p, -area(rest, points[p]) / dim))
+        condition(terms, {given - dim: -1 / wide})
+    balance = np.zeros((dim * (dim + 1) // 2, given))
+    means = (np.eye(dim) + 1) / (dim * (dim + 1))
+    for axis in range(dim):
+        balance[axis, axis : given - dim : dim] = 1 / dim
+        balance[axis, given - dim + axis] = 1.0
+    for number, (i, j) in enumerate(combinations(range(dim), 2), start=dim):
+        for s in range(wide):
+            arms = means @ (points[parts[s][:-1]] - centre)
+            for k in range(dim):
+                first = (s * dim + k) * dim
+                balance[number, first + j] += arms[k, i]
+                balance[number, first + i] -= arms[k, j]
+    kept = np.linalg.svd(balance)[2][len(balance) :]
+    onto = kept.T @ kept
+    left, right = np.array(rows), np.array(sides) @ onto
+    found = np.linalg.lstsq(left, right, rcond=None)[0]
+    assert np.abs(left @ found - right).max() < 1e-12  # such a stress exists
+    stress = found.reshape(wide * wide, m, given)
+    of_facets = max(
+        sum(
+            float(np.linalg.norm(at[:, first : first + dim], 2))
+            for first in range(s * dim * dim, (s + 1) * dim * dim, dim)
+        )
+        for at in stress
+        for s in range(wide)
+    )
+    return of_facets, max(float(np.linalg.norm(at[:, -dim:], 2)) for at in stress)
+
+
+def test_numbers_of_twice_the_digits_contain_exact_results() -> None:
+    """Against fractions, of numbers of very different sizes that nearly cancel."""
+
+    random = np.random.default_rng(7)
+    values = random.normal(size=(200, 6)) * 10.0 ** random.integers(-8, 8, (200, 6))
+    values[:, 5] = -values[:, 4]
+    values[::3, 0] = 0.0
+    one, other = Balls.exact(values[:, :3]), Balls.exact(values[:, 3:])
+    found = {
+        "sum": one + other,
+        "product": (one * other) * (other - one),
+        "contracted": contracted(one, other)[:, None],
+        "crossed": crossed(one, other),
+        "third": one * Balls.part(3),
+    }
+    for row in range(len(values)):
+        a = [Fraction(v) for v in values[row, :3]]
+        b = [Fraction(v) for v in values[row, 3:]]
+        exact: dict[str, list[Fraction]] = {
+            "sum": [x + y for x, y in zip(a, b, strict=True)],
+            "product": [x * y * (y - x) for x, y in zip(a, b, strict=True)],
+            "contracted": [sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))],
+            "crossed": [a[i] * b[j] - a[j] * b[i] for i, j in ((1, 2), (2, 0), (0, 1))],
+            "third": [x / 3 for x in a],
+        }
+        for name, balls in found.items():
+            for k, true in enumerate(exact[name]):
+                middle = Fraction(float(balls.mid[row, k])) + Fraction(float(balls.low[row, k]))
+                assert abs(true - middle) <= Fraction(float(balls.rad[row, k])), name
+    roots = Balls.exact(np.abs(values[:, 1])).root()
+    for row in range(len(values)):
+        middle = Fraction(float(roots.mid[row])) + Fraction(float(roots.low[row]))
+        lost = Fraction(float(roots.rad[row]))
+        assert (middle - lost) ** 2 <= Fraction(abs(values[row, 1])) <= (middle + lost) ** 2
+    assert all(a.rad.max() <= 1e-25 * np.abs(a.mid).max() for a in found.values())
