@@ -35,7 +35,7 @@ class SprungMatrix:
         self._matrix, self._jumps = matrix, jumps
         self.factorisations = self.solves = 0
         self._ksp = PETSc.KSP().create(comm)
-        self._ksp.setOptionsPrefix(own_prefix(LIMIT, options))
+        self._ksp.setOptionsPrefix(own_prefix(self, LIMIT, options))
         self._ksp.setFromOptions()
         self._supernodal, self._checked = SupernodalFactors(), False
         self._used = self._ksp

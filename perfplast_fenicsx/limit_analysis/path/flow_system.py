@@ -89,7 +89,7 @@ class FactorisedFlow:
         memory = spare_memory(problem.comm) if self.large else np.inf
         some = {} if np.isinf(memory) else {"mat_mumps_icntl_23": max(int(memory), 1)}
         self._ksp = PETSc.KSP().create(problem.comm)
-        self._ksp.setOptionsPrefix(own_prefix(BOUND, DIRECT | some))
+        self._ksp.setOptionsPrefix(own_prefix(self, BOUND, DIRECT | some))
         self._ksp.setFromOptions()
 
     def suits(self, matrix: PETSc.Mat) -> bool:

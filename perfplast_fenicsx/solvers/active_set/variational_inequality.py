@@ -145,7 +145,7 @@ class VariationalInequality:
         sizes = self._x.getSizes()
         jacobian = PETSc.Mat().createPython((sizes, sizes), _Jacobian(self), comm=comm)
         jacobian.setUp()
-        prefix = own_prefix(ACTIVE_SET, PRESET)
+        prefix = own_prefix(self, ACTIVE_SET, PRESET)
         options = PETSc.Options(prefix)
         check_snes_vi(options.getAll())
         snes = PETSc.SNES().create(comm)

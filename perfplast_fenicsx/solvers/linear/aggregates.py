@@ -18,6 +18,7 @@ from perfplast_fenicsx.solvers.linear.petsc_options import COARSE, own_prefix
 AGGREGATION = {
     "ksp_type": "preonly",
     "pc_type": "gamg",
+    "pc_gamg_agg_nsmooths": 0,
     "pc_gamg_threshold": 0.01,
     "pc_gamg_aggressive_coarsening": 10,
     "pc_gamg_coarse_eq_limit": 1000,
@@ -140,9 +141,9 @@ def aggregate(nodes: Floats, stiffness: PETSc.Mat) -> list[Aggregates]:
     modes = _rigid_motions(nodes, stiffness)
     stiffness.setNearNullSpace(modes)
     modes.destroy()
-    prefix = own_prefix(COARSE, AGGREGATION)
-    PETSc.Options()[prefix + "pc_gamg_agg_nsmooths"] = 0  # Q itself, whatever a user says
     ksp = PETSc.KSP().create(stiffness.comm)
+    prefix = own_prefix(ksp, COARSE, AGGREGATION)
+    PETSc.Options()[prefix + "pc_gamg_agg_nsmooths"] = 0  # Q itself, whatever a user says
     ksp.setOptionsPrefix(prefix)
     pc = ksp.getPC()
     try:

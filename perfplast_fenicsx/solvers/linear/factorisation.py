@@ -53,14 +53,14 @@ class Factorisation:
             heed: Whether the user's options count.
         """
         self._ksp = PETSc.KSP().create(comm)
-        self._ksp.setOptionsPrefix(own_prefix(LINEAR, preset, heed))
+        self._ksp.setOptionsPrefix(own_prefix(self, LINEAR, preset, heed))
         self._ksp.setFromOptions()
         self.name = solver_name(self._ksp.getType(), self._ksp.getPC().getType())
         self._matrix: PETSc.Mat | None = None
         self._cg = PETSc.KSP().create(comm)
         # How systems are solved with the factors of another matrix.
         kept = {"ksp_type": "cg", "ksp_norm_type": "unpreconditioned"}
-        self._cg.setOptionsPrefix(own_prefix(LINEAR, kept, heed=False))
+        self._cg.setOptionsPrefix(own_prefix(self, LINEAR, kept, heed=False))
         self._cg.setFromOptions()
         self._cg.setPC(self._ksp.getPC())
         self._kept = self._failed = False

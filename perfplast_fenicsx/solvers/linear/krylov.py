@@ -37,7 +37,7 @@ class Krylov:
             preset: Options that users' come before.
             parts: Whether all parts of the preconditioner are given matrices of their own.
         """
-        prefix = own_prefix(LINEAR, preset)
+        prefix = own_prefix(self, LINEAR, preset)
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setOptionsPrefix(prefix)
         self._ksp.setFromOptions()

@@ -1,7 +1,8 @@
 """PETSc options: a preset, overridden by the user's, under a prefix of the solver's own."""
 
 import itertools
-from collections.abc import Iterator, Mapping
+import weakref
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
 from petsc4py import PETSc
@@ -36,10 +37,14 @@ _instances = itertools.count()
 _made: set[str] = set()
 
 
-def own_prefix(prefix: str, preset: Mapping[str, object], heed: bool = True) -> str:
-    """Make an options prefix for one solver.
+def own_prefix(owner: object, prefix: str, preset: Mapping[str, object], heed: bool = True) -> str:
+    """Return an options prefix for one solver, and set the options under it.
+
+    The preset is deleted with its owner. PETSc takes longer for each option that is set, and a run
+    may make thousands of solvers.
 
     Args:
+        owner: Whose options they are, for as long as it lives.
         prefix: One of :data:`KINDS`, where users put options for all solvers of a kind.
         preset: Options that hold where the user says nothing, without prefix.
         heed: Whether the user's options count.
@@ -63,7 +68,18 @@ def own_prefix(prefix: str, preset: Mapping[str, object], heed: bool = True) -> 
         options[own + key] = value
         if key not in given:  # it counts as used, whether its solver ever gets to work or not
             options.hasName(own + key)
+    presets = [own + key for key in preset if key not in given]
+    weakref.finalize(owner, _delete, own, presets, not given).atexit = False
     return own
+
+
+def _delete(own: str, presets: Iterable[str], all_: bool) -> None:
+    """Delete the preset of a solver. PETSc warns of the user's options that nobody has used."""
+    options = PETSc.Options()
+    for key in presets:
+        options.delValue(key)
+    if all_:
+        _made.discard(own)
 
 
 def solver_name(ksp: str, pc: str) -> str:

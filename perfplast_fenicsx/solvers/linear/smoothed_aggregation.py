@@ -58,7 +58,7 @@ class CoarseSpaces:
             stiffness: K in nodal unknowns; only its pattern and strengths matter.
         """
         self._problem = problem
-        self._spectrum = own_prefix(SPECTRUM, SPECTRAL_RADIUS)
+        self._spectrum = own_prefix(self, SPECTRUM, SPECTRAL_RADIUS)
         self._linear = LinearElements(problem) if problem.degree == 2 else None
         self._rigid = self._aggregate(stiffness)
         self.interpolations: list[PETSc.Mat] = []

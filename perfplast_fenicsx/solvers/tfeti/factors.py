@@ -19,7 +19,7 @@ class Factors:
             "pc_type": "cholesky",
             "pc_factor_mat_solver_type": "mumps",
         }
-        self._ksp.setOptionsPrefix(own_prefix(SUBDOMAINS, preset))
+        self._ksp.setOptionsPrefix(own_prefix(self, SUBDOMAINS, preset))
         self._ksp.setFromOptions()
         self._b, self._x = PETSc.Vec(), PETSc.Vec()
 

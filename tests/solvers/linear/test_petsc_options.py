@@ -1,9 +1,12 @@
 """Options: a preset gives way to the user, and solvers do not see each other's."""
 
+import gc
+
 from petsc4py import PETSc
 
 import pytest
 
+from perfplast_fenicsx import Newton, limit_bounds
 from perfplast_fenicsx.solvers.linear.petsc_options import (
     COARSE,
     LINEAR,
@@ -12,8 +15,13 @@ from perfplast_fenicsx.solvers.linear.petsc_options import (
     own_prefix,
     solver_name,
 )
+from tests.models import punch_problem
 
 pytestmark = pytest.mark.serial
+
+
+class Owner:
+    """Of options."""
 
 
 def test_a_default_option_gives_way_to_the_users_and_is_gone_afterwards() -> None:
@@ -31,9 +39,10 @@ def test_a_default_option_gives_way_to_the_users_and_is_gone_afterwards() -> Non
 def test_a_solver_gets_its_preset_and_the_users_options_of_its_kind_only() -> None:
     preset = {"ksp_type": "cg", "ksp_max_it": 7, "pc_type": "jacobi"}
     options = PETSc.Options()
+    me = Owner()
     with default(SPECTRUM + "ksp_max_it", "5"), default(LINEAR + "ksp_max_it", "9"):
-        mine, other = own_prefix(SPECTRUM, preset), own_prefix(COARSE, preset)
-        ours, heedless = own_prefix(LINEAR, preset), own_prefix(LINEAR, preset, heed=False)
+        mine, other = own_prefix(me, SPECTRUM, preset), own_prefix(me, COARSE, preset)
+        ours, heedless = own_prefix(me, LINEAR, preset), own_prefix(me, LINEAR, preset, heed=False)
     assert len({mine, other, ours, heedless}) == 4
     found = [options.getInt(prefix + "ksp_max_it") for prefix in (mine, other, ours, heedless)]
     assert found == [5, 7, 9, 7]
@@ -43,10 +52,36 @@ def test_a_solver_gets_its_preset_and_the_users_options_of_its_kind_only() -> No
 def test_what_tunes_the_presets_preconditioner_is_not_for_another() -> None:
     preset = {"ksp_type": "cg", "pc_type": "mg", "pc_mg_cycle_type": "w"}
     options = PETSc.Options()
+    me = Owner()
     with default(LINEAR + "pc_type", "jacobi"):
-        prefix = own_prefix(LINEAR, preset)
+        prefix = own_prefix(me, LINEAR, preset)
     assert options.getString(prefix + "pc_type") == "jacobi"
     assert not options.hasName(prefix + "pc_mg_cycle_type")
+
+
+def test_a_preset_is_deleted_with_its_owner() -> None:
+    """The user's options stay, so that PETSc can warn of those that nobody has used."""
+    options, me = PETSc.Options(), Owner()
+    before = options.getAll()
+    with default(LINEAR + "ksp_max_it", "9"):
+        prefix = own_prefix(me, LINEAR, {"ksp_type": "cg", "ksp_max_it": 7})
+        own_prefix(me, COARSE, {"ksp_type": "cg"})
+    assert len(options.getAll()) == len(before) + 3
+    del me
+    assert options.getAll() == before | {prefix + "ksp_max_it": "9"}
+    options.delValue(prefix + "ksp_max_it")
+
+
+def test_solvers_leave_no_options() -> None:
+    """Neither a level, nor bounds."""
+    gc.collect()
+    before = PETSc.Options().getAll()
+    problem = punch_problem(2)
+    Newton(problem).solve(1.0)
+    limit_bounds(problem, 1e-2)
+    del problem
+    gc.collect()
+    assert PETSc.Options().getAll() == before
 
 
 @pytest.mark.parametrize(
