@@ -39,7 +39,7 @@ verify: environment
 	[ -z "$$failed" ]
 
 ALL_CASES = PERFPLAST_EVERY_CASE=1 $(RUN)
-TWO_RANKS = $(ALL_CASES) mpirun -n 2 scripts/rank0 python3 -m pytest -q
+TWO_RANKS = $(ALL_CASES) env OMPI_MCA_mpi_yield_when_idle=1 mpirun -n 2 scripts/rank0 python3 -m pytest -q
 BOTH_CORES = --numprocesses=2 --dist=worksteal
 
 .PHONY: $(addprefix verify-, $(PARTS))

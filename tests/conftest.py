@@ -54,9 +54,11 @@ def shared_tmp_path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have run and check draw no pictures, which takes 2 to 4 s: for tests of what they say."""
+    """Have run, check and mesh draw no picture (2 to 4 s each), for tests that look at none."""
     monkeypatch.setattr("perfplast_fenicsx.cli.run.draw", lambda folder: True)
     monkeypatch.setattr("perfplast_fenicsx.cli.commands.draw_case", lambda *of: False)
+    for name in ("mesh_command", "model_command"):
+        monkeypatch.setattr(f"perfplast_fenicsx.cli.{name}.draw_parts", lambda *of: None)
 
 
 @pytest.fixture

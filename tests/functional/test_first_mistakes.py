@@ -14,6 +14,8 @@ from perfplast_fenicsx.formulas import SHOWN, check
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from tests.mesh.damaged_meshes import blocks
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 CASE = """
 title = "a cube"
 

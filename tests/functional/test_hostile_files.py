@@ -224,6 +224,7 @@ def mail(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Ho
     return unpack
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("hostile", HOSTILE.values(), ids=HOSTILE)
 def test_nothing_is_run(
     hostile: Hostile, mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]

@@ -12,6 +12,8 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.report.report_file import write_report
 from tests.functional.test_hostile_files import CASE, MESH
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 @pytest.fixture
 def case(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

@@ -15,7 +15,7 @@ pytestmark = alone
 
 
 @pytest.fixture
-def made(tmp_path: Path) -> Path:
+def made(tmp_path: Path, undrawn: None) -> Path:
     """Two blocks side by side along x."""
     drawing = tmp_path / "two <b>.brep"
     with gmsh_session():

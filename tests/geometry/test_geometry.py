@@ -1,6 +1,7 @@
 """Geometry files become meshes with names, or one sentence."""
 
 import math
+import shutil
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 
 from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.mesh_folder import PICTURE
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey, generated_mesh, mesher
 from perfplast_fenicsx.geometry.first_case import first_case
@@ -125,13 +127,14 @@ def test_command(shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> No
     folder = shared_tmp_path / "case"
     command = ["mesh", str(step), "-o", str(folder), "--size", "10", "--material", "S235"]
     assert main(command) == 0
+    assert (folder / PICTURE).exists() or shutil.which("Xvfb") is None
     if MPI.COMM_WORLD.rank == 0:
         assert "part_1_joint_1  part_2_joint_1" in capfd.readouterr().out
         case = folder / "case.toml"
         text = case.read_text().replace("NAME", "part_1_x_low", 1).replace("NAME", "part_3_z_high")
         case.write_text(text.replace("[[contact]]", "[[tie]]"))
     MPI.COMM_WORLD.barrier()
-    assert main(["check", str(folder / "case.toml")]) == 0
+    assert main(["check", str(folder / "case.toml"), "-o", str(folder / "seen.png")]) == 0
     capfd.readouterr()
     assert main(command) == 2
     if MPI.COMM_WORLD.rank == 0:
@@ -153,6 +156,7 @@ def pyramid_in_block() -> None:
     occ.fragment([(3, occ.addBox(-2, -2, -2, 4, 4, 4))], [(3, pyramid)])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_contacts_that_a_run_would_refuse(
     shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
