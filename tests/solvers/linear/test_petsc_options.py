@@ -62,6 +62,7 @@ def test_what_tunes_the_presets_preconditioner_is_not_for_another() -> None:
 def test_a_preset_is_deleted_with_its_owner() -> None:
     """The user's options stay, so that PETSc can warn of those that nobody has used."""
     options, me = PETSc.Options(), Owner()
+    gc.collect()
     before = options.getAll()
     with default(LINEAR + "ksp_max_it", "9"):
         prefix = own_prefix(me, LINEAR, {"ksp_type": "cg", "ksp_max_it": 7})
