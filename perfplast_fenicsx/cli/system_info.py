@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_info
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.arrays import Longs
+from perfplast_fenicsx.extensions import extensions
 
 LIBRARIES = {
     "basix": "fenics-basix",
@@ -44,6 +45,7 @@ def versions() -> dict[str, str]:
             found[name] = metadata.version(distribution)
         except metadata.PackageNotFoundError:
             found[name] = "none"
+    found["extensions"] = extensions()
     found["Python"] = platform.python_version()
     found["MPI"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\0 ")
     return found

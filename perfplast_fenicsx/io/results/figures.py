@@ -30,10 +30,10 @@ class Figure:
     Attributes:
         file: Its name in the result folder, of a PNG file.
         title: What it shows, as a heading.
-        source: The function that decides and draws, as "package.module:function". It takes a
-            :class:`~perfplast_fenicsx.pictures.result_reader.ResultReader` and returns a
-            :data:`Drawing`, a sentence that says why there is no picture, or None where the picture
-            is of another kind of run.
+        source: The function that decides and draws, as "package.module:function". Its argument is
+            a :class:`~perfplast_fenicsx.pictures.result_reader.ResultReader`. It returns a
+            :data:`Drawing`, a sentence that gives the reason for no picture, or None where the
+            picture is of another kind of run.
         wide: Whether it has several parts side by side.
     """
 
