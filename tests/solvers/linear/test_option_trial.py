@@ -56,7 +56,6 @@ def nothing_is_collected() -> Iterator[None]:
     gc.enable()
 
 
-
 @pytest.mark.parametrize("given", GOOD)
 def test_options_that_are_right(given: dict[str, str | None]) -> None:
     before = PETSc.Options().getAll()
