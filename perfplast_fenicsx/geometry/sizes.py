@@ -69,7 +69,7 @@ class Sizes:
     def set(
         self, options: MeshingOptions, finer: Mapping[tuple[int, int], float] | None = None
     ) -> float:
-        """Tell gmsh how large elements are to be; the largest edge length.
+        """Set the sizes of elements in gmsh; return the largest edge length.
 
         Args:
             options: What is given.

@@ -54,7 +54,7 @@ def cost_of(body: Body, left: Remainder, shapes: Shapes) -> Cost:
     """Return what a remainder costs."""
     lost = np.full(len(body.cells), np.inf)
     if not all(np.isfinite(of.size).all() for of in (left.cells, left.inner, left.outer)):
-        return Cost(lost, "numbers are too large or are none")
+        return Cost(lost, "numbers are too large, or not finite")
     acting = _Acting(body, left, shapes)
     pushes, reason = _reactions(body, left, acting)
     if pushes is None:
@@ -254,7 +254,7 @@ def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floa
         added = turn_errors[cells] + force_errors[cells] * arm
         added += (rounded[cells] + rounded[towards]) * force + 32 * U * (turn + force * arm)
         np.add.at(turn_errors, towards, added)
-    # Sums of numbers that are not negative: each is rounded as often as cells lie behind it.
+    # Sums of numbers that are not negative: each is rounded once for each cell that follows.
     return upwards(found * (1 + 1e-12), 2 * count + 64)
 
 

@@ -4,9 +4,9 @@ Forces on a cell are those per volume times the volume, and tractions at the ver
 times their area. The real cell is meant, with the coordinates that are on file. Supports and
 contact exert forces on outer facets. These are chosen here, so that little is left:
 
-- a support exerts what the stress has along what it holds;
-- contact exerts q ≥ 0 times the normal of the first facet of a pair, and where it rubs a shear
-  force of c + μq at most, opposite on both sides.
+- A support exerts what the stress has along what it holds.
+- Contact exerts q ≥ 0 times the normal of the first facet of a pair. Where it rubs, it exerts a
+  shear force of c + μq at most too. Both are opposite on the other side.
 """
 
 from collections.abc import Sequence

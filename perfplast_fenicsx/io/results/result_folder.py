@@ -57,7 +57,7 @@ BESIDE_FIGURES = (
 
 
 def result_files() -> tuple[str, ...]:
-    """Return what a run looks for before it writes, and removes when it is told to."""
+    """Return files that a run looks for before it writes, and removes with ``--force``."""
     pictures = tuple(figure.file for figure in figures())
     return *BESIDE_FIGURES[:5], *pictures, *BESIDE_FIGURES[5:]
 
