@@ -49,7 +49,7 @@ BAD: list[tuple[dict[str, str | None], str]] = [
 
 @pytest.fixture(autouse=True, scope="module")
 def nothing_is_collected() -> Iterator[None]:
-    """Solvers of other tests delete their options as they are collected: not while these compare."""
+    """Collect no solvers of other tests, which would delete their options, while these compare."""
     gc.collect()
     gc.disable()
     yield
