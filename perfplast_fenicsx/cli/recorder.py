@@ -17,7 +17,7 @@ from perfplast_fenicsx.io.results.result_writer import ResultWriter
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.designed import designed
-from perfplast_fenicsx.limit_analysis.body.interaction import Envelope, Proven
+from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Envelope, Proven, Proving
 from perfplast_fenicsx.limit_analysis.body.next_step import Effort, next_steps
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety, times_in_words
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
@@ -240,29 +240,40 @@ class Recorder:
             InputError: On every rank, if the system refuses.
         """
         solve = time.perf_counter() - self._solving
+        found = self._writer.judged_safety(found)
         self._run.terminal.say(found.news())
         self._run.journal.say(found.news())
         self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
         self._writer.write_safety(found)
 
-    def direction(self, proven: Proven, low: BodyBounds, high: BodyBounds) -> None:
-        """Show, log and prove the bounds in a direction of an envelope. Collective.
+    def direction(
+        self, angles: Angles, low: BodyBounds, high: BodyBounds, prove: Proving
+    ) -> Proven:
+        """Prove, show and log the bounds in a direction of an envelope. Collective.
+
+        Args:
+            angles: The direction (degrees).
+            low: With the lower bound.
+            high: With the upper bound.
+            prove: Makes of these what they prove.
 
         Raises:
             InputError: On every rank, if the system refuses.
             Interrupted: On every rank, if a signal has come.
         """
+        low, high = self._writer.judged_direction(angles, low, high)
+        proven = prove(low, high)
         lower, upper = low.limits[0], high.limits[1]
-        at = ", ".join(f"{angle:.4g}" for angle in proven.angles)
+        at = ", ".join(f"{angle:.4g}" for angle in angles)
         words = (
             f"At {at} degrees: carried to {lower.shown if lower.strict else 'none'} for"
             f" certain, collapse at {upper.shown if upper.strict else 'none'} at the latest."
         )
         self._run.terminal.say(words)
         self._run.journal.say(words)
-        self._writer.write_direction(proven.angles, low, high)
         write_proven(self._run.folder, proven)
         self._run.interrupts.check()
+        return proven
 
     def envelope(self, found: Envelope, names: Sequence[str]) -> None:
         """Write and show which multiples of loads are carried. Collective.

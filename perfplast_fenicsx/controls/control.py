@@ -14,7 +14,7 @@ from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.body.interaction import Envelope, Proven
+from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Envelope, Proven, Proving
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
@@ -72,8 +72,10 @@ class Record(Protocol):
     def safety(self, found: FactorOfSafety) -> None:
         """A factor of safety."""
 
-    def direction(self, proven: Proven, low: BodyBounds, high: BodyBounds) -> None:
-        """The bounds in a direction of an envelope, and what they prove."""
+    def direction(
+        self, angles: Angles, low: BodyBounds, high: BodyBounds, prove: Proving
+    ) -> Proven:
+        """Return what the bounds in a direction of an envelope prove."""
 
     def envelope(self, found: Envelope, names: Sequence[str]) -> None:
         """Which multiples of loads, with these names, are carried."""

@@ -1,16 +1,16 @@
 """Does a stress prove a lower bound? It is linear in each cell, and given at the cells' vertices.
 
-λ is a lower bound of the limit load of the bodies where div σ + b = 0 in each cell for the force b
-per volume of all loads at λ, tractions are equal on both sides of inner facets and those of the
-loads on outer ones, contact pushes with the pressure q and has no shear, or where it rubs one of
-‖τ‖ ≤ c + μq at most, and ‖Mσ‖ ≤ c − q·σ at each vertex with the cone of the cell (:mod:`cones`),
-and so everywhere, as the stresses that keep to it are a convex set (static theorem, W. Prager,
-P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). With a pressure u in pores the cones bound
-effective stresses σ′, and σ = σ′ − uI. What is left of equilibrium is balanced by another stress,
-and its size makes the bound smaller (:mod:`balance`). No such stress is known for rings, rigid
-surfaces and cones without a bound. There what is left is measured by what the weakest could bear of
-it, each row by itself and all together. Of bodies of revolution all this is said of S = rσ, which
-is quadratic (:mod:`rings`), over 2π.
+λ is a lower bound of the limit load of the bodies under these conditions (static theorem,
+W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). In each cell div σ + b = 0, for
+the force b per volume of all loads at λ. Tractions are equal on both sides of inner facets, and
+those of the loads on outer ones. Contact pushes with the pressure q and has no shear, or where it
+rubs one of ‖τ‖ ≤ c + μq at most. At each vertex ‖Mσ‖ ≤ c − q·σ with the cone of the cell
+(:mod:`cones`), and so everywhere, as these stresses are a convex set. With a pressure u in pores
+the cones bound effective stresses σ′, and σ = σ′ − uI. Another stress balances what is left of
+equilibrium, and its size makes the bound smaller (:mod:`balance`). No such stress is known for
+rings, rigid surfaces and cones without a bound. There residuals are measured by what the weakest
+could bear of them, each row by itself and all together. Of bodies of revolution all this is said of
+S = rσ, which is quadratic (:mod:`rings`), over 2π.
 """
 
 from collections.abc import Sequence
@@ -59,7 +59,7 @@ class Left:
             ``axis``, the largest S there.
         forces: The sum of the magnitudes of all forces without balance.
         loads: That of the loads at λ.
-        reason: Why the conditions of contact cannot be told, or None.
+        reason: Why the conditions of contact cannot be judged, or None.
     """
 
     measured: dict[str, float]
@@ -69,7 +69,7 @@ class Left:
 
 
 def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
-    """What is left of each condition, and what forbids to tell it.
+    """What is left of each condition, and what forbids to judge it.
 
     Args:
         body: The bodies.

@@ -8,7 +8,7 @@ ROUNDING = 1e-9
 """What may be left of a condition that has no limit of its own in :data:`LIMITS`."""
 
 ROUNDED = 1e-8
-"""Share by which a lower bound may be claimed higher than it is proven: what is proven is told."""
+"""Share by which a file may claim more than its lower half proves. The checker prints what is."""
 
 LIMITS: Mapping[str, float] = {
     "asymmetry": 0.0,

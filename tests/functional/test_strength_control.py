@@ -2,15 +2,18 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 
 from meshes.slope import write_slope
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
+from perfplast_fenicsx.io.results import proof_file
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.report.verdict import verdict_on
@@ -117,3 +120,24 @@ def test_what_cannot_be_is_one_sentence(
     case = write(comm, slope, CASE.replace(before, after))
     assert main(["run", str(case), "-o", str(slope / "results")]) == BAD_INPUT
     assert named in one_line(comm, capsys)
+
+
+@pytest.mark.long
+def test_a_side_that_the_checker_refuses_is_not_told(
+    comm: MPI.Intracomm, slope: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The stress of the factor that stands is spoiled, and nothing is said of that side."""
+    honest = proof_file._stress
+
+    def spoil(proof: proof_file.StressProof) -> proof_file.Blocks:
+        return honest(replace(proof, stress=np.full_like(proof.stress, np.nan)))
+
+    monkeypatch.setattr(proof_file, "_stress", spoil)
+    results = slope / "results"
+    quick = CASE.replace("path = true", "").replace("= 0.01", "= 0.09")
+    case = write(comm, slope, quick.replace("adapt = { until = 0.2, cells = 300 }", ""))
+    main(["run", str(case), "-o", str(results)])
+    strength = json.loads((results / "summary.json").read_text())["limit"]["strength"]
+    assert strength["lower"] is None
+    assert strength["upper"] is not None
+    assert not (results / "stands.h5").exists()

@@ -12,7 +12,8 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from perfplast_fenicsx import Force, InputError, Pressure, Problem, Support, Traction, VonMises
-from perfplast_fenicsx.limit_analysis import Envelope, Proven, envelope
+from perfplast_fenicsx.limit_analysis import BodyBounds, Envelope, Proven, envelope
+from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Proving
 from perfplast_fenicsx.limit_analysis.body.proven_polytopes import (
     farthest_apart,
     inner_along,
@@ -92,13 +93,19 @@ def fits_the_ellipse(
 ) -> Envelope:
     """An envelope that ends by itself with von Mises' ellipse between its polygons. Collective."""
     told, most, last = list[Proven](), 60 if around else 20, 360 if around else 90
+
+    def listen(angles: Angles, low: BodyBounds, high: BodyBounds, prove: Proving) -> Proven:
+        told.append(prove(low, high))
+        assert told[-1].angles == angles
+        return told[-1]
+
     found = envelope(
         problem,
         [[ACROSS], [along]],
         directions=most,
         until=until,
         around=around,
-        monitor=lambda proven, low, high: told.append(proven),
+        monitor=listen,
     )
     assert tuple(one.angles for one in told) == found.directions
     assert len(told) < most

@@ -52,6 +52,7 @@ class StressProof:
             or coefficients of rσ (:mod:`ring_cells`), shape (num_cells, 6, 4).
         question: Of which loads λ is the factor.
         aside: Factor of the loads of any factor.
+        factor: That of the loads that the stress balances; None for λ.
     """
 
     problem: Problem
@@ -59,6 +60,7 @@ class StressProof:
     stress: Floats
     question: Question = Question.LIMIT
     aside: float = 0.0
+    factor: float | None = None
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,9 @@ def write_proof(
         proof = _stress(lower) if isinstance(lower, StressProof) else _forces(lower)
         blocks |= _named("lower", _body(lower.problem, lower.question, False) | proof)
         numbers["lower"] = {"bound": lower.bound}
+        factor = lower.factor if isinstance(lower, StressProof) else None
+        if factor is not None and factor != lower.bound:
+            numbers["lower"]["factor"] = factor
         if lower.question is Question.STANDS:
             numbers["lower"]["any_factor"] = lower.aside
     if upper is not None:
@@ -179,16 +184,25 @@ def judge(
         high: With the upper bound.
 
     Returns:
-        The same, with bounds of the mesh in place of those that the checker refuses.
+        The same, with bounds of the mesh in place of those that the checker refuses. A lower bound
+        that the checker proves to be smaller has that value.
 
     Raises:
         InputError: As :func:`write_proof`.
     """
+    balanced = low.lower.value
     while proofs(low, high) != (None, None):
-        write_proof(folder, path, *proofs(low, high))
-        refused = folder.comm.bcast(_refused(path) if folder.comm.rank == 0 else None)
+        stress, velocity = proofs(low, high)
+        if isinstance(stress, StressProof):
+            stress = replace(stress, factor=balanced)
+        write_proof(folder, path, stress, velocity)
+        found = _refused(path) if folder.comm.rank == 0 else None
+        refused, reached = folder.comm.bcast(found)
         if not refused:
             return low, high
+        if "lower" in refused and reached is not None and low.lower.value == balanced:
+            low = replace(low, lower=replace(low.lower, value=reached))
+            continue
         lower, upper = (
             replace(bound, of=Scope.MESH, why_not=(*bound.why_not, refused[kind]))
             if kind in refused and bound.strict
@@ -200,17 +214,19 @@ def judge(
     return low, high
 
 
-def _refused(path: Path) -> dict[str, str]:
-    """Return why the checker refuses halves of a file, by kind."""
+def _refused(path: Path) -> tuple[dict[str, str], float | None]:
+    """Return why the checker refuses halves of a file, by kind, and the lower bound it proves."""
     try:
         found = check(path)
     except ProofError as error:
-        return dict.fromkeys(("lower", "upper"), f"the checker of proofs refuses it: {error}")
+        refused = dict.fromkeys(("lower", "upper"), f"the checker of proofs refuses it: {error}")
+        return refused, None
+    reached = found["lower"].reached if "lower" in found else None
     return {
         kind: f"the checker of proofs refuses it: {'; '.join(half.faults)}"
         for kind, half in found.items()
         if half.faults
-    }
+    }, reached
 
 
 def _check(problem: Problem) -> None:

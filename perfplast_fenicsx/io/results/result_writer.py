@@ -14,13 +14,7 @@ from perfplast_fenicsx.io.results.checkpoints import Saved
 from perfplast_fenicsx.io.results.claims import direction_file
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
-from perfplast_fenicsx.io.results.proof_file import (
-    LowerProof,
-    VelocityProof,
-    judge,
-    proofs,
-    write_proof,
-)
+from perfplast_fenicsx.io.results.proof_file import judge
 from perfplast_fenicsx.io.results.result_files import FALLS, LEAST, PROOF, STANDS
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.io.results.resultant_tables import ResultantTables
@@ -32,6 +26,7 @@ from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_wor
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
+from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
@@ -94,6 +89,7 @@ class ResultWriter:
         self._output = OutputFields(problem) if fields else None
         self._fields, self._points = None, points
         self._judged: BodyBounds | None = None
+        self._judged_safety: FactorOfSafety | None = None
         if fields:
             self._fields = FieldSeries(folder, problem, prescribed, saved.reports, points)
 
@@ -209,10 +205,33 @@ class ResultWriter:
         self._judged = body
         return body, adaptive
 
-    def write_safety(self, found: FactorOfSafety) -> None:
-        """Write a factor of safety, the mechanism that falls, and what proves both. Collective.
+    def judged_safety(self, found: FactorOfSafety) -> FactorOfSafety:
+        """Write what proves a factor of safety, and keep the sides that it proves. Collective.
 
         Each side has strengths of its own, and so a file of its own.
+
+        Raises:
+            InputError: On every rank, if the system refuses.
+        """
+        if found is self._judged_safety:
+            return found
+        with self.results.timed("output"):
+            folder = self.results.folder
+            if found.stands is not None:
+                stands = _alone(found.stands, "lower")
+                low, _ = judge(folder, folder.file(STANDS), stands, stands)
+                if not _as_before(low.lower, stands.lower) or (low.lower.value or 0.0) < 1.0:
+                    found = replace(found, lower=None, stands=None)
+            if found.falls is not None:
+                falls = _alone(found.falls, "upper")
+                _, high = judge(folder, folder.file(FALLS), falls, falls)
+                if not _as_before(high.upper, falls.upper):
+                    found = replace(found, upper=None, falls=None)
+        self._judged_safety = found
+        return found
+
+    def write_safety(self, found: FactorOfSafety) -> None:
+        """Write a factor of safety, and the mechanism that falls. Collective.
 
         Raises:
             InputError: On every rank, if the system refuses; what was there before is whole.
@@ -220,24 +239,26 @@ class ResultWriter:
         shown = found.falls or found.last
         self.write_limit(shown.mesh, shown, proven=False)
         with self.results.timed("output"):
-            if found.stands is not None:
-                self._prove(STANDS, proofs(found.stands, found.stands)[0], None)
-            if found.falls is not None:
-                self._prove(FALLS, None, proofs(found.falls, found.falls)[1])
             limit = self.results.summary.limit or {}
             both = found.lower is not None and found.upper is not None
             told = {"strength": found.table(), "verdict": found.in_words(), "levelled_off": both}
             self.results.summary.limit = limit | told
             self.results.write()
 
-    def write_direction(self, angles: Angles, low: BodyBounds, high: BodyBounds) -> None:
-        """Write what proves the bounds in a direction of an envelope. Collective.
+    def judged_direction(
+        self, angles: Angles, low: BodyBounds, high: BodyBounds
+    ) -> tuple[BodyBounds, BodyBounds]:
+        """Write what proves the bounds in a direction of an envelope, and keep that. Collective.
+
+        Returns:
+            The same; bounds that the checker refuses are of the mesh.
 
         Raises:
             InputError: On every rank, if the system refuses.
         """
         with self.results.timed("output"):
-            self._prove(direction_file(angles), *proofs(low, high))
+            folder = self.results.folder
+            return judge(folder, folder.file(direction_file(angles)), low, high)
 
     def write_envelope(self, found: Envelope, names: Sequence[str]) -> None:
         """Write which multiples of loads are carried, and the last mechanism. Collective.
@@ -281,11 +302,17 @@ class ResultWriter:
             self.results.summary.limit = table | {"next_steps": []}
             self.results.write()
 
-    def _prove(self, name: str, lower: LowerProof | None, upper: VelocityProof | None) -> None:
-        """Write what proves bounds, if anything does. Collective."""
-        if lower is not None or upper is not None:
-            folder = self.results.folder
-            write_proof(folder, folder.file(name), lower, upper)
+
+def _alone(found: BodyBounds, kind: str) -> BodyBounds:
+    """Return bounds of which only one can be proven."""
+    if kind == "lower":
+        return replace(found, upper=replace(found.upper, of=Scope.MESH))
+    return replace(found, lower=replace(found.lower, of=Scope.MESH))
+
+
+def _as_before(bound: Bound, before: Bound) -> bool:
+    """Return whether a bound is as strict as it was before the checker was asked."""
+    return bound.strict or not before.strict
 
 
 def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:

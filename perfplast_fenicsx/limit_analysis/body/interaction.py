@@ -14,6 +14,7 @@ surface runs. Directions are those in which they are farthest apart, one after t
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -64,6 +65,10 @@ class Proven:
     def is_at(self, angles: Angles) -> bool:
         """Whether it is of this direction."""
         return bool(np.allclose(self.angles, angles, rtol=0, atol=1e-9))
+
+
+Proving = Callable[[BodyBounds, BodyBounds], Proven]
+"""Makes a proof of what has a lower and what has an upper bound in a direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +152,7 @@ def envelope(
     around: bool | Sequence[bool] = False,
     rtol: float = 1e-4,
     adaptation: Adaptation | None = None,
-    monitor: Callable[[Proven, BodyBounds, BodyBounds], None] | None = None,
+    monitor: Callable[[Angles, BodyBounds, BodyBounds, Proving], Proven] | None = None,
     steps: Callable[[InteriorStep], None] | None = None,
     known: Sequence[Proven] = (),
 ) -> Envelope:
@@ -161,8 +166,8 @@ def envelope(
         around: Whether numbers may be negative; of each, or of all.
         rtol: How near each bound comes to the best of its kind on its mesh, relative.
         adaptation: How the mesh is adapted in each direction; None for that of the problem.
-        monitor: Called on every rank with what each direction proves, and what has its lower and
-            its upper bound.
+        monitor: Called on every rank with each direction, what has its lower and its upper bound,
+            and what makes a proof of them; it returns that proof.
         steps: Called on every rank after each step of the interior point method.
         known: What an earlier search has proven, to go on with. Its last direction is computed
             again, as the mechanism of the last one is part of the answer.
@@ -193,9 +198,11 @@ def envelope(
             parts = zip(loads, ray, strict=True)
             mixed = [scaled(load, f) for some, f in parts for load in some if abs(f) > 1e-12]
             low, last = _bounds(variant(problem, loads=[*stay, *mixed]), adaptation, rtol, steps)
-            proven = _proven(asked[-1], ray, loads, low, last)
-            if monitor is not None:
-                monitor(proven, low, last)
+            prove = partial(_proven, asked[-1], ray, loads)
+            if monitor is None:
+                proven = prove(low, last)
+            else:
+                proven = monitor(asked[-1], low, last, prove)
         carried += [] if proven.carried is None else [proven.carried]
         sides += [] if proven.side is None else [proven.side]
     if last is None:
