@@ -9,14 +9,15 @@ from dataclasses import dataclass
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 SAID = (
-    "No limit theorem holds with Coulomb's friction: this is said of this path, from rest with all"
-    " that stays, and of this mesh; another path may end at another load."
+    "No limit theorem holds with Coulomb's friction. These loads hold only for this mesh and this"
+    " loading path, which starts from rest with all constant loads; another path may end at"
+    " another load."
 )
 """The sentences that limit what the bracket holds for."""
 
 NO_PAIR = (
-    "Drucker's bounds beside it are for loads that all grow, and for what the interior point method"
-    " knows: none were sought."
+    "Drucker's bounds were not sought: they need loads that all grow, and a problem that the"
+    " interior point method accepts."
 )
 """The sentence for results without Drucker's bounds."""
 

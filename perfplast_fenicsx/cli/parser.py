@@ -94,7 +94,7 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
             name = None
         else:
             raise InputError(
-                f"after '--' stands '{argument}', which is neither a PETSc option nor its value;"
+                f"after '--' there is '{argument}', which is neither a PETSc option nor its value;"
                 " write for instance -- -perfplast_ksp_rtol 1e-10."
             )
     check_options(given)

@@ -149,7 +149,9 @@ def run(
                 status = _solve(context, solver, stages)
             except Interrupted as interrupted:
                 kept = solver or folder.file(KNOWN).exists()
-                told = "what is solved is on file; go on" if kept else "nothing is lost; begin anew"
+                told = (
+                    "what is solved is on file; go on" if kept else "nothing is lost; start again"
+                )
                 again = command.replace(" -o ", " --restart ", 1)
                 again = again or f"perfplast run {path} --restart {whole}"
                 log.warning("%s %s, %s with: %s", INTERRUPTED, interrupted, told, again)
@@ -226,7 +228,7 @@ def _asked(
     """Return the objects that the control of a case works with."""
     saved, directions = context.saved, read_proven(context.folder, again=True)
     if directions:
-        context.terminal.say(f"Directions on file: {len(directions)}; the last is looked at anew.")
+        context.terminal.say(f"Directions on file: {len(directions)}; the last is computed again.")
     return Run(
         problem=context.problem,
         solver=solver,

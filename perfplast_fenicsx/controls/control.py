@@ -1,9 +1,9 @@
 """The interface of a control: keys of ``[loading]``, their checks, and the way to the answer.
 
 A control is a frozen dataclass whose fields are the keys beside ``control``. It follows levels, as
-``control = "load"`` does, or looks for a limit; what it finds it hands to the :class:`Record` of
-the run, which writes and shows it. :class:`OfLevels` and :class:`OfBody` have what most of either
-kind have in common.
+``control = "load"`` does, or looks for a limit. It hands results to the :class:`Record` of the run,
+which writes and shows them. :class:`OfLevels` and :class:`OfBody` have what most of either kind
+have in common.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -41,7 +41,7 @@ class DisplacementControl(OfLevels):
             check_values(self.values, "load factors", "or all decrease")
         elif self.until == 0 or not math.isfinite(self.until or 0.0):
             raise InputError(
-                f"until = {self.until} is no load factor to go to; give a finite number but 0."
+                f"until = {self.until} is not a load factor to reach; give a finite number, not 0."
             )
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:

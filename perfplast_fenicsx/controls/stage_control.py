@@ -47,7 +47,7 @@ class StageControl(OfLevels):
         """Solve the levels of all stages in turn. Collective."""
         history = run.history
         if history is None:  # made of the same stages
-            raise RuntimeError("stages without what leads through them")
+            raise RuntimeError("stages without a loading history")
         run.record.plan(sum(stage.steps for stage in history.stages) + history.rests_first())
         for level in stage_path(run.solver, history, run.record.iteration, run.start):
             run.record.level(level)

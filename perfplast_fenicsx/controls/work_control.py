@@ -92,7 +92,7 @@ class WorkControl:
             raise InputError(
                 "control = 'work' goes with a load that grows, but all loads are constant; take"
                 " constant = true from one of them, or give control = 'load', or 'bounds', which"
-                " tells how many times they are carried."
+                " bounds how many times they are carried."
             )
 
     def admit(self, problem: Problem, solver: Any) -> None:

@@ -51,8 +51,8 @@ def check_resolution(rtol: float, solver: WorkNewton) -> None:
     finest = 10 * max(SLIDES, solver.options.tolerance)
     if rtol < finest:
         raise InputError(
-            f"limit_tolerance = {rtol:g} is finer than what tells bodies that slide from those at"
-            f" rest with Coulomb's friction; give {finest:g} or more."
+            f"limit_tolerance = {rtol:g} is too small to distinguish bodies that slide from bodies"
+            f" at rest with Coulomb's friction; give {finest:g} or more."
         )
 
 

@@ -103,7 +103,9 @@ class _Search:
         before: _Point | None = None
         last = self._first()
         if last is None:
-            return StrengthPath((), False, "no strength was found with which this mesh stands")
+            return StrengthPath(
+                (), False, "no strength was found with which this mesh carries the loads"
+            )
         step, rise = 0.05 * abs(last.state.alpha), math.inf
         halvings = 0
         while len(self.found) < most_points:

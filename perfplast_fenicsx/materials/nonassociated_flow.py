@@ -75,8 +75,8 @@ def check_dilatancy(ground: Ground) -> None:
         check_choice("nonassociated", stand, ("radenkovic", "davis-a", "davis-b", "davis-c"))
         if psi is None:
             raise InputError(
-                f"nonassociated = '{stand}' is of ground that dilates by less than its angle of"
-                " friction; give dilatancy_angle, or leave it out."
+                f"nonassociated = '{stand}' needs a dilatancy_angle smaller than friction_angle;"
+                " give one, or leave nonassociated out."
             )
     if psi is None:
         return

@@ -2,7 +2,7 @@
 
 Every cube, with corners 1…8 = (000)(100)(110)(010)(001)(101)(111)(011), is cut into the tetrahedra
 1246 1456 4568 2346 3674 4678. The ends of each edge have exactly the coordinates given, and points
-between them are rounded once, so surfaces are found by exact comparison and the vertices of two
+between them are rounded once. So surfaces are found by exact comparison and the vertices of two
 touching surfaces coincide exactly.
 """
 

@@ -160,7 +160,10 @@ def _lines(path: Path, so_far: _Included) -> Iterator[tuple[int, str]]:
                 if not line or line.startswith("**"):
                     continue
                 if "\0" in line:
-                    raise InputError(f"'{path}', line {number}: it is no text, and no .inp file.")
+                    raise InputError(
+                        f"'{path}', line {number}: this is not text, so the file is not an .inp"
+                        " file."
+                    )
                 if begun:
                     line, number = begun + line, first
                 if line.startswith("*") and line.endswith(","):

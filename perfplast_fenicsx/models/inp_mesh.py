@@ -129,7 +129,9 @@ class MeshReader:
         count = offset = 0
         for name, of, moves in instances:
             if of not in self._parts:
-                raise InputError(f"the instance '{name}' is of a part '{of}' that there is not.")
+                raise InputError(
+                    f"the instance '{name}' refers to part '{of}', which the file does not define."
+                )
             part, first = self._parts[of], count
             ids = np.concatenate([NOBODY, *(one for one, _ in part.nodes)])
             places = np.concatenate([np.zeros((0, 3)), *(xyz for _, xyz in part.nodes)])
@@ -190,7 +192,7 @@ class MeshReader:
             table = np.array(cells, dtype=np.int64)
         except ValueError as error:
             raise InputError(
-                f"line {keyword.number}: *ELEMENT has a number that is none ({error})."
+                f"line {keyword.number}: *ELEMENT has a text that is not a number ({error})."
             ) from error
         if len(table) % width:
             raise InputError(
@@ -223,12 +225,14 @@ def _moved(points: Floats, moves: Sequence[Iterable[str]], name: str) -> Floats:
     try:
         rows = [list(map(float, row)) for row in moves if row]
     except ValueError as error:
-        raise InputError(f"the instance '{name}' is moved by what is no number.") from error
+        raise InputError(
+            f"the instance '{name}' has a translation that is not a number."
+        ) from error
     if rows:
         points = points + np.array((rows[0] + [0.0] * 3)[:3])
     if len(rows) > 1:
         if len(rows[1]) != 7:
-            raise InputError(f"the instance '{name}' turns by no 7 numbers.")
+            raise InputError(f"the instance '{name}' needs 7 numbers for its rotation.")
         start, end, angle = np.array(rows[1][:3]), np.array(rows[1][3:6]), math.radians(rows[1][6])
         axis = end - start
         length = float(np.linalg.norm(axis))

@@ -61,7 +61,7 @@ def table_of(keyword: Keyword) -> Floats:
         rows = [[float(cell.strip() or 0) for cell in line.split(",")] for line in lines]
     except ValueError as error:
         raise InputError(
-            f"line {keyword.number}: *{keyword.name} has what is no number ({error})."
+            f"line {keyword.number}: *{keyword.name} has a text that is not a number ({error})."
         ) from error
     width = max(map(len, rows))
     return np.array([row + [0.0] * (width - len(row)) for row in rows])

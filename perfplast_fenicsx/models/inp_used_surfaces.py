@@ -15,7 +15,7 @@ from perfplast_fenicsx.models.named_surfaces import NamedSurfaces
 def missing(what: str, name: str) -> InputError:
     """The refusal of a statement on what the file does not have."""
     return InputError(
-        f"{what} stands on '{name}', which the file does not have; export the model with all its"
+        f"{what} refers to '{name}', which the file does not have; export the model with all its"
         " sets and surfaces, or mend the name."
     )
 

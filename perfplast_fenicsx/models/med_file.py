@@ -121,7 +121,9 @@ def _elements(kinds: Any, found: GroupedMesh) -> Longs:
             continue
         nodes = flat.reshape(kind.nodes, -1).T - 1
         if nodes.size and not 0 <= nodes.min() <= nodes.max() < len(found.points):
-            raise InputError(f"elements {name} have nodes that there are not; the file is damaged.")
+            raise InputError(
+                f"elements {name} refer to nodes that do not exist; the file is damaged."
+            )
         own: Longs = np.zeros(len(nodes), dtype=np.int64)
         if "FAM" in kinds[name]:
             own = np.asarray(kinds[name]["FAM"][()], dtype=np.int64)

@@ -107,7 +107,7 @@ def _mesh(arrays: Any) -> GroupedMesh:
             raise InputError(f"cells of VTK's type {number} have no {kind.nodes} nodes each.")
         table = nodes[offsets[mine][:, None] + np.arange(kind.nodes)]
         if table.size and not 0 <= table.min() <= table.max() < len(found.points):
-            raise InputError("cells have points that there are not; the file is damaged.")
+            raise InputError("cells refer to points that do not exist; the file is damaged.")
         places[mine] = found.count + np.arange(len(mine))
         found.blocks.append(Block(kind, found.count, table))
     for where, groups in (("cell", found.groups), ("point", found.node_groups)):

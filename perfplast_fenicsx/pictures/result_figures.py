@@ -266,7 +266,9 @@ def _collapse(limit: StoredLimit) -> str:
         last = ", ".join(f"{angle:.4g}°" for angle in limit.envelope["directions"][-1])
         return f"collapse mechanism in the last direction, {last}"
     if limit.shakedown:
-        return f"what a cycle leaves behind just above shakedown: {limit.shakedown['failure']}"
+        return (
+            f"displacement that a cycle leaves just above shakedown: {limit.shakedown['failure']}"
+        )
     if limit.standing:
         return "collapse mechanism of the constant loads"
     lower, upper = (limit.body.get(name) for name in ("lower", "upper"))

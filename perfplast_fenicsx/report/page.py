@@ -126,10 +126,10 @@ def _levels(reader: ResultReader) -> str:
     units = [reader.summary.units.get(kind, "") for kind in ("work", "length")]
     table = level_table(reader.reports, reader.scene.driven, *units)
     note = (
-        f"<p>Each solved step is checked anew: <b>energy</b>, that no other state has less;"
-        f" <b>forces</b>, that all are in balance; <b>contact</b>, that bodies push where they"
-        f" touch and nowhere else. {good.sign} {good.word}: no more than {TIGHT:.0e} is missing, in"
-        f" relation to the whole; {fair.sign} {fair.word}: no more than {CREDIBLE:.0e}.</p>"
+        "<p>Each solved step is checked again: <b>energy</b>, that no other state has less;"
+        " <b>forces</b>, that all are in balance; <b>contact</b>, that bodies push where they"
+        f" touch and nowhere else. {good.sign} {good.word}: no more than {TIGHT:.0e} is missing,"
+        f" in relation to the whole; {fair.sign} {fair.word}: no more than {CREDIBLE:.0e}.</p>"
     )
     return _section("levels", "Levels", table + note)
 

@@ -83,11 +83,11 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
     if estimate:
         stands = (
             f"{strict} of associated ground that stands for this one, and no bound of it. Of that"
-            f" ground it is proven anew by {proof}."
+            f" ground it is proven again by {proof}."
         )
         words = f"By Davis' estimate the bodies {', and '.join(sides)}."
         return Verdict("found", words, [says, stands, *beside])
-    details = [says, f"{strict} strict, and proven anew by {proof}.", *beside]
+    details = [says, f"{strict} strict, and proven again by {proof}.", *beside]
     mark: Mark = "proven" if len(sides) == 2 else "one-sided"
     return Verdict(mark, f"The bodies {', and '.join(sides)}.", details)
 
@@ -104,8 +104,8 @@ def _of_envelope(table: Mapping[str, Any]) -> Verdict:
     )
     first = "_".join([DIRECTIONS, *["000.00"] * (len(letters) - 1)]) + ".h5"
     proof = (
-        f"What proves the bounds of each direction is in {DIRECTIONS}_ANGLE.h5, and proven anew by"
-        f" python3 -m perfplast_fenicsx.proof {first} and so on."
+        f"What proves the bounds of each direction is in {DIRECTIONS}_ANGLE.h5, and proven again"
+        f" by python3 -m perfplast_fenicsx.proof {first} and so on."
     )
     mark: Mark = "proven" if table["gap"] is not None else "open"
     return Verdict(mark, table["in_words"], [says, proof])

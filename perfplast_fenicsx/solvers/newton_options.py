@@ -147,7 +147,7 @@ def forcing(history: Sequence[Iteration], tolerance: float) -> float:
 
     Near it the tolerance follows the last increment, so that steps stay quadratic. What a solve
     leaves is its tolerance times the increment, and need not be less than a hundredth of the wanted
-    accuracy; increments are expected to fall on as they did in the last step.
+    accuracy. Increments are expected to fall on as they did in the last step.
     """
     before, last = ([1.0, 1.0] + [record.increment for record in history])[-2:]
     expected = last * min(1.0, last / before) if before > 0 else last

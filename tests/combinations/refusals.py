@@ -8,7 +8,7 @@ TO_COME = "to come"
 REFUSALS: Mapping[str, str] = {
     "no limit load to be sought": f"{STAYS}: what hardens without end has no limit load",
     "is no projection on a yield set": f"{STAYS}: the algorithm is made of that projection",
-    "knows no friction": f"{STAYS}: contact is a bound there, and friction is none",
+    "knows no friction": f"{STAYS}: contact is a bound there, and there is no friction",
     "is a formula": (
         f"{STAYS}: stresses are linear in cells, and balance linear tractions; what a body carries"
         " of linear ones below and above it need not carry of what lies between"
@@ -23,7 +23,7 @@ REFUSALS: Mapping[str, str] = {
         f"{STAYS}: elastic stresses of single loads are added up, which touching bodies forbid"
     ),
     "a rigid surface moves": f"{TO_COME}: given motions that vary",
-    "yield set is a cone of stresses": f"{TO_COME}: Mohr–Coulomb's cone at each corner",
+    "yield set that is one cone of stresses": f"{TO_COME}: Mohr–Coulomb's cone at each corner",
     "cells are curved": f"{STAYS}: bounds are of the body that straight cells fill",
 }
 """Words of the sentence, and what the page says of them."""

@@ -201,7 +201,7 @@ def test_levels_and_forces_for_each_unit_of_thickness(
     [
         ('file = "ring.msh"', 'builder = "punch"\nn = 2', ["[model]", "sheets", "leave kind out"]),
         ("4.0", "-1.0", ["thickness = -1.0", "positive"]),
-        ('kind = "plane-stress"\n', "", ["thickness = 4.0", "kind is plane-strain"]),
+        ('kind = "plane-stress"\n', "", ["thickness = 4.0", "kind is 'plane-strain'"]),
         ('"hill"', '"tresca"\ncohesion = 1.0', ["'ring'", "Tresca", "plane stress"]),
         ("force = [0.0, 100.0]", "pressure = 1.0\n[[load]]\non = 'ring'\npore_pressure = 1.0",
          ["pore pressure", "sheets"]),

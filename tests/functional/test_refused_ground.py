@@ -81,7 +81,7 @@ REFUSED = {
     ),
     "nothing dilates less": (
         changed(ground(CONE + 'nonassociated = "davis-a"\n')),
-        "nonassociated = 'davis-a' is of ground that dilates by less",
+        "nonassociated = 'davis-a' needs a dilatancy_angle smaller",
     ),
     "friction of a law without": (changed(ground('law = "tresca"\n')), "no key 'friction_angle'"),
     "strength of elastic bodies": (changed(ELASTIC, GROWS, STAYS), "all bodies are elastic"),

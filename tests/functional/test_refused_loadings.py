@@ -136,7 +136,7 @@ REFUSED = {
     ),
     "a tolerance finer than slip": (
         BLOCKS + CONTACT + "coulomb = 0.3\n" + LIMIT + "limit_tolerance = 1e-12\n",
-        "is finer than what tells bodies that slide",
+        "is too small to distinguish bodies that slide",
     ),
 }
 """Files whose refusal ``check`` and ``run`` share: none of them is solved to be refused."""

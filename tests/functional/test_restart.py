@@ -263,7 +263,7 @@ def test_a_search_without_a_path_begins_anew(
     with monkeypatch.context() as patch:
         patch.setattr(recorder.Recorder, "interior", interior)
         assert main(["run", str(case), "-o", str(parts)]) == 128 + signal.SIGTERM
-    assert "begin anew with: perfplast run" in (parts / "run.log").read_text(encoding="utf-8")
+    assert "start again with: perfplast run" in (parts / "run.log").read_text(encoding="utf-8")
     known = json.loads((parts / "summary.json").read_text())["limit"]
     assert not known["levelled_off"]
     assert "the search was stopped after 3 steps" in known["reason"]
@@ -423,7 +423,7 @@ def test_a_checkpoint_of_another_version_is_refused(
     monkeypatch.undo()
     message = refused(comm, capsys, case, folder)
     assert f"has schema {SCHEMA - 1}, but this version of perfplast reads {SCHEMA}" in message
-    assert "start anew with -o" in message
+    assert "start again with -o" in message
 
 
 def test_nothing_to_go_on_from(

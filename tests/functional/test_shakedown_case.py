@@ -114,12 +114,12 @@ RANGES = "ranges = { pull = [0, 1], heat = [0, 1] }"
         (RANGES, "ranges = { pul = [0, 1], heat = [0, 1] }", "'pul' varies, but there is no load"),
         (RANGES, "ranges = { stays = [0, 1], heat = [0, 1] }", "it is a constant load"),
         (RANGES + ", directions = 3", "ranges = { heat = [0, 1] }", "the load 'pull' has no range"),
-        ("directions = 3", "directions = 2", "directions = 2 with 2 of what varies"),
+        ("directions = 3", "directions = 2", "directions = 2 with 2 varying names"),
         ("tie = [", "contact = [", "is for bodies that neither part nor slide"),
         (
             'law = "von-mises"\nyoung = 2e5\npoisson = 0.3\nyield_stress = 100.0',
             'law = "tresca"\nyoung = 2e5\npoisson = 0.3\ncohesion = 50.0\ntensile_strength = 1.0',
-            "that of 'lower' (Tresca) is none; give law",
+            "is not true of 'lower' (Tresca); give law",
         ),
         (
             'components = "x" },\n]',

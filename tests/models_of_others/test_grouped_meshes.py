@@ -217,7 +217,7 @@ def _spoil(path: Path, what: str) -> None:
 @pytest.mark.parametrize(
     ("what", "says"),
     [
-        ("node", "nodes that there are not"),
+        ("node", "nodes that do not exist"),
         ("family", "7 families"),
         ("place", "finite coordinates"),
         ("places", "no nodes"),

@@ -181,7 +181,7 @@ def in_stages(*stages: Stage, **changes: Any) -> list[Level]:
     problem = bolted(**({"loads": pull, "materials": materials} | changes))
     history = LoadingHistory(problem, stages)
     (told,) = problem.shanks.in_words()
-    assert told.count("tighten anew (bolt)") == any("bolt" in a.factors for a in stages)
+    assert told.count("tighten again (bolt)") == any("bolt" in a.factors for a in stages)
     return list(stage_path(Newton(problem, TIGHT), history))
 
 

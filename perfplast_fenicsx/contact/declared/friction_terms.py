@@ -28,8 +28,8 @@ class FrictionTerms:
         """
         if self.associated and not self.coulomb:
             raise InputError(
-                "associated = true is of friction that follows the pressure; give coulomb, a number"
-                " above zero, or leave associated out."
+                "associated = true needs friction that follows the pressure; give coulomb, a"
+                " number above zero, or leave associated out."
             )
         for key, value in (("tresca", self.tresca), ("coulomb", self.coulomb)):
             if value is not None and not (math.isfinite(value) and value >= 0):

@@ -18,7 +18,7 @@ class _NamedFriction(FrictionTerms):
         super().__post_init__()
         if self.rubs and not self.name:
             raise InputError(
-                f"the obstacle at '{self.on}' has friction but no name, by which results tell its"
+                f"the obstacle at '{self.on}' has friction but no name, which results need for its"
                 " force; give name = ..., or leave the friction out."
             )
 

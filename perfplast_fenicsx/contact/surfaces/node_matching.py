@@ -41,7 +41,7 @@ def match_nodes(
 ) -> Matching:
     """Match the nodes of two surfaces that lie opposite each other. Collective.
 
-    Of the nearest nodes the one is taken that lies most nearly opposite, along the mean normal; of
+    Of the nearest nodes the one is taken that lies most nearly opposite, along the mean normal. Of
     several in one place that is the one with the most opposite normal. Primary nodes within
     ``distance`` are matched; what is left is looked for in ever larger distances, up to the size of
     the surfaces. That each node has exactly one partner is counted, not assumed.

@@ -135,8 +135,8 @@ def _faces(node: Longs, normals: Floats) -> Longs:
     """Number of the face of each row among those of its node.
 
     A face is all that differs by less than 40° from one of its facets. Where facets are coarse it
-    matters which: the one that lies flattest to a direction, so that it is the same on all ranks
-    and on both sides of a contact.
+    matters which. It is the one that lies flattest to a direction, so that it is the same on all
+    ranks and on both sides of a contact.
     """
     face = np.full(len(node), -1)
     place = np.empty(len(node), dtype=np.int64)

@@ -15,7 +15,7 @@ OPEN = "fill in: "
 _HEAD = """\
 # A template, and no more: names of loads are those of the case, and whoever signs takes the
 # factors from the edition that applies. What begins with "fill in" has no public source that this
-# program could quote; a case in which it stands is refused.
+# program could quote; a case that still has it is refused.
 """
 
 _TRESCA = """\

@@ -133,8 +133,8 @@ class ModelOptions:
     def __post_init__(self) -> None:
         if self.thickness is not None and self.kind != "plane-stress":
             raise InputError(
-                f"thickness = {self.thickness} is of sheets, and kind is"
-                f" {self.kind or 'plane-strain'}; give kind = 'plane-stress', or no thickness."
+                f"thickness = {self.thickness} applies only to kind = 'plane-stress', but kind is"
+                f" '{self.kind or 'plane-strain'}'; change kind, or remove thickness."
             )
 
     def of(self, tagged_mesh: TaggedMesh) -> TaggedMesh:

@@ -70,8 +70,9 @@ def read_header(folder: ResultFolder) -> Header:
             continue
         if header.schema != SCHEMA:
             raise InputError(
-                f"the checkpoint '{path}' has schema {header.schema}, but this version of perfplast"
-                f" reads {SCHEMA}; go on with perfplast {header.version}, or start anew with -o."
+                f"the checkpoint '{path}' has schema {header.schema}, but this version of"
+                f" perfplast reads {SCHEMA}; continue with perfplast {header.version}, or start"
+                " again with -o."
             )
         return header
     raise nothing_left(folder, faults)
@@ -91,8 +92,8 @@ def check_case(folder: ResultFolder, table: Table, name: str) -> None:
     difference = first_difference(table, read_header(folder).case)
     if difference is not None:
         raise InputError(
-            f"{name}: {difference} in the run whose checkpoint is in '{folder.path}'; give it back"
-            " its value to go on, or start anew with -o."
+            f"{name}: {difference} in the run whose checkpoint is in '{folder.path}'; restore its"
+            " value to continue, or start again with -o."
         )
 
 
@@ -141,4 +142,4 @@ def damaged(path: Path, reason: object) -> str:
 
 def nothing_left(folder: ResultFolder, faults: Sequence[str]) -> InputError:
     """The error where no checkpoint of a folder can be used."""
-    return InputError(f"{', and '.join(faults)}; start anew with -o {folder.path} --force.")
+    return InputError(f"{', and '.join(faults)}; start again with -o {folder.path} --force.")

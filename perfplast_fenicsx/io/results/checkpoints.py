@@ -147,7 +147,7 @@ class Checkpoints:
         if header.mesh_hash != self._mesh_hash:
             raise InputError(
                 f"the mesh is not the one of the checkpoint in '{self._folder.path}' (its points,"
-                " cells or names have changed); give the mesh as it was, or start anew with -o."
+                " cells or names have changed); give the mesh as it was, or start again with -o."
             )
         for path in generations(self._folder):
             try:

@@ -68,7 +68,7 @@ class FieldSeries:
         if len(there) < len(kept) and folder.comm.rank == 0:
             log.warning(
                 "the fields of %d of the %d levels that are solved are missing in '%s': they are"
-                " not listed, and have no pictures; to have them, run the case anew with --force",
+                " not listed, and have no pictures; to have them, run the case again with --force",
                 *(len(kept) - len(there), len(kept), folder.file(FIELDS)),
             )
         folder.on_root(lambda: folder.file(FIELDS).mkdir(exist_ok=True))

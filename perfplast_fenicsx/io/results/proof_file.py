@@ -239,7 +239,7 @@ def _check(problem: Problem) -> None:
     for load in problem.given.loads:
         check_bounded(load)
     if not collapses_by_loads(problem):
-        raise InputError("ζ moves supports, or no load grows; a proof knows loads that grow.")
+        raise InputError("ζ moves supports, or no load grows; a proof needs loads that grow.")
 
 
 def _named(group: str, blocks: Blocks) -> Blocks:

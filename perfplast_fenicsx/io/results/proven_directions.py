@@ -47,7 +47,7 @@ def read_proven(folder: ResultFolder, again: bool = False) -> list[Proven]:
             error = str(fault)
         except (OSError, ValueError, KeyError, TypeError) as fault:
             error = (
-                f"{path} cannot be read ({fault}); begin anew with --force instead of --restart."
+                f"{path} cannot be read ({fault}); start again with --force instead of --restart."
             )
     raise_together(folder.comm, error)
     return list(folder.comm.bcast(found))

@@ -181,8 +181,8 @@ class ResultFolder:
             return f"the folder '{self.path}' does not exist; give that of the run to go on with."
         if restart and not {NEWEST, BEFORE} & set(found):
             return (
-                f"the folder '{self.path}' has no {NEWEST} to go on from; start anew with"
-                f" -o {self.path}."
+                f"the folder '{self.path}' has no {NEWEST} to go on from; start again with -o"
+                f" {self.path}."
             )
         if found and not (force or restart):
             return (

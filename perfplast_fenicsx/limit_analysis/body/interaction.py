@@ -230,7 +230,7 @@ def _proven(
 def _check(loads: Sequence[Sequence[Load]], directions: int) -> None:
     """Refuse what is no diagram."""
     if directions < 1:
-        raise InputError(f"directions = {directions} is none; give a number from 3 on.")
+        raise InputError(f"directions = {directions} is too small; give at least 3.")
     if len(loads) not in (2, 3):
         raise InputError(
             f"an envelope of {len(loads)} numbers cannot be made; give the loads of two or three."

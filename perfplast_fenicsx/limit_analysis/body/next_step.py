@@ -47,8 +47,8 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
             # How many times as long as the limit load of the mesh its bounds take, by dimension.
             bounded = {2: (2, 5), 3: (4, 8)}
             yield (
-                'what the bodies carry for certain is told by control = "bounds" under [loading],'
-                f" which takes about {_times(bounded[dim], seconds)}"
+                'what the bodies carry for certain is bounded by control = "bounds" under'
+                f" [loading], which takes about {_times(bounded[dim], seconds)}"
             )
     elif lower.strict and upper.strict and (apart := lower.apart(upper)) is not None:
         # Distance of bounds, relative, beyond which a message says how to narrow them.

@@ -36,8 +36,8 @@ first, or a tenth of the tolerance that bounds are sought with, and at most wher
 by more, where it is not known and where it is known by how much."""
 
 UNLIMITED = (
-    "nothing limits the loads, as far as rounding tells: mean stresses, bodies that do not yield"
-    " and contact that pushes carry them at any factor"
+    "nothing limits the loads, to rounding: mean stresses, bodies that do not yield and contact"
+    " that pushes carry them at any factor"
 )
 
 

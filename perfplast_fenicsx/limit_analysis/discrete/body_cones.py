@@ -151,7 +151,7 @@ def body_cones(problem: Problem) -> BodyCones:
             )
         if cone is None:
             raise InputError(
-                f"the interior point method knows no yield set of"
+                "the interior point method does not know the yield set of"
                 f" {materials[name].law.__name__} here (volume '{name}'); give limit_method ="
                 " 'path', or a law whose yield set is one cone, or none (law = \"elastic\")."
             )
@@ -233,9 +233,9 @@ def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
     )
     if not plain.is_cone:
         raise InputError(
-            f"the cone of {type(law).__name__} is none with zero in it: bound ="
-            f" {plain.bound:.6g} has to be positive, or 0 with a slope, and the matrix of full row"
-            f" rank, with a column for each of {size} components of stress; mend what its"
+            f"zero stress must lie inside the cone of {type(law).__name__}: bound ="
+            f" {plain.bound:.6g} must be positive, or 0 with a slope, and the matrix must have"
+            f" full row rank, with a column for each of {size} components of stress; mend what its"
             " yields.cones returns."
         )
     return plain

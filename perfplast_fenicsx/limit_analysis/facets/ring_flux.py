@@ -96,9 +96,8 @@ def without_pores(problem: Problem, dilates: bool) -> Problem:
     """
     if dilates:
         raise InputError(
-            "bodies that dilate have strict bounds in plane strain and space, and not around an"
-            " axis, where volumes that grow by enough at points may do so nowhere else; give"
-            " control = 'work' and until = 'limit', for the limit load of the mesh."
+            "bodies that dilate have strict bounds in plane strain and space, but not around an"
+            " axis; give control = 'work' and until = 'limit', for the limit load of the mesh."
         )
     loads = [load for load in problem.given.loads if not isinstance(load, PorePressure)]
     if len(loads) == len(problem.given.loads):

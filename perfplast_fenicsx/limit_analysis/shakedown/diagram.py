@@ -44,7 +44,7 @@ def check_directions(domain: LoadDomain, directions: int) -> None:
     """
     if directions and (directions < 3 or len(domain.names) != 2):
         raise InputError(
-            f"directions = {directions} with {len(domain.names)} of what varies; give 3 or more"
+            f"directions = {directions} with {len(domain.names)} varying names; give 3 or more"
             " with two names, or leave it out."
         )
 

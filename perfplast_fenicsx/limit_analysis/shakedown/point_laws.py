@@ -97,8 +97,8 @@ def _of_body(name: str, material: Material, size: int) -> tuple[PlainCone | None
     cones = None if law.carries_any_load else law.yields.cones(size)
     if cones is None or len(cones) > 1 or (cones and not isinstance(cones[0], Cone)):
         raise InputError(
-            f"shakedown is for bodies whose yield set is a cone of stresses, and that of '{name}'"
-            f" ({type(material).__name__}) is none; give law = 'von-mises', 'drucker-prager',"
+            "shakedown needs a yield set that is one cone of stresses, which is not true of"
+            f" '{name}' ({type(material).__name__}); give law = 'von-mises', 'drucker-prager',"
             " 'hill' or 'elastic'."
         )
     units = [ufl.as_vector([float(i == j) for j in range(size)]) for i in range(size)]

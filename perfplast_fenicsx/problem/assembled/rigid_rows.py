@@ -1,8 +1,8 @@
 """Rigid surfaces as rows B u = 0, as of ties: all their nodes follow two, or in space three.
 
-Of the nodes a, b, c that lead, which lie well apart, u_a, the components of u_b across a–b and, in
-space, that of u_c out of the plane a, b, c are unknowns, 3 or 6 in all. All else on the surface
-is linear in them:
+The nodes a, b, c that lead lie well apart. Their unknowns are u_a, the components of u_b across a–b
+and, in space, that of u_c out of the plane a, b, c: 3 or 6 in all. All else on the surface is
+linear in them:
 
     u(x) = u_a + ω × (x − a)   with   ω = W (u_a, u_b, u_c)
 """

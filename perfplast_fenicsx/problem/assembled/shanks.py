@@ -114,7 +114,11 @@ class Shanks:
         if not self.bolts:
             return []
         told = ", ".join(f"'{bolt.called}' to {bolt.preload:.6g}" for bolt in self.bolts)
-        but = f", but for what stages tighten anew ({', '.join(self.anew)})" if self.anew else ""
+        but = (
+            f", except for those that stages tighten again ({', '.join(self.anew)})"
+            if self.anew
+            else ""
+        )
         return [
             f"bolts are tightened before any load acts ({told}), and keep their length from then"
             f" on{but}; a preload changes no limit load"

@@ -9,8 +9,8 @@ from perfplast_fenicsx.problem.assembled.law_on_cells import LawOnCells, OfLaw, 
 from perfplast_fenicsx.problem.problem import Problem
 
 RIGID = 1e-5
-"""Where the norm of strains is below this share of :func:`jagged_norm2` bodies move as if rigid:
-what is left of strain and stress is next to rounding, and nothing is measured by it."""
+"""Where the norm of strains is below this share of :func:`jagged_norm2` bodies move as if rigid.
+Their strain and stress is next to rounding, and nothing is measured by it."""
 
 
 def stress_norm2(problem: Problem, stress: OfLaw) -> Integral:

@@ -144,7 +144,7 @@ class QuadratureFields:
         """|Ψ| + ½‖σ‖² (energy), which duality gaps are relative to. Collective.
 
         After plastic flow stress is a difference of two strains, so that rounding errors of ψ + ψ*
-        are relative to more: at least to 1e-4 of the energy that the strain would have.
+        are larger. They are relative to at least 1e-4 of the energy that the strain would have.
         """
         energy = abs(self.potential()) + self.stress_norm2() / 2
         # Share of the energy of the strain, were it elastic, that

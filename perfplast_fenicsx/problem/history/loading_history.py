@@ -119,8 +119,8 @@ class LoadingHistory:
         for name in self._preloads:
             if any(name in stage.factors for stage in begun):
                 raise InputError(
-                    f"the bolt '{name}' was tightened anew in a stage before, from which no run can"
-                    " go on; run the case from its beginning, with --force."
+                    f"the bolt '{name}' was tightened again in an earlier stage, and a run cannot"
+                    " continue from there; run the case from its beginning, with --force."
                 )
 
     def works(self, u: PETSc.Vec) -> dict[str, float]:

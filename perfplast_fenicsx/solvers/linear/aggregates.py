@@ -2,7 +2,7 @@
 
 The columns of a tentative interpolation Q are motions of one aggregate each, orthonormal, and at
 rest elsewhere. PETSc's GAMG makes the aggregates for the stiffness in nodal unknowns, where bodies
-do not see each other, with the rigid motions; one more motion may be given to all of them.
+do not see each other, with the rigid motions. One more motion may be given to all of them.
 """
 
 from dataclasses import dataclass

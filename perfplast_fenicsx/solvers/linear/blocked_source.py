@@ -1,6 +1,6 @@
 """C source of products with blocks (:mod:`blocked_products`), in single or double precision.
 
-Vectors have room for as many entries of a block as are worked on at once: what is loaded beyond a
+Vectors have room for as many entries of a block as are worked on at once. What is loaded beyond a
 row is multiplied with zeros or put where nobody looks. Of a symmetric matrix they are the blocks of
 the upper triangle, the one on the diagonal first in each row of them.
 """

@@ -1,6 +1,6 @@
 """C source of interpolations in single precision (:mod:`blocked_interpolation`).
 
-Coarse vectors have room for as many entries of a block as are worked on at once: what is loaded
+Coarse vectors have room for as many entries of a block as are worked on at once. What is loaded
 beyond a row is multiplied with zeros or put where nobody looks.
 """
 

@@ -52,7 +52,7 @@ def check_options(given: Mapping[str, str | None]) -> None:
             first = name.partition("_")[0]
             if difflib.SequenceMatcher(None, first, LINEAR[:-1]).ratio() > 0.8:
                 raise InputError(
-                    f"the PETSc option '-{name}' begins as none of perfplast's; did you mean"
+                    f"the PETSc option '-{name}' has no prefix of perfplast; did you mean"
                     f" '-{LINEAR}{name.partition('_')[2]}'?"
                 )
             continue
