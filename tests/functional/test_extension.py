@@ -79,6 +79,70 @@ def test_a_law_of_a_package_is_known_to_the_command_line(tmp_path: Path) -> None
     assert line.split() == ["extensions", "own-law", "1.5"]
 
 
+FORMAT = """
+import numpy as np
+
+from perfplast_fenicsx.cli.model_command import MODELS
+from perfplast_fenicsx.models.element_blocks import Block
+from perfplast_fenicsx.models.element_types import TETRAHEDRON, ElementType
+from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
+from perfplast_fenicsx.models.grouped_model import model_of
+
+
+def read(path):
+    \"\"\"Read a text file of lines: v x y z, t a b c d, g name v v v ...\"\"\"
+    rows = [line.split() for line in path.read_text().splitlines()]
+    points = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
+    cells = np.array([row[1:] for row in rows if row[0] == "t"], dtype=int)
+    groups = {row[1]: np.array(row[2:], dtype=int) for row in rows if row[0] == "g"}
+    block = Block(ElementType(TETRAHEDRON, 4), 0, cells)
+    mesh = GroupedMesh(points, [block], {"bar": np.arange(len(cells))}, groups)
+    return model_of(mesh)
+
+
+MODELS[".tets"] = read
+"""
+
+
+def bar() -> str:
+    """Return a bar 1 x 1 x 2 of twelve tetrahedra about its axes of cubes, in the format above."""
+    lines = [f"v {x} {y} {z}" for z in range(3) for y in range(2) for x in range(2)]
+    paths = [(1, 3), (1, 5), (2, 3), (2, 6), (4, 5), (4, 6)]  # Kuhn's six of a cube
+    lines += [f"t {4 * k} {4 * k + a} {4 * k + b} {4 * k + 7}" for k in range(2) for a, b in paths]
+    return "\n".join([*lines, "g foot 0 1 2 3", "g head 8 9 10 11", ""])
+
+
+def test_a_mesh_format_of_a_package_is_known_to_the_command_line(tmp_path: Path) -> None:
+    """The bar is pulled: its limit load is its yield stress."""
+    install(tmp_path, "own_law")
+    (tmp_path / "own_law.py").write_text(FORMAT, encoding="utf-8")
+    (tmp_path / "bar.tets").write_text(bar())
+    made = perfplast(
+        tmp_path,
+        "mesh",
+        str(tmp_path / "bar.tets"),
+        "-o",
+        str(tmp_path / "d"),
+        "--material",
+        "S235",
+    )
+    assert made.returncode == 0, made.stderr
+    case = (tmp_path / "d" / "case.toml").read_text(encoding="utf-8")
+    rollers = '"foot"\ncomponents = "z"' + "".join(
+        f'\n[[support]]\non = "bar_{axis}_low"\ncomponents = "{axis}"' for axis in "xy"
+    )
+    case = (
+        case.replace('"NAME"', rollers, 1).replace('"NAME"', '"head"').replace('"work"', '"bounds"')
+    )
+    case = case.replace('until = "limit"', "") + "\n[output]\npictures = false\n"
+    (tmp_path / "d" / "case.toml").write_text(case, encoding="utf-8")
+    where = str(tmp_path / "d" / "case.toml"), "-o", str(tmp_path / "r")
+    run = perfplast(tmp_path, "run", *where, "--quiet")
+    assert run.returncode == 0, run.stderr
+    body = json.loads((tmp_path / "r" / "summary.json").read_text())["limit"]["body"]
+    assert [body["lower"], body["upper"]] == pytest.approx([235.0, 235.0], rel=1e-4)
+
+
 def test_an_extension_that_cannot_be_imported_is_named(tmp_path: Path) -> None:
     install(tmp_path, "no_such_module")
     run = perfplast(tmp_path, "template")
