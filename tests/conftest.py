@@ -1,12 +1,15 @@
 """Fixtures and marks of the whole suite, which runs on one rank and under mpirun alike."""
 
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
+import basix.ufl
 import pytest
+import ufl
 from ffcx.codegeneration import jit
 
 from perfplast_fenicsx import TaggedMesh, read_gmsh
@@ -17,6 +20,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register what holds the ranks together, and the marks that it knows."""
     config.pluginmanager.import_plugin("tests.parallel_plugin")
     keep_compiled_forms()
+    keep_cells()
 
 
 def keep_compiled_forms() -> None:
@@ -38,6 +42,16 @@ def keep_compiled_forms() -> None:
         return loaded
 
     jit.get_cached_module = load_once
+
+
+def keep_cells() -> None:
+    """Have Basix make each kind of cell once a process.
+
+    It makes one for each question about an element, with its faces and edges: 75 objects for a
+    tetrahedron, thousands of times a problem.
+    """
+    made = functools.cache(ufl.Cell)
+    basix.ufl._ElementBase.cell = property(lambda element: made(element.cell_type.name))
 
 
 @pytest.fixture
