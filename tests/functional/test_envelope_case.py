@@ -135,6 +135,7 @@ force = [2.0, 0.0]
 """
 
 
+@pytest.mark.long
 @pytest.mark.serial
 def test_the_picture_of_a_rigid_footing(tmp_path: Path) -> None:
     """Of forces on a surface that moves as one; the footing's width is 2."""

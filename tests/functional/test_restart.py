@@ -517,6 +517,7 @@ class Crash(BaseException):
 
 
 @pytest.mark.mpi2("1")
+@pytest.mark.long(but=["1", "6", "10", "13"])
 @pytest.mark.parametrize("renames", [1, 3, 4, 6, 7, 9, 10, 11, 13])
 def test_a_crash_while_writing(
     renames: int,

@@ -44,7 +44,7 @@ def times(problem: Problem, factor: float) -> float:
     return found.lower
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi2
 def test_it_ends_at_the_factor_of_its_mesh(read: Read) -> None:
     """Each point is an equilibrium of the mesh, which stands there and hardly beyond the last."""
     ground = DruckerPrager(1e4, 0.3, 0.05, 20.0, "plane-strain")

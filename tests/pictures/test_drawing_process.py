@@ -98,6 +98,7 @@ def test_loads_that_bodies_hide_are_seen(tmp_path: Path) -> None:
     assert darker.sum() > 200
 
 
+@pytest.mark.long
 @needs_xvfb
 def test_half_a_section_is_drawn_with_its_axis(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     drawn = []

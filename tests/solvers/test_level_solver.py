@@ -23,6 +23,7 @@ from tests.solvers.levels import SERIAL, TIGHT, TWO_BLOCKS_LIMIT, converged, str
 
 
 @pytest.mark.mpi2("punch")
+@pytest.mark.long(but=["punch"])
 @pytest.mark.parametrize(
     ("build", "zetas"),
     [
