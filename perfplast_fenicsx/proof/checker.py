@@ -197,21 +197,21 @@ def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     subdivisions = 3
     flow = measure_velocity(body, v, subdivisions)
     faults = (*_reasons(overlaps, flow.reason), *faults_of(flow.measured))
-    proven, speed, power = None, np.inf, np.inf
+    proven, reached, speed, power = None, None, np.inf, np.inf
     if not flow.work > 0:
         faults = (*faults, "the loads do no work")
     else:
         proven, speed = flow.excess / flow.work, flow.speed / flow.work
         power = flow.size / flow.work
+        reached = None if faults else proven
         if not proven <= claimed + rounding_of(proven, power):
             faults = (*faults, f"only {proven:.9g} is proven")
     same = before is not None and body is before.body
     words = ["Of the same bodies." if same else taken_as_written(body)]
     if body.others and proven is not None and flow.others > 0:
         words.append(_up_to(proven, flow.work / flow.others))
-    found = Checked(
-        "upper", claimed, None if faults else proven, flow.measured, faults, tuple(words)
-    )
+    shown = None if faults else proven
+    found = Checked("upper", claimed, shown, flow.measured, faults, tuple(words), reached)
     return _Half(found, body, overlaps, speed=speed, power=power)
 
 

@@ -51,7 +51,7 @@ class Checked:
         measured: What is left of each condition.
         faults: Which fail, in words; nothing where what is claimed holds.
         words: What it is a proof about, and what is left in all, a sentence each.
-        reached: The lower bound that the numbers prove, whatever is claimed; None where they prove
+        reached: The bound that the numbers prove, whatever is claimed; None where they prove
             nothing.
     """
 

@@ -1,6 +1,6 @@
 """Cases that say many things at once have bounds that hold, or a sentence why not.
 
-``PERFPLAST_FUZZ=25`` tries three hundred.
+``PERFPLAST_FUZZ=42`` tries five hundred.
 """
 
 import os

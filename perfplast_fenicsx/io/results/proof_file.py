@@ -184,13 +184,13 @@ def judge(
         high: With the upper bound.
 
     Returns:
-        The same, with bounds of the mesh in place of those that the checker refuses. A lower bound
-        that the checker proves to be smaller has that value.
+        The same, with bounds of the mesh in place of those that the checker refuses. A bound that
+        the checker proves to be worse has the value that it proves.
 
     Raises:
         InputError: As :func:`write_proof`.
     """
-    balanced = low.lower.value
+    balanced, claimed = low.lower.value, high.upper.value
     while proofs(low, high) != (None, None):
         stress, velocity = proofs(low, high)
         if isinstance(stress, StressProof):
@@ -200,12 +200,19 @@ def judge(
         refused, reached = folder.comm.bcast(found)
         if not refused:
             return low, high
-        if "lower" in refused and reached is not None and low.lower.value == balanced:
-            low = replace(low, lower=replace(low.lower, value=reached))
-            continue
+        worse = {
+            kind: replace(bound, value=reached[kind])
+            for kind, bound, before in (
+                ("lower", low.lower, balanced),
+                ("upper", high.upper, claimed),
+            )
+            if kind in refused and reached.get(kind) is not None and bound.value == before
+        }
         lower, upper = (
-            replace(bound, of=Scope.MESH, why_not=(*bound.why_not, refused[kind]))
-            if kind in refused and bound.strict
+            worse[kind]
+            if kind in worse
+            else replace(bound, of=Scope.MESH, why_not=(*bound.why_not, refused[kind]))
+            if kind in refused and bound.strict and not worse
             else bound
             for kind, bound in (("lower", low.lower), ("upper", high.upper))
         )
@@ -214,19 +221,19 @@ def judge(
     return low, high
 
 
-def _refused(path: Path) -> tuple[dict[str, str], float | None]:
-    """Return why the checker refuses halves of a file, by kind, and the lower bound it proves."""
+def _refused(path: Path) -> tuple[dict[str, str], dict[str, float | None]]:
+    """Return why the checker refuses halves of a file, by kind, and the bounds that they prove."""
     try:
         found = check(path)
     except ProofError as error:
-        refused = dict.fromkeys(("lower", "upper"), f"the checker of proofs refuses it: {error}")
-        return refused, None
-    reached = found["lower"].reached if "lower" in found else None
-    return {
+        why = f"the checker of proofs refuses it: {error}"
+        return dict.fromkeys(("lower", "upper"), why), {}
+    refused = {
         kind: f"the checker of proofs refuses it: {'; '.join(half.faults)}"
         for kind, half in found.items()
         if half.faults
-    }, reached
+    }
+    return refused, {kind: half.reached for kind, half in found.items()}
 
 
 def _check(problem: Problem) -> None:

@@ -225,7 +225,7 @@ class ResultWriter:
             if found.falls is not None:
                 falls = _alone(found.falls, "upper")
                 _, high = judge(folder, folder.file(FALLS), falls, falls)
-                if not _as_before(high.upper, falls.upper):
+                if not _as_before(high.upper, falls.upper) or (high.upper.value or 0.0) > 1.0:
                     found = replace(found, upper=None, falls=None)
         self._judged_safety = found
         return found

@@ -102,6 +102,12 @@ def test_the_bounds_of_a_body(shared_tmp_path: Path, read: Read, dim: int) -> No
     assert list(check(path)) == ["upper"]
     less = replace(bounds, upper=replace(bounds.upper, value=0.5 * found["upper"].claimed))
     low, high = judge(results, path, more, less)
+    assert not low.lower.strict
+    assert high.upper.value == pytest.approx(found["upper"].proven, rel=1e-9)
+    still = bounds.mechanism.copy()
+    still.x.array[:] = 0.0
+    less = replace(bounds, mechanism=still)
+    low, high = judge(results, path, more, less)
     assert not (low.lower.strict or high.upper.strict)
     COMM.Barrier()
     assert not path.exists()
