@@ -68,7 +68,7 @@ def finer_arcs(dim: int, parts: Sequence[Part]) -> dict[tuple[int, int], float]:
 
 
 def _edge_length(dim: int, tag: int) -> float:
-    """Of the elements of a curve or face in the mesh, on average."""
+    """Return the mean edge length of the elements of a curve or face."""
     count = sum(len(tags) for tags in gmsh.model.mesh.getElements(dim, tag)[1])
     measure = mesh_measure(dim, tag) / max(count, 1)
     of_triangle = 4 / math.sqrt(3)  # square of the edges of an equilateral one, over its area

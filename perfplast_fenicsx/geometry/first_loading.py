@@ -1,4 +1,4 @@
-"""What a first case asks for: bounds of the bodies where they are known and affordable."""
+"""The loading of a first case: bounds of the bodies where they are known and affordable."""
 
 from collections.abc import Iterator, Mapping
 

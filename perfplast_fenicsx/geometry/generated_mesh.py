@@ -1,4 +1,4 @@
-"""What gmsh makes of bodies: a mesh by one of several algorithms, or why there is none."""
+"""Mesh bodies with gmsh by one of several algorithms, or give the reason for a failure."""
 
 from collections.abc import Mapping, Sequence
 
@@ -111,7 +111,7 @@ def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> di
 
 
 def _fault(dim: int, parts: Sequence[Part], error: str) -> str:
-    """What gmsh could not do, with the bodies' names."""
+    """Return the message of a failed mesh, with the bodies' names."""
     names = set()
     for part in parts:
         faces = {int(f) for tag in part.tags for f in gmsh.model.getAdjacencies(dim, tag)[1]}

@@ -1,4 +1,4 @@
-"""What a geometry file is by its name and beginning, found without gmsh."""
+"""The kind of a geometry file by its name and beginning, found without gmsh."""
 
 import re
 from pathlib import Path
@@ -21,7 +21,7 @@ IMPORTED = {
     ".iges": IGES,
     ".igs": IGES,
 }
-"""What OpenCASCADE reads, and what such a file has in its beginning."""
+"""Formats that OpenCASCADE reads, and a pattern for the beginning of such a file."""
 
 
 def is_script(path: Path) -> bool:

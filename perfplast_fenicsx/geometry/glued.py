@@ -1,4 +1,4 @@
-"""What of that which touches is glued in a first case."""
+"""Joints that are glued in a first case."""
 
 import re
 from enum import Enum
@@ -11,7 +11,7 @@ NUT = re.compile(r"(^|_)nut|mutter|ecrou|tuerca|dado|matice|matka")
 
 
 class Glued(Enum):
-    """What of that which touches is glued in a first case."""
+    """Joints that are glued in a first case."""
 
     SHARED = 0  # bodies that share their faces in the drawing
     BOLTS = 1  # and these

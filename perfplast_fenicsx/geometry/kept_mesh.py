@@ -17,7 +17,7 @@ from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 
 READS_OTHERS = re.compile(rb"\b(Merge|Include|ShapeFromFile)\b")
-"""What makes a gmsh script read other files, whose changes are not seen."""
+"""Commands by which a gmsh script reads other files, whose changes are not seen."""
 
 MARK = b"$Comments\nmade by perfplast of "
 """Begins the section at the end of a .msh file that says what it was made of."""
@@ -115,7 +115,7 @@ def _fingerprint(content: bytes, options: MeshingOptions) -> bytes:
 
 
 def _made_of(mesh: Path) -> bytes | None:
-    """What the end of a .msh file says; None where it says nothing, or there is none."""
+    """Return the mark at the end of a .msh file; None without a mark or a file."""
     if not mesh.exists():
         return None
     with mesh.open("rb") as file:

@@ -1,4 +1,4 @@
-"""What there is in gmsh's current mesh: bodies, where they touch, free faces, with their sizes."""
+"""Measure gmsh's current mesh: bodies, their joints, free faces, with their sizes."""
 
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
@@ -163,7 +163,7 @@ def elements(dim: int, part: Part) -> npt.NDArray[np.uint64]:
 
 
 def qualities(dim: int, part: Part) -> Floats:
-    """Of the elements of a body, 1 for an equilateral one, 0 for a flat one."""
+    """Return the qualities of a body's elements, 1 for an equilateral one, 0 for a flat one."""
     return np.asarray(gmsh.model.mesh.getElementQualities(elements(dim, part), "minSICN"))
 
 

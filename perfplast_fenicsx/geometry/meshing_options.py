@@ -72,5 +72,5 @@ class MeshingOptions:
 
 
 def symmetry_name(axis: str) -> str:
-    """What the cut across a coordinate is called."""
+    """Return the name of the cut across a coordinate."""
     return f"symmetry_{axis}"

@@ -14,7 +14,7 @@ from perfplast_fenicsx.geometry.sewing import sewn
 NO_NAME = re.compile(
     r"^the product name$|open cascade step translator|^=>|^\[?\d+[:.\d\]]*$", re.IGNORECASE
 )
-"""What writers of STEP files put where a part has no name."""
+"""Names that writers of STEP files give to parts without a name."""
 
 ENTITY = ("point", "curve", "surface", "volume")
 """Gmsh's words for entities, by their dimension."""

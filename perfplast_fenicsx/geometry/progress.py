@@ -6,18 +6,18 @@ from dataclasses import dataclass, field
 import msgspec
 
 BEGINS = "perfplast "
-"""Of a line that tells a stage."""
+"""First word of a line that reports a stage."""
 
 SURFACE = re.compile(r"Meshing surface (\d+) ")
-"""What gmsh says when it begins with a face."""
+"""Gmsh's message at the beginning of a face."""
 
 VOLUMES = re.compile(r"Meshing 3D")
-"""What it says when all faces have been meshed."""
+"""Gmsh's message after all faces have been meshed."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """What the program begins with.
+    """A stage that the program begins.
 
     Attributes:
         doing: What it is.
@@ -34,7 +34,7 @@ def begin(stage: Stage) -> None:
 
 
 def last_of(output: str) -> str:
-    """What the program was doing when it ended, with the name of the body if it was at one."""
+    """Return the last stage of a program that ended, with the name of the body if there is one."""
     stage, doing = Stage("beginning"), "beginning"
     for line in output.splitlines():
         if line.startswith(BEGINS):

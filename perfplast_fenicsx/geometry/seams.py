@@ -26,7 +26,7 @@ class Seam:
 
 
 def find_seams(dim: int, parts: Sequence[Part]) -> list[Seam]:
-    """What two bodies share, sorted by bodies."""
+    """Return the seams that two bodies share, sorted by bodies."""
     pairs: dict[tuple[int, ...], list[int]] = {}
     for face, bodies in shared(dim, owners(parts)).items():
         if len(bodies) == 2:

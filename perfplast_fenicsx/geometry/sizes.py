@@ -23,7 +23,7 @@ def most_elements(dim: int, bodies: int) -> int:
 
 @dataclass(frozen=True)
 class Sizes:
-    """What sizes are set for.
+    """The bodies and points whose sizes are set.
 
     Attributes:
         dim: Of the bodies.
@@ -41,7 +41,7 @@ class Sizes:
 
     @staticmethod
     def of(dim: int, parts: Sequence[Part]) -> "Sizes":
-        """Of gmsh's current model, before it is meshed."""
+        """Return the sizes of gmsh's current model, before it is meshed."""
         points = gmsh.model.getEntities(0)
         given = gmsh.model.mesh.getSizes(points)
         free = tuple(p for p, h in zip(points, given, strict=True) if h == 0)

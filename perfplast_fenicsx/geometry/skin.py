@@ -1,4 +1,4 @@
-"""What a picture shows of bodies that gmsh has meshed: skins, with the numbers of free faces."""
+"""The skins of meshed bodies for a picture, with the numbers of free faces."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a face is, by its curvatures where the file says no more than that it is a spline."""
+"""The kind of a face by its curvatures, for faces that are splines in the file."""
 
 import gmsh
 import numpy as np

@@ -1,4 +1,4 @@
-"""What there is in a geometry: bodies, where they touch or nearly touch, and their free faces."""
+"""The survey of a geometry: bodies, where they touch or nearly touch, and their free faces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -125,7 +125,7 @@ class Near:
 
 @dataclass(frozen=True)
 class Survey:
-    """What there is in a geometry that has been meshed.
+    """The survey of a meshed geometry.
 
     Attributes:
         dim: 3 for solids, 2 for a plane model.

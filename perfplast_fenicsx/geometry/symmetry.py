@@ -69,7 +69,7 @@ def _half(dim: int, parts: Sequence[Part], axis: str, value: float) -> list[Part
 
 
 def _upper(dim: int, tag: int, along: int, value: float, size: float) -> list[int]:
-    """What of a body lies beyond a plane."""
+    """Return the part of a body beyond a plane."""
     occ = gmsh.model.occ
     low, high = box(dim, [tag])
     if high[along] <= value + 1e-6 * size:

@@ -1,4 +1,4 @@
-"""What half a proof says of the bodies: cells, strengths, surfaces, loads, supports, contact."""
+"""The bodies of one half of a proof: cells, strengths, surfaces, loads, supports, contact."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -195,7 +195,7 @@ class Body:
 
     @cached_property
     def cones(self) -> Cones:
-        """What bounds stresses."""
+        """Return the cones that bound stresses."""
         quadratic = self.cone_bound, self.cone_slope, self.cone_matrix
         return Cones(*quadratic, self.cone_sine, self.cone_tension)
 
@@ -206,7 +206,7 @@ class Body:
 
     @cached_property
     def gradients(self) -> Floats:
-        """Of the barycentric coordinates, shape (num_cells, d + 1, d)."""
+        """Return the gradients of the barycentric coordinates, shape (num_cells, d + 1, d)."""
         x = self.vertices[self.cells]
         with np.errstate(all="ignore"):
             inner = np.linalg.inv(x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
@@ -214,7 +214,7 @@ class Body:
 
     @cached_property
     def volumes(self) -> Floats:
-        """Of the cells."""
+        """Return the volumes of the cells."""
         x = self.vertices[self.cells]
         return np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / (2 if self.dim == 2 else 6)
 
@@ -270,11 +270,11 @@ class Body:
 
     @cached_property
     def areas(self) -> Floats:
-        """Of ``facets``."""
+        """Return the areas of ``facets``."""
         return self.areas_of(self.outer)
 
     def areas_of(self, sides: Longs) -> Floats:
-        """Of sides."""
+        """Return the areas of sides."""
         slope = np.linalg.norm(self.gradients.reshape(-1, self.dim)[sides], axis=1)
         return np.asarray(self.dim * self.volumes[sides // (self.dim + 1)] * slope)
 

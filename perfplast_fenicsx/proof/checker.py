@@ -34,7 +34,7 @@ DRUCKER = (
     "Drucker's pair: with less friction from below, and friction whose slip follows its normal from"
     " above; Coulomb's friction lies between, whichever way it slips."
 )
-"""What two halves tell of friction that they do not share."""
+"""The note on two halves with different friction."""
 
 
 @dataclass(frozen=True)
@@ -275,6 +275,6 @@ def _body(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> tuple[Body
 
 
 def _reasons(overlaps: int, reason: str | None) -> list[str]:
-    """What forbids to judge."""
+    """Return the reasons that prevent a verdict."""
     words = f"cells overlap ({overlaps} points of cells are in others too)"
     return [words] * (overlaps > 0) + ([] if reason is None else [reason])

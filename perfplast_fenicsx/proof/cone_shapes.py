@@ -9,7 +9,7 @@ from perfplast_fenicsx.proof.rings import normals_of
 
 
 class Strengths(NamedTuple):
-    """Of the cone of each cell; shapes (num_cells,).
+    """Strength of the cone of each cell; shapes (num_cells,).
 
     Attributes:
         family: A number of MᵀM and the direction of q, for a matrix M of size 1, or of all cones of
@@ -26,7 +26,7 @@ class Strengths(NamedTuple):
     axial: Flags
 
     def of(self, cells: Longs) -> "Strengths":
-        """Of some cells."""
+        """Return the strengths of some cells."""
         return Strengths(
             self.family[cells], self.slope[cells], self.bound[cells], self.axial[cells]
         )

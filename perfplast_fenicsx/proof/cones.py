@@ -1,4 +1,4 @@
-"""What bounds the stress of each material: ‖Mσ‖ ≤ c − q·σ, and what flow then dissipates.
+"""Bounds of the stress of each material, ‖Mσ‖ ≤ c − q·σ, and the dissipation of its flow.
 
 Or (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses (:mod:`principal`). Rates are admissible then
 where tr ε ≥ s Σ|ε_i| and dissipate (c/2s) tr ε; of s = 0 where tr ε = 0, and then (c/2) Σ|ε_i|.
@@ -237,7 +237,7 @@ class Cones:
         return found
 
     def lacking(self, at: Longs, rates: Floats) -> Floats:
-        """What strain rates are inadmissible by, as a change of volume, shape (num_cells, places).
+        """Return the inadmissible part of rates, as a change of volume, shape (num_cells, places).
 
         Args:
             at: Cone of each cell, shape (num_cells,).
@@ -266,7 +266,7 @@ class Cones:
         return heads, sizes
 
     def linear_power(self, at: Longs, rates: Floats) -> Floats:
-        """What cells dissipate per volume at places, linear in rates, as if none lacked growth."""
+        """Return the dissipation per volume, linear in rates, as if none lacked growth."""
         heads, sizes = self._at_apex(at, rates)
         found: Floats = self.bound[at, None] * np.maximum(heads, sizes)
         here = self.is_principal[at]

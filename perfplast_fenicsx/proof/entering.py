@@ -1,4 +1,4 @@
-"""What a quadratic velocity enters on facets of contact: Bernstein's coefficients of its jumps.
+"""Interpenetration of a quadratic velocity on contact facets, by Bernstein's coefficients.
 
 Where contact rubs it enters by what it parts too little for its slip, μ‖w_t‖ − w_n, as this is a
 convex function of the jump; and ∫c‖w_t‖ is at most c times the area times the mean of the
@@ -20,7 +20,7 @@ rounding of a body at rest, however slow it is itself."""
 
 @dataclass(frozen=True)
 class Entering:
-    """What a velocity does on facets of contact.
+    """Interpenetration and slip of a velocity on contact facets.
 
     Attributes:
         relative: What enters, relative to their velocities.
@@ -36,7 +36,7 @@ class Entering:
 
 
 def entering_of(body: Body, at_facets: Floats, fastest: float) -> Entering:
-    """What enters on facets of contact, and slips; and what passes guides, to either side.
+    """Return interpenetration and slip on contact facets, and motion across guides.
 
     Args:
         body: The bodies.
@@ -87,7 +87,7 @@ def _largest_share(parts: Floats, wholes: Floats) -> float:
 
 
 def _bernstein(jump: Floats, normals: Floats, friction: float) -> tuple[Floats, Floats]:
-    """Of the Bernstein coefficients of quadratic jumps, along n and across.
+    """Return sizes of the Bernstein coefficients of quadratic jumps, along n and across.
 
     Args:
         jump: At the nodes of facets, shape (n, num_nodes, d); along n positive where it enters.

@@ -21,7 +21,7 @@ def with_guided(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
 
 
 def left_free(vectors: Floats, held: Flags, guided: Floats) -> Floats:
-    """What vectors at facets have along neither held components nor directions.
+    """Return the parts of vectors at facets along free directions.
 
     Args:
         vectors: Shape (num_facets, n, d).

@@ -24,7 +24,7 @@ NOTHING = 1e-14
 
 
 def differences(lower: Body, upper: Body) -> list[str]:
-    """What differs between the bodies of two halves, in words.
+    """Return the differences between the bodies of two halves, in words.
 
     Those of the upper half may be stronger, and rub more: what is a bound from above of the
     stronger bodies is one of the others.
@@ -64,7 +64,7 @@ def differences(lower: Body, upper: Body) -> list[str]:
 
 
 def _told(what: str, places: Floats) -> list[str]:
-    """What differs, and where first; nothing of no places."""
+    """Return a difference and its first place in words; nothing without places."""
     if not len(places):
         return []
     first = ", ".join(f"{x:.6g}" for x in places[np.lexsort(places.T[::-1])[0]])
@@ -109,7 +109,7 @@ def _tractions_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
 
 
 def _linear(places: Floats, vertices: Floats, values: Floats) -> Floats:
-    """What is linear on simplices, at places of these or beside them.
+    """Return linear functions on simplices, at places on them or beside them.
 
     Args:
         places: Shape (n, places, d).

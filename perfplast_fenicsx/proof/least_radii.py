@@ -1,4 +1,4 @@
-"""What cells bear of a stress: what is left of rows is relative to the least that they touch."""
+"""The strength of cells beside a stress, to which residuals are relative."""
 
 import numpy as np
 
@@ -9,12 +9,12 @@ from perfplast_fenicsx.proof.rings import radii_of
 TINY = float(np.finfo(np.float64).tiny)
 
 BARE = float(np.finfo(np.float64).max)
-"""Of cells without stress that bear nothing but what presses them: rows that touch no others have
-to be exact. Those of elastic cells, which bear ∞, are relative to the weakest of all."""
+"""Strength of cells without stress and cohesion. Rows that touch no other cells have to be exact.
+Those of elastic cells, whose strength is ∞, are relative to the weakest of all."""
 
 
 def least_radii(body: Body, stress: Floats) -> Floats:
-    """What each cell bears of a stress, or of S: its yield radius, or without cohesion the stress.
+    """Return the strength of each cell: its yield radius, or without cohesion the stress.
 
     Args:
         body: The bodies.

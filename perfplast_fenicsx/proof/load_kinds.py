@@ -15,8 +15,8 @@ NAMES = ("body_force", "traction", "pore_pressure", "rigid_force", "rigid_moment
 """Arrays of a kind of loads."""
 
 KINDS = ("", "constant_", "any_")
-"""What is before these: loads whose factor is bounded, those that stay as they are, and those that
-may have any factor. A file without them has none."""
+"""Prefixes of the arrays of loads: those whose factor is bounded, permanent ones, and those of any
+factor. A file without them has none."""
 
 EVERY = tuple(f"{kind}{name}" for kind in KINDS for name in NAMES)
 """All arrays of loads."""

@@ -41,7 +41,7 @@ from perfplast_fenicsx.proof.verdict import share_of
 
 @dataclass(frozen=True)
 class Left:
-    """What is left of the conditions of a stress.
+    """Residuals of the conditions of a stress.
 
     Attributes:
         measured: ``equilibrium``, ``inner_tractions``, ``outer_tractions``, ``tension`` and
@@ -69,7 +69,7 @@ class Left:
 
 
 def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
-    """What is left of each condition, and what forbids to judge it.
+    """Return the residuals of a stress, and the reason if they cannot be computed.
 
     Args:
         body: The bodies.

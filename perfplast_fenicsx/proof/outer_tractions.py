@@ -1,4 +1,4 @@
-"""What a stress leaves on outer facets: tractions of loads, of contact, and on rigid surfaces."""
+"""Residuals of a stress on outer facets: tractions of loads, of contact, and on rigid surfaces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from perfplast_fenicsx.proof.touching import Touching, obstacles_of, touching
 
 @dataclass(frozen=True)
 class Outer:
-    """What is left there.
+    """Residuals on outer facets.
 
     Attributes:
         ratios: Of each condition, relative to the weakest that a row touches, or to what it may be.
@@ -45,7 +45,7 @@ def tractions_on(
 def outer_tractions(
     body: Body, stress: Floats, loads: Loads, rigid: Sequence[Rigid], strengths: Floats
 ) -> Outer:
-    """What is left on outer facets, and why it cannot be told.
+    """Return the residuals on outer facets, and the reason if they cannot be computed.
 
     Args:
         body: The bodies.
@@ -147,7 +147,7 @@ def _order(body: Body, pair: Touching) -> Longs:
 
 
 def _unequal_shears(body: Body, pairs: Sequence[Touching], shears: Floats, rubs: Flags) -> Floats:
-    """What shear tractions of both sides of contact differ by where it rubs.
+    """Return differences of shear tractions on both sides of contact with friction.
 
     Those of components that supports hold are not known of that side, and are what balances the
     other's.

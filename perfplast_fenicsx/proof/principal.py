@@ -56,7 +56,7 @@ def rate_sizes(rates: Floats) -> tuple[Floats, Floats]:
 
 
 def power_factors(bound: Floats, sine: Floats, tension: Floats) -> tuple[Floats, Floats]:
-    """What tr ε and Σ|ε_i| are multiplied by for what flow dissipates, shapes (n,).
+    """Return the factors of tr ε and Σ|ε_i| in the dissipation, shapes (n,).
 
     Args:
         bound: c, shape (n,).

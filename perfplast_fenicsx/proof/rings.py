@@ -31,7 +31,7 @@ def normals_of(body: Body) -> int:
 
 
 def around(body: Body) -> Floats:
-    """What the middle of each cell stands for out of its plane: 2πr, or 1."""
+    """Return the measure of the middle of each cell out of its plane: 2πr, or 1."""
     if not body.is_revolved:
         return np.ones(len(body.cells))
     return np.asarray(2 * np.pi * radii_of(body).mean(axis=1))
@@ -156,7 +156,7 @@ def over_radius(radii: Floats, areas: Floats) -> Floats:
 
 
 def ring_flow(body: Body, v: Floats, subdivisions: int) -> tuple[float, float, float]:
-    """What rates lack, strain of elastic cells, both integrated, and ∫D from above.
+    """Return inadmissible rates and strains of elastic cells, integrated, and ∫D from above.
 
     Args:
         body: The bodies.

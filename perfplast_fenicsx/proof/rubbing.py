@@ -32,7 +32,7 @@ def with_rubbing(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
 
 
 def fault_of(values: Floats) -> str | None:
-    """What is wrong with numbers of adhesion or friction, in words."""
+    """Return the fault of numbers of adhesion or friction in words, or None."""
     fine = (values >= 0) & np.isfinite(values)
     return None if fine.all() else "is negative or not finite"
 
@@ -43,7 +43,7 @@ def loose(adhesion: Floats, friction: Floats) -> bool:
 
 
 def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
-    """What shear tractions have beyond the pressure's friction, relative to the adhesion.
+    """Return shear tractions beyond the friction of the pressure, relative to the adhesion.
 
     At most 1 where they may be so large. A stress divided by the largest of these keeps to the set,
     as 0 is inside. Where there is no adhesion it is no number, and :func:`unheld` tells.

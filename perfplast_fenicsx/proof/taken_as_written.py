@@ -1,4 +1,4 @@
-"""What a proof is about, in words: what the checker cannot know, and the reader can."""
+"""The data of a proof in words: what the checker cannot know, and the reader can."""
 
 import numpy as np
 

@@ -62,7 +62,7 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
 
 
 def _close(body: Body, facets: Longs) -> Floats:
-    """What counts as no distance, at each facet."""
+    """Return the distance below which facets touch, at each facet."""
     x = body.vertices[body.facets[facets]]
     sizes = np.ptp(x, axis=1).max(axis=1)
     if body.is_revolved:  # rings differ in size by the radius that one has

@@ -61,7 +61,7 @@ def check_nodes(body: Body, nodes: Longs, count: int) -> None:
 
 @dataclass(frozen=True)
 class Flow:
-    """What is left of the conditions of a velocity, and what it does.
+    """Residuals of the conditions of a velocity, and its work.
 
     Attributes:
         measured: ``volume_change`` (or what :meth:`cones.Cones.lacking` tells of other cones),
@@ -94,17 +94,17 @@ class Flow:
 
     @property
     def excess(self) -> float:
-        """What the loads whose factor is bounded have to do at least."""
+        """Return the least work of the loads whose factor is bounded."""
         return self.dissipation - self.constant_work
 
     @property
     def size(self) -> float:
-        """What is left of conditions is measured by it: where bodies part nothing is dissipated."""
+        """Return the measure of residuals: where bodies part nothing is dissipated."""
         return size_of(self.dissipation, self.excess, self.loose)
 
 
 def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
-    """What is left of each condition, and dissipation and work.
+    """Return the residuals of a velocity, its dissipation and work.
 
     Args:
         body: The bodies.
@@ -183,13 +183,13 @@ def _motions(
 
 
 def _middles(body: Body) -> Floats:
-    """Of the edges of facets, in the order of the nodes."""
+    """Return the midpoints of the edges of facets, in the order of the nodes."""
     x = body.vertices[body.facets]
     return np.stack([x[:, pair].mean(axis=1) for pair in combinations(range(body.dim), 2)], axis=1)
 
 
 def size_of(dissipation: float, excess: float, loose: bool) -> float:
-    """What a mechanism dissipates, or a share of what loads have to do beyond others, if more.
+    """Return the dissipation of a mechanism, or a share of the excess work, if more.
 
     It is all of that where cells of no cohesion, or joints of no adhesion, dissipate nothing.
     """
@@ -199,7 +199,7 @@ def size_of(dissipation: float, excess: float, loose: bool) -> float:
 
 
 def _plain_flow(body: Body, v: Floats, subdivisions: int) -> tuple[float, float, float]:
-    """What rates lack, strain of elastic cells, both integrated, and ∫D from above."""
+    """Return inadmissible rates and strains of elastic cells, integrated, and ∫D from above."""
     rates, plastic = strain_rates(body, v), body.plastic
     wrong, dissipation = _dissipated(body, vectors(rates), subdivisions)
     strains = np.linalg.norm(rates[~plastic], axis=(2, 3)).max(axis=1) @ body.volumes[~plastic]
@@ -207,7 +207,7 @@ def _plain_flow(body: Body, v: Floats, subdivisions: int) -> tuple[float, float,
 
 
 def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, float]:
-    """What rates at the vertices lack, zero in elastic cells, and ∫D from above."""
+    """Return the inadmissible rates at the vertices, zero in elastic cells, and ∫D from above."""
     cones, wrong = body.cones, np.zeros(rates.shape[:2])
     plastic, linear = body.plastic, np.zeros(len(rates), dtype=bool)
     wrong[plastic] = cones.lacking(body.cone[plastic], rates[plastic])

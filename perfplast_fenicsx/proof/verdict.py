@@ -1,11 +1,11 @@
-"""What a stress or a velocity proves, and what may be left of its conditions."""
+"""Verdicts on a stress or a velocity, and the limits of residuals."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 ROUNDING = 1e-9
-"""What may be left of a condition that has no limit of its own in :data:`LIMITS`."""
+"""Limit of a residual that has no limit of its own in :data:`LIMITS`."""
 
 ROUNDED = 1e-8
 """Share by which a file may claim more than its lower half proves. The checker prints what is."""
@@ -31,10 +31,10 @@ LIMITS: Mapping[str, float] = {
     "yield_ratio": 1 + 1e-9,
     "shear_ratio": 1 + 1e-9,
 }
-"""What may be left of conditions. Symmetry and rest at supports are exact, as a program can write
-them. Rows of a stress have the rounding of mean stresses that may be 1e5 yield radii; all forces
-together are a millionth of the least distance at which bounds are sought, 1e-4, and a ten-millionth
-of what the weakest cell could bear. Jumps have the rounding of a few sums of velocities."""
+"""Limits of residuals. Symmetry and rest at supports are exact, as a program can write them. Rows
+of a stress have the rounding of mean stresses that may be 1e5 yield radii. All forces together are
+a millionth of the least distance at which bounds are sought, 1e-4, and a ten-millionth of what the
+weakest cell could bear. Jumps have the rounding of a few sums of velocities."""
 
 RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"}
 """Conditions that a stress keeps to when it is divided by what is measured."""
@@ -42,7 +42,7 @@ RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"
 
 @dataclass(frozen=True)
 class Checked:
-    """What a stress or a velocity proves.
+    """The verdict on a stress or a velocity.
 
     Attributes:
         kind: "lower" or "upper".
@@ -71,7 +71,7 @@ class Checked:
 
 
 def rounding_of(bound: float, power: float) -> float:
-    """What a bound from above may differ by from one that the same numbers gave elsewhere.
+    """Return the tolerance between an upper bound and one from the same numbers elsewhere.
 
     Args:
         bound: What is left of what is dissipated when loads that stay have done their work.

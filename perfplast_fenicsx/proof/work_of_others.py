@@ -1,4 +1,4 @@
-"""What loads of any factor could do, beside which the work is judged that they do on a velocity."""
+"""The largest possible work of loads of any factor, as the measure of their work on a velocity."""
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def usual_speed(body: Body, loads: Loads, work: float) -> float:
 def most_work(
     body: Body, loads: Loads, v: Floats, at_facets: Floats, rates: Floats, usual: float
 ) -> float:
-    """What tractions, forces and pressures in pores could do with velocities as large as there.
+    """Return the largest possible work of loads with velocities as large as there.
 
     Args:
         body: The bodies.
