@@ -20,7 +20,7 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Mark:
-    """A coloured or labelled face that stands aside.
+    """A coloured or labelled face that is set aside.
 
     Attributes:
         body: Name of its body.

@@ -14,7 +14,7 @@ HEAD = """\
 
 title = {title}
 
-[geometry]                      # perfplast run meshes anew where this or the file has changed
+[geometry]                      # perfplast run meshes again if this or the file has changed
 file = {file}
 {size}{others}"""
 

@@ -89,7 +89,7 @@ def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:
         return []
     boxes = np.array([box(dim, part.tags) for part in parts])
     sizes = np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
-    no_distance = 1e-7  # distances below this share of the assembly's size are none
+    no_distance = 1e-7  # distances below this share of the assembly's size count as zero
     none = no_distance * float(np.linalg.norm(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)))
     first, second = np.triu_indices(len(parts), 1)
     between = np.maximum(boxes[first, 0] - boxes[second, 1], boxes[second, 0] - boxes[first, 1])

@@ -1,4 +1,4 @@
-"""The mesh of a geometry file, kept beside the case and made anew where either has changed."""
+"""The mesh of a geometry file, kept beside the case and made again after either has changed."""
 
 import dataclasses
 import hashlib

@@ -29,7 +29,7 @@ class Stage:
 
 
 def begin(stage: Stage) -> None:
-    """Tell of a stage."""
+    """Report a stage."""
     print(BEGINS + msgspec.json.encode(stage).decode(), flush=True)
 
 

@@ -12,7 +12,7 @@ from perfplast_fenicsx.arrays import Floats, Longs
 
 
 def closed_shells(faces: Sequence[int], near: float) -> list[list[int]]:
-    """The faces of each body, where files have those of one body behind each other.
+    """The faces of each body, where files list those of one body one after another.
 
     Where bodies touch, an edge belongs to faces of several, and sewing all of them makes no solid.
     So faces are taken in their order until each edge so far is one of two of them.

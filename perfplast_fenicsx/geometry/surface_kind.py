@@ -25,7 +25,8 @@ def kind_of(dim: int, tag: int) -> str:
     both = np.sort(np.abs(np.column_stack([large, small])), axis=1) * size
     if not np.isfinite(both).all():
         return kind
-    # Curvature that is none, relative to the size of the face, and how far equal ones may differ.
+    # Curvature that counts as zero, relative to the size of the face, and how far equal ones may
+    # differ.
     straight, same = 1e-5, 1e-4
     if both.max() < straight:
         return "Plane"

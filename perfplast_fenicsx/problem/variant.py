@@ -34,7 +34,7 @@ def variant(
     loads: Sequence[Load] | None = None,
     rubbing: tuple[Sequence[Contact], Sequence[Obstacle]] | None = None,
 ) -> Problem:
-    """Return the same bodies with other data; data that is None stays as it was. Collective.
+    """Return the same bodies with other data; None keeps data as it was. Collective.
 
     It shares mesh, displacements, supports and the search for contact with the given problem, but
     nothing that levels change. Supports, obstacles and slip move for each by itself. The history of

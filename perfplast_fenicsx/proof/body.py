@@ -37,7 +37,7 @@ class Body:
         cone_matrix: M, shape (num_cones, m, m).
         cone_sine: s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, which has q = 0
             and M = 0, NaN of others; shape (num_cones,).
-        cone_tension: f of each σ₁ ≤ f beside it, NaN of none; the same.
+        cone_tension: f of each σ₁ ≤ f beside it, NaN without one; the same.
         sought: Loads of λ = 1.
         constant: Loads that stay as they are.
         others: Loads that may have any factor, of factor 1.

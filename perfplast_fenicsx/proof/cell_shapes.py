@@ -61,7 +61,7 @@ def check_sections(
     if not (held == [True, False]).all():
         raise ProofError("a rigid surface of a body of revolution moves otherwise than along it.")
     if loose:
-        raise ProofError("a cone has no bound, which is told of no body of revolution.")
+        raise ProofError("a cone has no bound, which is not known for bodies of revolution.")
     if any(pressure.any() for pressure in pores):
         raise ProofError("pressures in pores are not known of bodies of revolution.")
 

@@ -1,4 +1,4 @@
-"""Prove the bounds of a file anew: ``python3 -m perfplast_fenicsx.proof DIR/bounds.h5``.
+"""Prove the bounds of a file independently: ``python3 -m perfplast_fenicsx.proof DIR/bounds.h5``.
 
 The file has a group ``lower`` with a stress, ``upper`` with a velocity, or both. Each has all that
 its proof needs, the bodies with their loads included (:class:`body.Body`). On one process.
@@ -190,7 +190,7 @@ def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     body, overlaps = _body(arrays, before)
     claimed = bound_of(arrays["bound"], bool(body.constant))
     if velocity.ndim != 2 or velocity.shape[1] != body.dim or not np.isfinite(velocity).all():
-        raise ProofError("the velocity is none of these bodies.")
+        raise ProofError("the velocity does not fit these bodies.")
     check_nodes(body, nodes, len(velocity))
     v = velocity[nodes]
     # How often a cell's edges are halved to integrate the dissipation from above.

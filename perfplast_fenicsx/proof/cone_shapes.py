@@ -47,7 +47,7 @@ def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
     same = np.abs(lower.slope - upper.slope) <= digits
     more = lower.bound <= upper.bound * (1 + rounding)
     flatter = lower.axial & (0 < lower.slope) & (lower.slope < upper.slope)
-    with np.errstate(invalid="ignore"):  # ∞·0 of elastic cells, which is none of these
+    with np.errstate(invalid="ignore"):  # ∞·0 of elastic cells, which have no cone
         no_higher = lower.bound * upper.slope <= upper.bound * lower.slope * (1 + rounding)
     holds = (lower.family == upper.family) & ((same & more) | (~same & flatter & no_higher))
     return np.asarray(~holds)
@@ -95,6 +95,6 @@ def _shape(matrices: Floats) -> Floats:
 
 def _alike_rows(rows: Floats) -> Longs:
     """A number for each row, the same for those that are rounded to the same."""
-    digits = 11  # behind the point, that entries of cones of size 1 are compared with
+    digits = 11  # after the point, that entries of cones of size 1 are compared with
     _, numbers = np.unique(np.round(rows, digits), axis=0, return_inverse=True)
     return np.asarray(numbers.ravel(), dtype=np.int64)

@@ -66,7 +66,7 @@ class Cones:
         matrix: M, of rank m or m − 1, rows of zeros allowed; shape (num_cones, m, m).
         sine: s of bounds of principal stresses, of which M and q are zero; NaN of others; shape
             (num_cones,).
-        tension: f of these, NaN of none and of others.
+        tension: f of these, NaN without one and for others.
     """
 
     bound: Floats

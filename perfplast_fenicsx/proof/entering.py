@@ -26,7 +26,7 @@ class Entering:
         relative: What enters, relative to their velocities.
         volume: The same times the area, all added up.
         slip: What slip dissipates, from above.
-        reason: Why the conditions of contact cannot be told, or None.
+        reason: Why the conditions of contact cannot be checked, or None.
     """
 
     relative: float

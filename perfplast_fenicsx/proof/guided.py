@@ -1,7 +1,7 @@
 """Facets that are held along one direction beside components, as by planes of symmetry.
 
 A velocity has no part along it there and a traction may have any, as of components that are held:
-so their work is none, whatever the direction. It is the normal of flat surfaces.
+so their work is zero, whatever the direction. It is the normal of flat surfaces.
 """
 
 from collections.abc import Mapping

@@ -1,6 +1,6 @@
 """Whether both halves of a proof are of the same bodies, however each is meshed.
 
-That is told place by place, and not of sums: outer facets of one half lie on those of the other
+That is compared place by place, and not by sums: outer facets of one half lie on those of the other
 (:mod:`shared_facets`), with the same surface, supports and tractions, and cells that have a volume
 in common (:mod:`shared_cells`) the same forces and pressures, and above no weaker cones.
 """

@@ -23,7 +23,7 @@ class Outer:
         lost: Forces without balance of each facet, shape (num_facets,).
         of_plates: Those of each rigid surface, shape (num_rigid,).
         reacts: Magnitudes of forces of contact and of rigid surfaces on each facet.
-        reason: Why the conditions of contact cannot be told, or None.
+        reason: Why the conditions of contact cannot be checked, or None.
     """
 
     ratios: dict[str, Floats]

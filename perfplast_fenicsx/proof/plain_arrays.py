@@ -56,7 +56,7 @@ def check_sizes(name: str, sizes: npt.ArrayLike) -> None:
 
     Args:
         name: What they are.
-        sizes: Not negative; what is zero throughout is none.
+        sizes: Not negative; an array of zeros does not count.
 
     Raises:
         ProofError: If one is beyond 1e60, or below 1e-60.
@@ -87,7 +87,7 @@ def bound_of(values: Any, with_constant: bool) -> float:
     Args:
         values: As given.
         with_constant: Whether there are constant loads: else the bodies carry no load at all, and a
-            negative bound is none.
+            negative bound is not one.
 
     Raises:
         ProofError: If it is not one finite real number, or negative for no reason.

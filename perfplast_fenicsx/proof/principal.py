@@ -23,7 +23,7 @@ def check_principal(
     Args:
         bound: c, shape (n,).
         sine: s, the same.
-        tension: f, NaN of none.
+        tension: f, NaN without one.
         sines: The least that is not nearly zero, and the largest.
 
     Raises:
@@ -61,7 +61,7 @@ def power_factors(bound: Floats, sine: Floats, tension: Floats) -> tuple[Floats,
     Args:
         bound: c, shape (n,).
         sine: s, the same.
-        tension: f, NaN of none.
+        tension: f, NaN without one.
     """
     steep, cut = sine > 0, ~np.isnan(tension)
     apex = bound / np.where(steep, 2 * sine, 1.0)

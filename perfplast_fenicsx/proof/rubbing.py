@@ -46,7 +46,7 @@ def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) 
     """Return shear tractions beyond the friction of the pressure, relative to the adhesion.
 
     At most 1 where they may be so large. A stress divided by the largest of these keeps to the set,
-    as 0 is inside. Where there is no adhesion it is no number, and :func:`unheld` tells.
+    as 0 is inside. Without adhesion it is not a number, and :func:`unheld` decides.
 
     Args:
         shear: ‖τ‖ at the vertices of facets, shape (n, d).

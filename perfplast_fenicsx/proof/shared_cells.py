@@ -25,7 +25,8 @@ def shared_cells(
     Args:
         one: The cells of a half.
         other: Those of the other.
-        differ: Which of many pairs do; only of these it is told whether they share a volume.
+        differ: Which of many pairs do; only for these the checker decides whether they share a
+            volume.
     """
     if np.array_equal(one.vertices, other.vertices) and np.array_equal(one.cells, other.cells):
         every: Longs = np.arange(len(one.cells))
@@ -82,7 +83,7 @@ def _facing(simplices: Floats) -> Floats:
 
 
 def _apart(ones: Floats, others: Floats, axes: Floats) -> Flags:
-    """Whether shadows on one of the axes do not overlap; axes of no length are none."""
+    """Whether shadows on one of the axes do not overlap; axes of no length do not count."""
     with np.errstate(all="ignore"):
         axes = axes / np.linalg.norm(axes, axis=2, keepdims=True)
     first, second = (np.einsum("pvi,pai->pav", x, axes) for x in (ones, others))

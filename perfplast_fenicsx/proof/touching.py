@@ -1,4 +1,4 @@
-"""Which facets of two surfaces lie opposite each other, found anew from their coordinates."""
+"""Which facets of two surfaces lie opposite each other, found from their coordinates."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

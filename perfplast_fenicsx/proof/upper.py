@@ -64,14 +64,13 @@ class Flow:
     """Residuals of the conditions of a velocity, and its work.
 
     Attributes:
-        measured: ``volume_change`` (or what :meth:`cones.Cones.lacking` tells of other cones),
+        measured: ``volume_change`` (or the result of :meth:`cones.Cones.lacking` for other cones),
             ``elastic_strain`` and ``entering_work``: the work of a stress as large as the loads at
             the bound cause (:meth:`Loads.stress`) at what is left in each cell and facet, all added
-            up, relative to what is dissipated.
-            ``work_of_others``: the work of loads of any factor, relative to what they could do
-            where they are, each with the largest velocity or strain of its own facet or cell.
-            ``entering``: relative to the largest velocity on the same facets, or to a share of the
-            largest of all (:data:`entering.SLOWEST`) if that is more.
+            up, relative to what is dissipated. ``work_of_others``: the work of loads of any factor,
+            relative to what they could do where they are, each with the largest velocity or strain
+            of its own facet or cell. ``entering``: relative to the largest velocity on the same
+            facets, or to a share of the largest of all (:data:`entering.SLOWEST`) if that is more.
             ``moved_supports``, and of bodies of revolution ``axis``: relative to the largest
             velocity.
         dissipation: From above.
@@ -79,7 +78,7 @@ class Flow:
         constant_work: Work of the loads that stay as they are.
         speed: The largest velocity.
         others: What loads of any factor 1 can do in all, by what is left of the conditions too.
-        reason: Why the conditions of contact cannot be told, or None.
+        reason: Why the conditions of contact cannot be checked, or None.
         loose: Whether some cells, or joints, dissipate nothing whatever they do.
     """
 
@@ -142,7 +141,7 @@ def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
     # Nor may what a body at its limit under constant loads dissipates hide what others have left.
     least = factor + (at_zero / at_one if at_one > 0 else 0.0)
     size = min(size, 1e3 * work * least) if work > 0 else size
-    # Of the loads whose factor is bounded, too: where nothing dissipates it is all that tells.
+    # Of the loads whose factor is bounded, too: where nothing dissipates only this decides.
     measured = {
         name: max(share_of(stress * x, size), share_of(at_one * x, work))
         for name, x in zip(names, left, strict=True)

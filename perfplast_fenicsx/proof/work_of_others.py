@@ -10,7 +10,7 @@ from perfplast_fenicsx.proof.load_kinds import Loads
 def usual_speed(body: Body, loads: Loads, work: float) -> float:
     """The mean velocity with which loads do their work; 0 where no tractions or forces do it.
 
-    It is told by loads alone, so that no cell is fast enough to hide what others leave.
+    It depends only on loads, so that no cell is fast enough to hide what others leave.
 
     Args:
         body: The bodies.
@@ -35,7 +35,7 @@ def most_work(
         at_facets: At those of each facet, shape (num_facets, nodes_per_facet, d).
         rates: Of strain at the vertices of each cell, shape (num_cells, d + 1, d, d).
         usual: Velocity that counts at least: what rests moves by rounding alone, and the factor
-            that this leaves is told.
+            that this leaves is reported.
     """
     free = left_free(loads.traction, body.held, body.guided)
     pushes = np.linalg.norm(free, axis=2).mean(axis=1)

@@ -304,7 +304,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "stress nan": (low(put("stress", 0, np.nan)), "equilibrium"),
     "stress infinite": (low(put("stress", 0, np.inf)), "equilibrium"),
     "stress huge": (low(put("stress", 0, LARGE)), "1e-60 to 1e60"),
-    "velocity infinite": (high(put("velocity", 0, np.inf)), "none of these"),
+    "velocity infinite": (high(put("velocity", 0, np.inf)), "does not fit these"),
     "velocity huge": (high(times("velocity", LARGE)), "1e-60 to 1e60"),
     "elastic bodies that flow, and nothing else": (
         alone(

@@ -86,7 +86,9 @@ def halves_at_once(below: Problem, above: Problem, rtol: float, monitor: Steps) 
     """
     comm, shared = below.comm, below.tagged_mesh
     copy, meeting = whole_mesh(shared), Meeting(below.comm, monitor)
-    log.info("both bounds at once, each on one rank; of two steps the upper one's is told first")
+    log.info(
+        "both bounds at once, each on one rank; of two steps the upper one's is reported first"
+    )
     question = Question.LIMIT if below.loads.grows() else Question.STANDS
     mechanism, stress = _Mechanism(above, copy), _Stress(below, copy, question)
     upper, lower = 0, 1  # the ranks that seek them

@@ -1,4 +1,4 @@
-"""Ground without cohesion, and what loads have to be there to tell its strength."""
+"""Ground without cohesion, and the loads that its strength depends on."""
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
@@ -6,7 +6,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def check_cohesion(problem: Problem) -> None:
-    """Refuse ground without cohesion where no load tells how strong it is. Collective.
+    """Refuse ground without cohesion if no load determines its strength. Collective.
 
     Raises:
         InputError: If loads do not both stay and grow.
