@@ -45,31 +45,31 @@ def limit_load(
     search: Search | None = None,
     reached: Reached | None = None,
 ) -> LimitLoad:
-    """Find the limit load, its bounds and its mechanism. Collective.
+    """Return the limit load of the mesh, with its bounds and its mechanism. Collective.
 
-    The interior point method (:func:`discrete_limit.interior_point`) brings bounds together, in 10
-    to 20 factorisations; a loading by work, which gives the curve as well, goes on until ζ(α) has
-    levelled off. With Coulomb's friction no limit theorem holds, and what is found is the load at
-    which the path loses equilibrium (:func:`coulomb_search.coulomb_limit`).
+    The interior point method (:func:`discrete_limit.interior_point`) finds both bounds in 10 to 20
+    factorisations. A loading by work also gives the curve, and continues until ζ(α) has levelled
+    off. With Coulomb's friction no limit theorem holds; the result is then the load at which the
+    path loses equilibrium (:func:`coulomb_search.coulomb_limit`).
 
     Args:
         problem: The bodies and their loads.
-        rtol: What the bounds may differ by, relative. Of a path whose laws give no mechanism: what
-            the estimate may differ by from ζ, and from the one of the level before.
+        rtol: Relative distance of the bounds. For a path whose laws give no mechanism: relative
+            difference of the estimate from ζ, and from the estimate of the level before.
         solver: ALG3 or ALG4 for a path; the default is ALG3 with :func:`limit_options`.
-        method: "interior-point" or "path"; the default is the first one where it knows the laws and
-            a factorisation fits, if nothing is given that belongs to a path. Where it turns out
-            not to, a path follows.
+        method: "interior-point" or "path". The default is the interior point method, if it knows
+            the laws, a factorisation fits, and no argument of a path is given. If it does not fit
+            after all, a path follows.
         monitor: Called on every rank after each iteration.
-        on_level: Called on every rank after each level, with what is known by then.
-        search: Found by an earlier run, to go on with.
-        reached: Where that run had come to.
+        on_level: Called on every rank after each level, with the result so far.
+        search: State of an earlier search, to continue it.
+        reached: Point that the earlier search had reached.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, or too fine to distinguish sliding from rest
-            with Coulomb's friction, all loads are constant, bodies harden, the interior point
-            method is asked for beside constant loads and the like, or it finds that no stress can
-            carry the loads.
+        InputError: If ``rtol`` is not between 0 and 1, or too small to distinguish sliding from
+            rest with Coulomb's friction. If all loads are constant, bodies harden, or no stress can
+            carry the loads. If the interior point method is requested for a problem that it does
+            not know.
     """
     check_tolerance(rtol)
     check_bodies_have_limits(problem)

@@ -36,16 +36,17 @@ def strength_path(
     tolerance: float = 1e-3,
     monitor: Callable[[Iteration], None] | None = None,
 ) -> StrengthPath:
-    """Follow F over the work of all loads until it has levelled off. Collective.
+    """Return the curve of F over the work of all loads, until F has levelled off. Collective.
 
     Args:
         problem: The bodies and their loads, all of which are constant.
-        tolerance: F has levelled off where it would rise by no more than a quarter of this,
-            relative, were the work doubled with its last slope.
-        monitor: Called on every rank after each step of Newton's.
+        tolerance: F has levelled off when twice the work would raise it by at most a quarter of
+            this, relative, with the last slope.
+        monitor: Called on every rank after each Newton step.
 
     Raises:
-        InputError: As :class:`strength_reduction.Weakening`, or if friction is associated.
+        InputError: If :class:`strength_reduction.Weakening` refuses the problem, or if friction is
+            associated.
     """
     check_tolerance(tolerance)
     coulomb = problem.friction.follows_pressure

@@ -50,22 +50,22 @@ def load_path(
     start: State | None = None,
     before: State | None = None,
 ) -> Iterator[Level]:
-    """Solve for each prescribed value in turn, each on the line through the two before. Collective.
+    """Solve for each prescribed value in turn, from the line through the two before. Collective.
 
-    Where loads are constant the first level is ζ = 0, which shows whether the bodies carry them; so
-    it is where bolts are tightened. Where nothing but ζ loads bodies without gaps, the unloaded
-    state is on the line, too: elastic levels are then multiples of each other.
+    The first level is ζ = 0 if loads are constant or bolts are tightened; it shows whether the
+    bodies carry these. If only ζ loads bodies without gaps, the unloaded state is on the line as
+    well. Elastic levels are then multiples of each other.
 
     Args:
         solver: One of the four algorithms.
         values: Load parameters ζ or works α, rising or falling, as the solver prescribes.
         monitor: Called on every rank after each iteration.
         start: State to begin with; None for the unloaded one.
-        before: State of the level before that, where there is one.
+        before: State of the level before that, if there is one.
 
     Yields:
-        The levels. One that has not converged is the last: the state of the level before is the
-        last valid one.
+        The levels. A level that has not converged is the last one; the level before it has the last
+        valid state.
     """
     if start is None and rests_first(solver, values):
         level = solver.at_rest(monitor)

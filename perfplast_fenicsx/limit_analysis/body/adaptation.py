@@ -15,15 +15,13 @@ DECIDED = "decided"
 
 @dataclass(frozen=True)
 class Adaptation:
-    """Meshes that are refined where the bounds of the limit load say, and when that ends.
+    """Refinement of the mesh by the bounds of the limit load, and its end.
 
     Args:
-        until: Gap of the proven bounds at which it ends, relative to the lower one, between 0 and
-            1, or of values where neither bound can be proven; or
-            "decided", for the end as soon as it is proven that the design load is carried, or that
-            it is not.
-        cells: Cells that a finer mesh may have at most; the first one may have more, and is the
-            only one then.
+        until: Gap of the proven bounds at which refinement ends, relative to the lower one, between
+            0 and 1; if neither bound can be proven, the gap of the values. Or "decided", to end
+            when it is proven that the design load is carried, or that it is not.
+        cells: Most cells of a finer mesh. The first mesh may have more, and is then the only one.
 
     Raises:
         InputError: A gap that is not valid.

@@ -55,13 +55,13 @@ class AdaptiveBounds:
     """Bounds on a sequence of meshes.
 
     Attributes:
-        low: What was found on the mesh with the best lower bound.
-        high: What was found on the mesh with the best upper bound.
-        last: What was found on the last mesh.
-        problem: On the last mesh; in space its cells are not split.
+        low: Result on the mesh with the best lower bound.
+        high: Result on the mesh with the best upper bound.
+        last: Result on the last mesh.
+        problem: The problem on the last mesh; in space its cells are not split.
         sources: The same on the meshes of ``low`` and ``high``.
-        rounds: All meshes.
-        reason: Why it is the last one.
+        rounds: A report on each mesh.
+        reason: Why the sequence ended.
     """
 
     low: BodyBounds
@@ -122,20 +122,20 @@ def adaptive_bounds(
     steps: Callable[[InteriorStep], None] | None = None,
     design: float | None = None,
 ) -> AdaptiveBounds:
-    """Bound the limit load on finer and finer meshes, as far as memory goes. Collective.
+    """Bound the limit load on a sequence of refined meshes, as far as memory allows. Collective.
 
     Args:
         problem: The bodies and their loads, on the first mesh.
-        adaptation: When to end.
-        rtol: How near each bound comes to the best of its kind on its mesh, relative; a twentieth
-            of how far bounds were apart on the mesh before is near enough.
+        adaptation: The end of the sequence.
+        rtol: Relative distance of each bound to the best of its kind on its mesh. A twentieth of
+            the gap on the mesh before is enough.
         monitor: Called on every rank after each mesh.
         steps: Called on every rank after each step of the interior point method.
-        design: Load factor of the design load, for the end where that is decided.
+        design: Load factor of the design load, if the sequence ends once it is decided.
 
     Raises:
-        InputError: If the mesh cannot be adapted, there is no design load to decide on, and for
-            what :func:`limit_bounds.limit_bounds` refuses.
+        InputError: If the mesh cannot be adapted, there is no design load to decide on, or
+            :func:`limit_bounds.limit_bounds` refuses the problem.
     """
     adaptation = adaptation or Adaptation()
     adaptation.check(problem.tagged_mesh)

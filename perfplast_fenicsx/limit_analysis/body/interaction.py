@@ -159,22 +159,22 @@ def envelope(
     """Bound the set of (a, b) or (a, b, c) for which such multiples are carried. Collective.
 
     Args:
-        problem: The bodies; of its loads those that are constant act beside all of them.
-        loads: Of each number the loads that it multiplies, none of them constant; two or three.
-        directions: In how many directions limit loads are bounded at most.
-        until: Distance of the polytopes, relative, at which that ends.
-        around: Whether numbers may be negative; of each, or of all.
-        rtol: How near each bound comes to the best of its kind on its mesh, relative.
-        adaptation: How the mesh is adapted in each direction; None for that of the problem.
-        monitor: Called on every rank with each direction, what has its lower and its upper bound,
-            and what makes a proof of them; it returns that proof.
+        problem: The bodies; its constant loads act in addition.
+        loads: For each number the loads that it multiplies, none of them constant; two or three.
+        directions: Largest number of directions in which limit loads are bounded.
+        until: Relative distance of the polytopes at which the search ends.
+        around: Whether numbers may be negative; one value for each, or one for all.
+        rtol: Relative distance of each bound to the best of its kind on its mesh.
+        adaptation: Adaptation of the mesh in each direction; None for the mesh of the problem.
+        monitor: Called on every rank with each direction, the results with its lower and its upper
+            bound, and a function that makes their proof; returns that proof.
         steps: Called on every rank after each step of the interior point method.
-        known: What an earlier search has proven, to go on with. Its last direction is computed
-            again, as the mechanism of the last one is part of the answer.
+        known: Proven results of an earlier search, to continue it. Its last direction is computed
+            again, because the mechanism of the last direction is part of the result.
 
     Raises:
-        InputError: If a load is constant, the number of loads fits no diagram, and as
-            :func:`limit_bounds.limit_bounds`.
+        InputError: If a load is constant, the number of loads is not two or three, or
+            :func:`limit_bounds.limit_bounds` refuses the problem.
     """
     _check(loads, directions)
     signed = (around,) * len(loads) if isinstance(around, bool) else tuple(around)

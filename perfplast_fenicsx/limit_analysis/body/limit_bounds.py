@@ -73,24 +73,23 @@ log = logging.getLogger(__name__)
 def limit_bounds(
     problem: Problem, rtol: float = 1e-4, monitor: Callable[[InteriorStep], None] | None = None
 ) -> BodyBounds:
-    """Find bounds of the limit load of the body that the mesh fills. Collective.
+    """Return lower and upper bounds of the limit load of the body that the mesh fills. Collective.
 
-    Cells in corners of plane bodies that could carry nothing are divided (:mod:`lone_corners`). The
-    mechanism is the best of the mesh that keeps the volume everywhere, for which tetrahedra are
-    split from their centres, or grows by enough where bodies dilate, for which laws are asked at
-    vertices; and it enters no other body between the nodes either.
+    The mechanism of the upper bound keeps the volume everywhere; for this tetrahedra are split from
+    their centres. In dilating bodies it dilates by enough, because the laws are imposed at the
+    vertices. It does not penetrate other bodies between the nodes. Corner cells of plane bodies
+    that could carry nothing are divided first (:mod:`lone_corners`).
 
     Args:
-        problem: The bodies and their loads; quadratic elements are wanted, as linear ones lock.
-        rtol: How near each bound comes to the best of its kind on this mesh, relative.
+        problem: The bodies and their loads; use quadratic elements, because linear ones lock.
+        rtol: Relative distance of each bound to the best of its kind on this mesh.
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, a body
-            has a yield set that bounds do not know, strict bounds do not know a load,
-            no stress can carry them, bodies of revolution dilate or are apart (:mod:`ring_flux`),
-            or a bound does not fit into memory (the lower one is asked first, before anything is
-            computed).
+        InputError: If ``rtol`` is not between 0 and 1, supports move, or no load grows. If strict
+            bounds do not know a yield set or a load, or no stress can carry the loads. If bodies of
+            revolution dilate or are apart (:mod:`ring_flux`). If a bound does not fit into memory;
+            that of the lower one is tested before anything is computed.
     """
     problem = admitted(problem, rtol)
     if are_blocks(problem):

@@ -39,22 +39,23 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class FactorOfSafety:
-    """Bounds of a factor of safety, and what shows them.
+    """Bounds of a factor of safety, with their proofs.
 
     Attributes:
-        lower: With strengths reduced by so much the loads are carried; None where none was found.
-        upper: With strengths reduced by so much they are not; None where none was found.
-        stands: A lower bound at the lower factor, whose stress shows it.
-        falls: An upper bound at the upper one, whose mechanism shows it.
-        last: The upper bound that was computed last, of whatever factor.
-        bodies: With the strengths that are given, on the mesh of the upper factor.
-        curve: Factors with the strict bounds of how many times the loads are carried; None of one
-            that is missing.
-        searches: Bounds that were computed, each side by itself, of meshes before the last one too.
-        taken: What bodies are taken as, in clauses: ground that dilates by less than its friction,
-            and surfaces whose chords differ.
-        estimate: Whether they are of ground that stands for another one by Davis, and no bounds.
-        path: The curve of F over work of the mesh of the upper factor, where it was asked for.
+        lower: With strengths divided by this factor the loads are carried; None if not found.
+        upper: With strengths divided by this factor they are not; None if not found.
+        stands: Lower bound at the lower factor, whose stress is the proof.
+        falls: Upper bound at the upper factor, whose mechanism is the proof.
+        last: The last computed upper bound, of any factor.
+        bodies: The problem with the given strengths, on the mesh of the upper factor.
+        curve: Factors with strict bounds of the multiple of the loads that is carried; None for a
+            missing one.
+        searches: Number of computed bounds, each side counted by itself, on all meshes.
+        taken: Idealisations in clauses: ground that dilates by less than its friction, and surfaces
+            whose chords differ.
+        estimate: Whether the ground is replaced by associated ground after Davis; the values are
+            then not bounds.
+        path: The curve of F over work on the mesh of the upper factor, if requested.
     """
 
     lower: float | None
@@ -101,20 +102,20 @@ def factor_of_safety(
     monitor: Callable[[float, Bound, Bound], None] | None = None,
     steps: Callable[[InteriorStep], None] | None = None,
 ) -> FactorOfSafety:
-    """Find strict bounds of the factor of safety of loads that stay. Collective.
+    """Return strict bounds of the factor of safety of permanent loads. Collective.
 
     Args:
         problem: The bodies and their loads, all of which are constant.
-        tolerance: Of the roots on their mesh, relative.
-        adaptation: When to end with finer meshes, on each of which F is sought again; its
-            ``until`` is of μ, which falls by more than F rises where there is friction. None for
+        tolerance: Relative tolerance of the roots on their mesh.
+        adaptation: The end of the sequence of meshes, on each of which F is sought again. Its
+            ``until`` refers to μ, which falls by more than F rises if there is friction. None for
             the problem's own mesh.
         monitor: Called on every rank with F, and lower and upper bound of μ there.
         steps: Called on every rank after each step of the interior point method.
 
     Raises:
-        InputError: If a load grows, a body has no reduced strength or none yields, and as
-            :func:`limit_bounds.limit_bounds`.
+        InputError: If a load grows, a body has no reduced strength, no body yields, or
+            :func:`limit_bounds.limit_bounds` refuses the problem.
     """
     check_tolerance(tolerance)
     check_stands(problem.given.loads, all_elastic(problem.given.materials.values()))

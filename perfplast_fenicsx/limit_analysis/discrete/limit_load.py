@@ -24,47 +24,45 @@ class LimitMethod(StrEnum):
 
 @dataclass(frozen=True)
 class LimitLoad:
-    """The result of a search for ζ_lim.
+    """The result of a search for the limit load ζ_lim of a mesh.
 
     Attributes:
-        method: How it was found.
-        lower: The static side of the mesh, and no bound of the body: λ of a stress in equilibrium
-            on the mesh and within yield, or the largest ζ(α) reached; −∞ where constant loads are
-            there, and none is known.
-        estimate: The limit load of the mesh, between both sides: an estimate of that of the body.
-            None where there is none, or no kinematic side and no plateau was found.
-        residual: Change of the estimate with the last level, relative; None without two estimates,
-            as without a path.
-        upper: The kinematic side of the mesh, and no bound of the body: (D(v) − L₀(v))/L₁(v) of a
-            mechanism that is incompressible on the mesh; None where none was found.
-        alpha: Work reached by the path; None without one.
+        method: The method that found it.
+        lower: Static side of the mesh, not a bound of the body: λ of a stress in equilibrium on the
+            mesh and within yield, or the largest ζ(α) reached. −∞ beside constant loads, if none is
+            known.
+        estimate: Limit load of the mesh, between both sides: an estimate of that of the body. None
+            without a result, or without a kinematic side and a plateau.
+        residual: Relative change of the estimate with the last level; None without two estimates.
+        upper: Kinematic side of the mesh, not a bound of the body: (D(v) − L₀(v))/L₁(v) of a
+            mechanism that is incompressible on the mesh; None without a mechanism.
+        alpha: Work reached by the path; None without a path.
         levelled_off: Whether the estimate is known to the tolerance: both sides have met, or ζ(α)
             has levelled off.
-        reason: Why it ended, in words.
+        reason: Why the search ended, in words.
         iterations: Steps of the interior point method, or levels.
-        linear_solves: Linear systems solved for all of it, both sides included.
-        factorisations: Of the interior point method.
+        linear_solves: Linear systems solved, for both sides together.
+        factorisations: Factorisations of the interior point method.
         mechanism: Velocity v of the collapse, normalised to L₁(v) = 1.
         levels: The loading path; after a restart only the later levels.
-        stress: σ at the static side, Mandel vectors at the quadrature points; None of a path, whose
-            levels have theirs.
-        contact_forces: Of the pairs hosted by this rank, with that stress.
-        unbalanced: Largest force there that nothing balances, relative to the largest load; ∞ of
-            none.
+        stress: σ at the static side, Mandel vectors at the quadrature points; None for a path,
+            whose levels have their stresses.
+        contact_forces: Contact forces with that stress, of the pairs hosted by this rank.
+        unbalanced: Largest unbalanced force there, relative to the largest load; ∞ without a
+            stress.
         inadmissible: Volume change of the mechanism in plastic bodies, and strain in elastic ones,
-            relative to ‖ε(v)‖; None of a path.
-        verdict: Of the interior point method; None of a path.
-        steps: Of the same; none of a path.
-        theorem: Whether limit theorems hold. With Coulomb's friction they do not: ``lower`` is then
-            the largest load that levels of this path carry, ``estimate`` the same where the search
-            has come to its end, and ``upper`` the least with a verdict that there is no equilibrium
-            (:mod:`coulomb_search`); neither is a bound of anything else.
-        drucker: Beside such a load, what two theorems say of all of its kind; None where they have
-            not been asked.
-        locked: Bodies that keep the interior point method from a mechanism, where it found none.
-        question: Of which loads the factor was sought: that of constant ones, where no load grows,
-            or no load factor is carried beside them. The mechanism is theirs then.
-        standing: How many times they are carried, where that was sought.
+            relative to ‖ε(v)‖; None for a path.
+        verdict: Verdict of the interior point method; None for a path.
+        steps: Steps of the interior point method; empty for a path.
+        theorem: Whether limit theorems hold. With Coulomb's friction they do not
+            (:mod:`coulomb_search`). ``lower`` is then the largest load that levels of this path
+            carry, and ``estimate`` the same if the search has ended. ``upper`` is the least load
+            without equilibrium. Neither bounds anything else.
+        drucker: Drucker's two bounds with Coulomb's friction; None if not sought.
+        locked: Bodies that keep the interior point method from a mechanism, if it found none.
+        question: The loads whose factor was sought. These are the constant ones, if no load grows
+            or no load factor is carried beside them; the mechanism is then theirs.
+        standing: The multiple of the constant loads that is carried, if sought.
     """
 
     method: LimitMethod

@@ -43,16 +43,17 @@ def shakedown_load(
     rtol: float = 1e-4,
     monitor: Callable[[InteriorStep], None] | None = None,
 ) -> ShakedownLoad:
-    """Find the largest λ for which the bodies shake down to λ times a load domain. Collective.
+    """Return the largest λ for which bodies shake down to λ times a load domain. Collective.
 
     Args:
         problem: The bodies; constant loads act all the time.
         domain: Factors of the other loads, and of temperatures.
-        rtol: Difference of the static and the kinematic value, relative.
+        rtol: Relative difference of the static and the kinematic value.
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If bodies touch, names do not fit, supports move, or a law has no such cone.
+        InputError: If bodies touch, a name is unknown, supports move, or a law has no suitable
+            cone.
     """
     _check(problem, domain, rtol)
     with ExitStack() as made:
