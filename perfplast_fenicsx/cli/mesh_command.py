@@ -146,40 +146,58 @@ def describe(survey: Survey, glued: Glued = Glued.SHARED) -> str:
         survey: What there is.
         glued: What of that which touches.
     """
-    volume, area = ("volume", "area") if survey.dim == 3 else ("area", "length")
-    rows: list[tuple[str, ...]] = [("body", "elements", volume, "of CAD", "from", "to")]
-    for body in survey.bodies:
-        measures = (f"{body.volume:.5g}", _known(body.cad))
-        rows.append((body.name, f"{body.cells}", *measures, _place(body.low), _place(body.high)))
+    area = "area" if survey.dim == 3 else "length"
     what = "body" if len(survey.bodies) == 1 else "bodies"
-    text = [f"{len(survey.bodies)} {what}, {survey.nodes} nodes", *_aligned(rows)]
+    text = [f"{len(survey.bodies)} {what}, {survey.nodes} nodes", *_aligned(_bodies(survey))]
     if survey.joints:
-        rows = [("touching", "", "area" if survey.dim == 3 else "length", "shape", "in the case")]
-        for joint in survey.joints:
-            shape = " and ".join(joint.shapes) + (
-                ", one face of the drawing" if joint.shared else ""
-            )
-            kind = "tie" if glued.glues(joint) else "contact"
-            rows.append((*joint.surfaces, f"{joint.area:.5g}", shape, kind))
-        text += ["", *_aligned(rows)]
+        text += ["", *_aligned(_joints(survey, glued))]
     if survey.near:
         rows = [("apart", "", "gap")]
         rows += [(*near.bodies, f"{near.gap:.3g}") for near in survey.near]
         text += ["", *_aligned(rows)]
-    rows = [("no.", "free face", area, "of CAD", "shape", "centre")]
+    rows: list[tuple[str, ...]] = [("no.", "free face", area, "of CAD", "shape", "centre")]
     for face in survey.faces:
-        shape = f"{face.shape}, {face.round_of}" if face.round_of else face.shape
         measures = (f"{face.area:.5g}", _known(face.cad))
-        rows.append((f"{face.number}", face.name, *measures, shape, _place(face.centre)))
+        rows.append((f"{face.number}", face.name, *measures, _shape(face), _place(face.centre)))
     text += ["", *_aligned(rows)]
     if survey.sets:
-        rows = [("no.", "also called", "faces", area, "of CAD", "in common")]
-        for one in survey.sets:
-            known = (listed(one.faces), f"{one.area:.5g}", _known(one.cad))
-            rows.append((f"{one.number or '-'}", one.name, *known, one.why))
-        text += ["", *_aligned(rows)]
+        text += ["", *_aligned(_sets(survey))]
     text += [f"\nwarning: {remark}." for remark in survey.remarks]
     return "\n".join(text)
+
+
+def _bodies(survey: Survey) -> list[tuple[str, ...]]:
+    """Return a table of the bodies, with its heads."""
+    volume = "volume" if survey.dim == 3 else "area"
+    rows: list[tuple[str, ...]] = [("body", "elements", volume, "of CAD", "from", "to")]
+    for body in survey.bodies:
+        measures = (f"{body.volume:.5g}", _known(body.cad))
+        rows.append((body.name, f"{body.cells}", *measures, _place(body.low), _place(body.high)))
+    return rows
+
+
+def _joints(survey: Survey, glued: Glued) -> list[tuple[str, ...]]:
+    """Return a table of the faces that touch, with its heads: names, area, shape, and the use."""
+    rows = [("touching", "", "area" if survey.dim == 3 else "length", "shape", "in the case")]
+    for joint in survey.joints:
+        shape = " and ".join(joint.shapes) + (", one face of the drawing" if joint.shared else "")
+        kind = "tie" if glued.glues(joint) else "contact"
+        rows.append((*joint.surfaces, f"{joint.area:.5g}", shape, kind))
+    return rows
+
+
+def _sets(survey: Survey) -> list[tuple[str, ...]]:
+    """Return a table of the names of several faces, with its heads."""
+    area = "area" if survey.dim == 3 else "length"
+    rows: list[tuple[str, ...]] = [("no.", "also called", "faces", area, "of CAD", "in common")]
+    for one in survey.sets:
+        known = (listed(one.faces), f"{one.area:.5g}", _known(one.cad))
+        rows.append((f"{one.number or '-'}", one.name, *known, one.why))
+    return rows
+
+
+def _shape(face: Face) -> str:
+    return f"{face.shape}, {face.round_of}" if face.round_of else face.shape
 
 
 def _mesh(
@@ -196,18 +214,26 @@ def _mesh(
     file = os.path.relpath(source.resolve(), output.resolve())
     with tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch)
-        survey = _survey(source, made, options, trust)
+        survey = _survey(source, made, options, glued, trust)
         case = first_case(survey, source.stem, file, options, filled, glued)
         fill(output, made, case)
         refused = refused_contact(case, output / MESH)
     return replace(survey, remarks=[*survey.remarks, refused]) if refused else survey
 
 
-def _survey(source: Path, output: Path, options: MeshingOptions, trust: bool) -> Survey:
+def _survey(
+    source: Path, output: Path, options: MeshingOptions, glued: Glued, trust: bool
+) -> Survey:
     """Mesh, and show what there is; without a graphics system there is a mesh all the same."""
     skin = output / "skin.npz"
     survey = make_mesh(source, output / MESH, options, skin, trust)
-    page = mesh_page(source.stem, skin, [_face_row(face, survey) for face in survey.faces])
+    tables = {"Bodies": _bodies(survey)}
+    if survey.sets:
+        tables["Names of several faces"] = _sets(survey)
+    if survey.joints:
+        tables["Faces that touch"] = _joints(survey, glued)
+    rows = [_face_row(face, survey) for face in survey.faces]
+    page = mesh_page(source.stem, skin, rows, tables, "Area" if survey.dim == 3 else "Length")
     (output / PAGE).write_text(page, encoding="utf-8")
     try:
         draw_parts(skin, output / PICTURE)
@@ -217,11 +243,15 @@ def _survey(source: Path, output: Path, options: MeshingOptions, trust: bool) ->
 
 
 def _face_row(face: Face, survey: Survey) -> FaceRow:
-    """Return a face as the page has it, with the names that it has together with others."""
-    shape = f"{face.shape}, {face.round_of}" if face.round_of else face.shape
-    names = [f"{one.name} ({one.why})" for one in survey.sets if face.number in one.faces]
+    """Return a face as the page has it, with its shares of the names of several faces."""
+    names = [
+        f"{one.name} ({one.why}), {100 * face.area / one.area:.3g} % of it"
+        for one in survey.sets
+        if face.number in one.faces
+    ]
     centre = ", ".join(f"{x:.4g}" for x in face.centre)
-    return FaceRow(face.number, face.name, shape, f"{face.area:.5g}", centre, ", ".join(names))
+    measures = (f"{face.area:.5g}", _known(face.cad))
+    return FaceRow(face.number, face.name, _shape(face), *measures, centre, "; ".join(names))
 
 
 def _known(measure: float | None) -> str:

@@ -1,7 +1,7 @@
 """The page of a mesh: its bodies in the viewer, where a click shows the name of a face."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -24,15 +24,17 @@ class FaceRow:
         number: From 1, as in the skin.
         name: In the mesh.
         shape: In words.
-        area: As text.
+        area: As text; in the plane the length.
+        cad: The same of the file; "-" where it is not known.
         centre: Coordinates, as text.
-        together: Names that it has together with other faces, as text.
+        together: Names that it has together with other faces, with its share, as text.
     """
 
     number: int
     name: str
     shape: str
     area: str
+    cad: str
     centre: str
     together: str = ""
 
@@ -43,13 +45,21 @@ class FaceRow:
         return f"{words}; one of {self.together}" if self.together else words
 
 
-def mesh_page(title: str, skin: Path, faces: Sequence[FaceRow]) -> str:
+def mesh_page(
+    title: str,
+    skin: Path,
+    faces: Sequence[FaceRow],
+    tables: Mapping[str, Sequence[Sequence[str]]] | None = None,
+    size: str = "Area",
+) -> str:
     """The HTML of a mesh.
 
     Args:
         title: Of the page.
         skin: What :func:`perfplast_fenicsx.geometry.skin.skin_of` has found, as an .npz file.
         faces: Its free faces.
+        tables: What else is listed, by its heading: rows of equal length, the first one of heads.
+        size: What the size of a face is called.
     """
     with np.load(skin) as file:
         arrays = {name: file[name] for name in file.files}
@@ -81,26 +91,44 @@ def mesh_page(title: str, skin: Path, faces: Sequence[FaceRow]) -> str:
         title=escape(title),
         style=asset("page.css"),
         view=asset("view.html"),
-        faces=_table(faces),
+        faces=_face_table(faces, size),
+        tables="\n".join(_section(head, table) for head, table in (tables or {}).items()),
         version=escape(__version__),
         data=json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
         script="\n".join(asset(f"{name}.js") for name in SCRIPTS),
     )
 
 
-def _table(faces: Sequence[FaceRow]) -> str:
-    titles = ["No.", "Name", "Shape", "Area", "Centre"]
-    if any(face.together for face in faces):
+def _face_table(faces: Sequence[FaceRow], size: str) -> str:
+    """Return the table of free faces, whose rows a click shows in the viewer."""
+    titles = ["No.", "Name", "Shape", size, "Of CAD", "Centre"]
+    together = any(face.together for face in faces)
+    if together:
         titles.append("One of")
-    heads = "".join(f'<th scope="col">{head}</th>' for head in titles)
+    rows = []
+    for face in faces:
+        texts = [face.shape, face.area, face.cad, face.centre]
+        cells = "".join(
+            f"<td>{escape(text)}</td>" for text in [*texts, *([face.together] * together)]
+        )
+        rows.append(
+            f'<tr data-face="{face.number}"><td>{face.number}</td><th scope="row">'
+            f'<button type="button">{escape(face.name)}</button></th>{cells}</tr>'
+        )
+    return _scrolled(titles, "".join(rows))
+
+
+def _section(heading: str, table: Sequence[Sequence[str]]) -> str:
+    """Return a section with a table, whose first row are its heads."""
     rows = "".join(
-        f'<tr data-face="{face.number}"><td>{face.number}</td>'
-        f'<th scope="row"><button type="button">{escape(face.name)}</button></th>'
-        f"<td>{escape(face.shape)}</td><td>{escape(face.area)}</td>"
-        f"<td>{escape(face.centre)}</td>"
-        + (f"<td>{escape(face.together)}</td></tr>" if len(titles) > 5 else "</tr>")
-        for face in faces
+        f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in table[1:]
     )
+    heads = [head[:1].upper() + head[1:] for head in table[0]]
+    return f"<section><h2>{escape(heading)}</h2>\n{_scrolled(heads, rows)}</section>"
+
+
+def _scrolled(titles: Sequence[str], rows: str) -> str:
+    heads = "".join(f'<th scope="col">{escape(title)}</th>' for title in titles)
     return (
         '<div class="scroll" tabindex="0" role="region" aria-label="table, which scrolls sideways">'
         f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>"
