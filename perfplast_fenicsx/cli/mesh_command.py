@@ -149,13 +149,14 @@ def describe(survey: Survey, glued: Glued = Glued.SHARED) -> str:
     area = "area" if survey.dim == 3 else "length"
     what = "body" if len(survey.bodies) == 1 else "bodies"
     text = [f"{len(survey.bodies)} {what}, {survey.nodes} nodes", *_aligned(_bodies(survey))]
+    rows: list[tuple[str, ...]]
     if survey.joints:
         text += ["", *_aligned(_joints(survey, glued))]
     if survey.near:
         rows = [("apart", "", "gap")]
         rows += [(*near.bodies, f"{near.gap:.3g}") for near in survey.near]
         text += ["", *_aligned(rows)]
-    rows: list[tuple[str, ...]] = [("no.", "free face", area, "of CAD", "shape", "centre")]
+    rows = [("no.", "free face", area, "of CAD", "shape", "centre")]
     for face in survey.faces:
         measures = (f"{face.area:.5g}", _known(face.cad))
         rows.append((f"{face.number}", face.name, *measures, _shape(face), _place(face.centre)))
@@ -178,6 +179,7 @@ def _bodies(survey: Survey) -> list[tuple[str, ...]]:
 
 def _joints(survey: Survey, glued: Glued) -> list[tuple[str, ...]]:
     """Return a table of the faces that touch, with its heads: names, area, shape, and the use."""
+    rows: list[tuple[str, ...]]
     rows = [("touching", "", "area" if survey.dim == 3 else "length", "shape", "in the case")]
     for joint in survey.joints:
         shape = " and ".join(joint.shapes) + (", one face of the drawing" if joint.shared else "")

@@ -14,11 +14,16 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.load_words import load_in_words
+from perfplast_fenicsx.materials.elastic import ElasticLaw
 from perfplast_fenicsx.pictures import drawing_process
-from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.loads import Load, kind_of
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.supports import Support
-from perfplast_fenicsx.problem.judged.left_motions import left_motions
+from perfplast_fenicsx.problem.judged.left_motions import (
+    HeldAgainst,
+    held_against,
+    left_motions,
+)
 from perfplast_fenicsx.problem.judged.load_resultants import LoadResultant, sized_resultants
 from perfplast_fenicsx.problem.judged.sides import Cover, Sides, find_sides
 from perfplast_fenicsx.problem.problem import Problem
@@ -68,14 +73,15 @@ def understood(case: Case, problem: Problem) -> Understood | None:
     resultants = sized_resultants(problem)
     single, together = left_motions(problem)
     volumes = _volumes(problem)
-    gaps = _gaps(problem)
+    elastic = [name for name, one in case.materials.items() if issubclass(one.law, ElasticLaw)]
+    gaps, against = _gaps(problem), held_against(problem, elastic)
     sides = find_sides(problem)
     if sides is None:
         return None
     told = _Told(case, problem, sides)
     told.loads(resultants, volumes)
     told.supports(single, together)
-    told.interfaces(gaps)
+    told.interfaces(gaps, against)
     told.rest(volumes)
     return Understood(told.lines, sides, told.marked)
 
@@ -100,7 +106,8 @@ class _Told:
             return
         own = self.case.stages or not self.case.loading.together
         self.lines.append(f"Loads at {'a factor of 1' if own else 'zeta = 1'}:")
-        for load, (found, total) in zip(self.case.loads, resultants, strict=True):
+        both = zip(self.case.loads, resultants, strict=True)
+        for number, (load, (found, total)) in enumerate(both):
             words = load_in_words(load, self.case.units, self.whole)
             solid = "volume" if self.whole else "area"
             size = f"{solid} {_number(volumes[load.on])}" if load.in_volume else self._area(load.on)
@@ -112,6 +119,8 @@ class _Told:
                 continue
             self._told(told, load.on, "load", words)
             self.marked[load.on].force.append(np.array(found.force))
+            if shared := self._shared(load, self.case.loads[:number]):
+                self.lines.append(f"    adds to {shared}")
             if held := self._held_on(load.on, np.abs(found.force) > ROUNDING * total):
                 self.lines.append(f"    a support holds {held} there: no work of these components")
 
@@ -142,7 +151,9 @@ class _Told:
         if together and (len(holding), self.problem.bodies.count) != (1, 1):
             self.lines.append(f"  all together they leave {'; '.join(together)}")
 
-    def interfaces(self, gaps: dict[str, tuple[int, float, float]]) -> None:
+    def interfaces(
+        self, gaps: dict[str, tuple[int, float, float]], against: Sequence[HeldAgainst]
+    ) -> None:
         """Print contacts, obstacles and ties: areas, pairs of nodes, gaps."""
         contacts, ties = self.case.contacts, self.problem.given.ties
         if contacts or self.case.obstacles:
@@ -156,6 +167,9 @@ class _Told:
                 f"  '{both[0]}' and '{both[1]}': areas {areas}; {self._gap(found)}; {rubs}"
             )
             self._mark(both, "contact", f"contact of '{both[0]}' and '{both[1]}'")
+            for one in against:
+                if (one.surface, one.other) in (both, both[::-1]):
+                    self.lines.append(f"    {_held(one)}")
         for obstacle in self.case.obstacles:
             found = gaps.get(f"obstacle {obstacle.name or obstacle.on}")
             rubs = _friction(obstacle.tresca, obstacle.coulomb)
@@ -232,6 +246,20 @@ class _Told:
             mark = self.marked.setdefault(name, Marked())
             mark.roles.append(role)
             mark.words.append(words)
+
+    def _shared(self, load: Load, others: Sequence[Load]) -> str:
+        """Return on what a load acts together with others of its kind, in words."""
+        own, found = set(self.problem.tagged_mesh.tags_of([load.on])), []
+        for other in others:
+            alike = kind_of(other) == kind_of(load) and other.constant == load.constant
+            if other.in_volume or not alike:
+                continue
+            common = own & {*self.problem.tagged_mesh.tags_of([other.on])}
+            area = self.sides.facets.area[np.isin(self.sides.facets.tag, sorted(common))].sum()
+            if common:
+                words = load_in_words(other, self.case.units, self.whole)
+                found.append(f"{words}, on {_number(float(area))} that both have")
+        return "; ".join(found)
 
     def _held_on(self, name: str, pushed: npt.NDArray[np.bool_]) -> str:
         """Return the components that loads push and supports hold on a surface, in words."""
@@ -334,9 +362,11 @@ def save_arrays(file: Path, title: str, meant: Understood, cells: Floats, revolv
     sides, facets = meant.sides, meant.sides.facets
     mark, rest = np.full(len(facets.area), -1), np.zeros(len(facets.area), dtype=np.bool_)
     labels, roles, places, forces, of_force = [], [], [], [], []
+    numbers = {name: number for number, name in enumerate(meant.marked)}
+    for name in sorted(numbers, key=sides.area, reverse=True):
+        mark[sides.on(name)] = numbers[name]  # a surface within another one is seen
     for number, (name, marked) in enumerate(meant.marked.items()):
         own = sides.on(name)
-        mark[own] = number
         if marked.part:
             rest |= sides.rest(name)
         part = f"  -  only a part: {marked.part}" if marked.part else ""
@@ -385,6 +415,15 @@ def _few(words: Sequence[str]) -> str:
     """Return words in a row, of many the first ones and how many more there are."""
     shown = words if len(words) <= MOST + 1 else [*words[:MOST], f"{len(words) - MOST} more"]
     return ", ".join(shown)
+
+
+def _held(one: HeldAgainst) -> str:
+    """Return where supports hold what another body pushes on, with a remedy."""
+    return (
+        f"{_few(one.by)} holds {one.held} of the {one.nodes} nodes of"
+        f" '{one.surface}' along the normal, and not '{one.other}': an elastic or rigid body"
+        " cannot be pushed in there; let the support end before, or hold other components"
+    )
 
 
 def _friction(tresca: float | None, coulomb: float | None) -> str:

@@ -60,10 +60,15 @@ def check_file(path: Path) -> None:
             f"'{path}' is a program, which is never run here; run it yourself if you know what is"
             " in it, and give the geometry that it writes."
         )
+    if suffix == ".msh":
+        raise InputError(
+            f"'{path}' is a mesh already; give it in a case, by file = '{path.name}' under [mesh]."
+        )
     if suffix not in (*IMPORTED, *SCRIPTS):
         known = ", ".join((*IMPORTED, *SCRIPTS))
         raise InputError(
-            f"'{path}' is no geometry file by its name; it must end in one of {known}."
+            f"'{path}' is no geometry file by its name; it must end in one of {known};"
+            " perfplast mesh also takes models with a mesh, such as .inp, .bdf, .med, .unv or .vtu."
         )
     if path.exists() and not path.is_file():
         raise InputError(f"'{path}' is not a regular file; give the file of the geometry.")

@@ -225,6 +225,16 @@ def test_bolts_with_nuts() -> None:
         ("empty.step", "", "is empty"),
         ("other.step", "solid teapot", "is no STEP file"),
         ("teapot.stl", "solid teapot", "no geometry file by its name"),
+        (
+            "teapot.mesh",
+            "MeshVersionFormatted 2",
+            "perfplast mesh also takes models with a mesh, s",
+        ),
+        (
+            "teapot.msh",
+            "$MeshFormat",
+            "is a mesh already; give it in a case, by file = 'teapot.msh'",
+        ),
     ],
 )
 def test_no_geometry_at_first_sight(tmp_path: Path, name: str, content: str, says: str) -> None:

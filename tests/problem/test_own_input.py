@@ -19,9 +19,10 @@ from dolfinx.mesh import (
     meshtags,
 )
 
-from perfplast_fenicsx import Contact, Pressure, Problem, Support, TaggedMesh, Tie, Traction
+from perfplast_fenicsx import Contact, Plane, Pressure, Problem, Support, TaggedMesh, Tie, Traction
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.elastic import ElasticLaw
+from perfplast_fenicsx.mesh.tagged_mesh import Tags
 from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
 from tests.models import STEEL, touching_blocks
 
@@ -177,10 +178,23 @@ def test_names_for_wrong_tags(changes: dict[str, Any], part: str) -> None:
     assert part in str(refusal.value)
 
 
+PAIR = Contact("lower_top", "upper_bottom")
+ABOVE = Plane("top", (0.0, 0.0, 3.0), (0.0, 0.0, -1.0))
+
+
 @pytest.mark.parametrize(
     ("changes", "part"),
     [
         ({"contacts": [Tie("lower_top", "upper_bottom")]}, "give it as ties = [...]"),
+        (
+            {"contacts": 2 * [PAIR]},
+            "has the surfaces of contact 1 ('lower_top', 'upper_bottom'); le",
+        ),
+        (
+            {"ties": [Tie("upper_bottom", "lower_top")]},
+            "tie 1 ('upper_bottom', 'lower_top') has th",
+        ),
+        ({"obstacles": 2 * [ABOVE]}, "the obstacle on 'top' is that on 'top', with facets in comm"),
         (
             {"loads": [Traction("top", lambda x: x)]},  # type: ignore[arg-type]
             "the load on 'top' has a function as value; give numbers, or formulas",
@@ -194,4 +208,35 @@ def test_names_for_wrong_tags(changes: dict[str, Any], part: str) -> None:
 def test_things_in_the_wrong_place(changes: dict[str, Any], part: str) -> None:
     with pytest.raises(InputError) as refusal:
         touching_blocks(**({"contacts": [Contact("lower_top", "upper_bottom")]} | changes))
+    assert part in str(refusal.value)
+
+
+def with_parts() -> TaggedMesh:
+    """Return two cubes on each other; a part of each side has a name of its own."""
+    whole = touching_blocks().tagged_mesh
+    tags, dim = whole.facet_tags, whole.mesh.topology.dim
+    at = compute_midpoints(whole.mesh, dim - 1, tags.indices)[:, 0] < 0.5
+    values = np.where(at, tags.values + 100, tags.values).astype(np.int32)
+    surfaces: dict[str, Tags] = {}
+    for name, tag in whole.surfaces.items():
+        assert isinstance(tag, int)
+        surfaces |= {name: (tag, tag + 100), f"{name}_part": tag + 100}
+    facets = meshtags(whole.mesh, dim - 1, tags.indices, values)
+    return replace(whole, facet_tags=facets, surfaces=surfaces)
+
+
+@pytest.mark.parametrize(
+    ("contacts", "ties", "part"),
+    [
+        ([PAIR, Contact("lower_top_part", "upper_bottom_part")], [], "contact 2 ('lower_top_part'"),
+        ([Contact("upper_bottom", "lower_top_part"), PAIR], [], "of both surfaces of contact 1"),
+        ([PAIR], [Tie("lower_top_part", "upper_bottom_part")], "tie 1 ('lower_top_part', "),
+        ([], [Tie("lower_top", "lower_top_part")], "the two surfaces have facets in common"),
+    ],
+)
+def test_facets_in_two_contacts_or_ties(
+    contacts: list[Contact], ties: list[Tie], part: str
+) -> None:
+    with pytest.raises(InputError) as refusal:
+        touching_blocks(with_parts(), contacts=contacts, ties=ties)
     assert part in str(refusal.value)

@@ -18,7 +18,6 @@ from perfplast_fenicsx.contact.mortar.mortar_contact import Mortar
 from perfplast_fenicsx.contact.rows.constraints import Constraints, Formulation, Source, joined
 from perfplast_fenicsx.contact.surfaces.gap_function import NoPartners
 from perfplast_fenicsx.contact.surfaces.surface_nodes import directions
-from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
@@ -74,16 +73,8 @@ def find_constraints(
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
 
     Raises:
-        InputError: If surfaces do not fit each other or an obstacle, or two contacts are of
-            the same ones.
+        errors.InputError: If surfaces do not fit each other or an obstacle.
     """
-    pairs = [frozenset((contact.primary, contact.secondary)) for contact in contacts]
-    for count, pair in enumerate(pairs):
-        if pair in pairs[:count]:
-            raise InputError(
-                f"contact {count + 1} has the surfaces of contact {1 + pairs.index(pair)}, and so"
-                " more conditions than freedom; name each pair of surfaces once."
-            )
     chosen: list[Formulation] = []
     sources = [_of_contact(contact) for contact in contacts]
     sources += [_of_obstacle(obstacle, V.mesh.geometry.dim) for obstacle in obstacles]

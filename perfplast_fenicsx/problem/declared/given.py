@@ -1,7 +1,7 @@
 """The declaration of a problem, independent of its mesh."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +35,7 @@ class Given:
     rigid: Sequence[RigidSurface]
 
     def check(self, tagged_mesh: "TaggedMesh") -> None:
-        """Refuse what is in the wrong place, and surfaces that no facet is on. Collective.
+        """Refuse what is misplaced or there twice, and surfaces without facets. Collective.
 
         Args:
             tagged_mesh: What it is declared on.
@@ -69,6 +69,52 @@ class Given:
                     f"the surface '{name}' has the tag {tagged_mesh.surfaces[name]}, which no facet"
                     " of the mesh has; tag its facets, or name another surface."
                 )
+        self._check_pairs(tagged_mesh)
+        for number, one in enumerate(self.obstacles):
+            for other in self.obstacles[:number]:
+                same = replace(one, on="", name="") == replace(other, on="", name="")
+                if same and {*tagged_mesh.tags_of([one.on])} & {*tagged_mesh.tags_of([other.on])}:
+                    raise InputError(
+                        f"the obstacle on '{one.on}' is that on '{other.on}', with facets in"
+                        " common; leave one of them out."
+                    )
+
+    def _check_pairs(self, tagged_mesh: "TaggedMesh") -> None:
+        """Refuse facets that touch each other by two contacts or ties, or that touch themselves.
+
+        A face may touch several others, by a contact of each.
+
+        Raises:
+            InputError: Naming both.
+        """
+        before: list[tuple[str, tuple[str, str], list[set[int]]]] = []
+        given = [("contact", [(one.primary, one.secondary) for one in self.contacts])]
+        given.append(("tie", [(one.primary, one.secondary) for one in self.ties]))
+        for kind, pairs in given:
+            for number, names in enumerate(pairs, start=1):
+                if not all(name in tagged_mesh.surfaces for name in names):
+                    continue  # refused where it is used, with what is meant
+                place = f"{kind} {number} ('{names[0]}', '{names[1]}')"
+                tags = [set(tagged_mesh.tags_of([name])) for name in names]
+                if names[0] != names[1] and tags[0] & tags[1]:
+                    raise InputError(
+                        f"{place}: the two surfaces have facets in common, which cannot touch"
+                        " themselves; name surfaces without common facets."
+                    )
+                for other, others, theirs in before:
+                    both = (tags[0] & theirs[0] and tags[1] & theirs[1]) or (
+                        tags[0] & theirs[1] and tags[1] & theirs[0]
+                    )
+                    if both and {*names} != {*others}:
+                        raise InputError(
+                            f"{place} has facets of both surfaces of {other}; let facets that touch"
+                            " be in one contact or tie, by names that have no facets in common."
+                        )
+                    if both:
+                        raise InputError(
+                            f"{place} has the surfaces of {other}; leave one of them out."
+                        )
+                before.append((place, names, tags))
 
     @property
     def holding(self) -> list[Support | RigidSurface]:

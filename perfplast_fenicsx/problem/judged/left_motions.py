@@ -1,14 +1,22 @@
-"""Which rigid motions supports leave to bodies: each by itself, and all of them together."""
+"""Which rigid motions supports leave to bodies, and where they hold what others push on."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from mpi4py import MPI
 
 import numpy as np
 from dolfinx import fem
+from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.rows.rigid_motion_names import motion_name
 from perfplast_fenicsx.contact.rows.rigid_motions import null_space
+from perfplast_fenicsx.contact.surfaces.surface_normals import face_nodes
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import ROUNDING
 
 
 def left_motions(problem: Problem) -> tuple[list[list[str]], list[str]]:
@@ -96,3 +104,82 @@ def _motions(problem: Problem, left: Floats) -> str:
         one for one in told if not one.startswith(("translation in ", "rotation about "))
     )
     return " and ".join(kinds)
+
+
+@dataclass(frozen=True)
+class HeldAgainst:
+    """A contact surface of which supports hold some nodes along the normal, and not the other one.
+
+    Attributes:
+        surface: Its name.
+        other: The name of the surface that lies opposite.
+        held: How many of its nodes are held so.
+        nodes: How many nodes it has.
+        by: The names of the supports.
+    """
+
+    surface: str
+    other: str
+    held: int
+    nodes: int
+    by: tuple[str, ...]
+
+
+def held_against(problem: Problem, stiff: Collection[str]) -> list[HeldAgainst]:
+    """Return where supports hold a part of a surface that a stiff body may push on. Collective.
+
+    A stiff body cannot move into such a surface: a wall that is driven into ground whose base is
+    held as far as the wall, for instance. Places at which both sides are held along the normal are
+    left out, and so are surfaces that are held everywhere.
+
+    Args:
+        problem: The bodies.
+        stiff: Names of volumes that keep their shape at collapse.
+    """
+    near = ROUNDING * problem.bodies.size
+    found = []
+    for contact in problem.given.contacts:
+        names = (contact.primary, contact.secondary)
+        sides = [_held_nodes(problem, name) for name in names]
+        for number, (held, by, nodes) in enumerate(sides):
+            if not _lies_on(problem, names[1 - number], stiff):
+                continue
+            facing = sides[1 - number][0]
+            alone = np.ones(len(held), dtype=np.bool_)
+            if len(facing) and len(held):
+                alone = cKDTree(facing).query(held)[0] > near
+            if alone.any() and len(held) < nodes:
+                supports = sorted({problem.support_names[one] for one in by[alone]})
+                one = (names[number], names[1 - number], int(alone.sum()), nodes, tuple(supports))
+                found.append(HeldAgainst(*one))
+    return found
+
+
+def _lies_on(problem: Problem, surface: str, volumes: Collection[str]) -> bool:
+    """Return whether all cells at a surface are of some volumes, on every rank alike."""
+    tagged_mesh = problem.tagged_mesh
+    topology = tagged_mesh.mesh.topology
+    to_cell = topology.connectivity(topology.dim - 1, topology.dim)
+    cells = to_cell.array[to_cell.offsets[tagged_mesh.facets(surface)]]
+    own = [tagged_mesh.cells(name) for name in volumes]
+    within = np.isin(cells, np.concatenate([np.zeros(0, dtype=np.int32), *own])).all()
+    return bool(problem.comm.allreduce(bool(within), MPI.LAND))
+
+
+def _held_nodes(problem: Problem, surface: str) -> tuple[Floats, Ints, int]:
+    """Return the nodes of a surface that supports hold along its normal, of all ranks.
+
+    Returns:
+        Their places, shape (n, 3), the number of the support that holds each, shape (n,), and how
+        many nodes the surface has.
+    """
+    faces = face_nodes(problem.V, problem.tagged_mesh, surface)
+    taken = np.abs(faces.normal) * (problem.held_by[faces.node] >= 0)
+    mostly = 0.7  # share of a normal along axes that are held
+    held = np.flatnonzero(np.linalg.norm(taken, axis=1) > mostly)
+    nodes, first = np.unique(faces.node[held], return_index=True)
+    by = problem.held_by[nodes, np.argmax(taken[held[first]], axis=1)]
+    places = problem.V.tabulate_dof_coordinates()[nodes]
+    parts = problem.comm.allgather((places, by, len(np.unique(faces.node))))
+    found, supports, counts = zip(*parts, strict=True)
+    return np.concatenate(found), np.concatenate(supports), sum(counts)
