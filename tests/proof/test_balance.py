@@ -376,3 +376,24 @@ def test_numbers_of_twice_the_digits_contain_exact_results() -> None:
         lost = Fraction(float(roots.rad[row]))
         assert (middle - lost) ** 2 <= Fraction(abs(values[row, 1])) <= (middle + lost) ** 2
     assert all(a.rad.max() <= 1e-25 * np.abs(a.mid).max() for a in found.values())
+
+
+@pytest.mark.parametrize(("adhesion", "friction"), [(0.0, 0.0), (0.1, 0.0), (0.0, 0.3), (0.1, 0.3)])
+@pytest.mark.parametrize("claim", [1e-3, 0.05, 0.2, 10.0])
+def test_friction_alone_holds_a_body(adhesion: float, friction: float, claim: float) -> None:
+    """A strip on a plane, pressed by 1 and pushed along: no more than c + μ is proven."""
+    them = strip(2.0, 4)
+    them["held"][:] = 0
+    them["surface"][:4] = 1
+    them["obstacles"], them["obstacle_normals"] = np.array([1]), np.array([[0.0, -1.0]])
+    them["obstacle_adhesion"] = np.array([adhesion])
+    them["obstacle_friction"] = np.array([friction])
+    them["constant_traction"] = np.zeros_like(them["traction"])
+    them["constant_traction"][4:8, :, 1] = -1.0
+    them["traction"][4:8, :, 0] = 1.0
+    them["stress"][..., 1, 1] = -1.0
+    them["bound"] = np.array(claim)
+    reached = check_lower(them).reached
+    assert reached is None or reached <= adhesion + friction
+    if claim == 1e-3:
+        assert (reached is not None) == (adhesion + friction > 0)
