@@ -1,6 +1,6 @@
 """Laws, loads, controls and other parts that installed packages add to the command line.
 
-A package names a module under the entry points of the group :data:`GROUP`. The module is imported
+A package names a module under the entry points of the group ``GROUP``. The module is imported
 before a command reads its case, and puts its classes into the tables that case files choose from,
 such as :data:`~perfplast_fenicsx.materials.laws.MATERIALS`.
 """
@@ -13,7 +13,7 @@ GROUP = "perfplast_fenicsx.extensions"
 
 @cache
 def load_extensions() -> str | None:
-    """Import the modules of :data:`GROUP`, once; return why one cannot be, or None."""
+    """Import the modules of ``GROUP``, once; return why one cannot be, or None."""
     for entry in sorted(metadata.entry_points(group=GROUP), key=lambda entry: entry.name):
         try:
             entry.load()

@@ -5,7 +5,7 @@ to a cone f(σ) ≤ c where f(σ) + f(τ) ≤ c, as f is convex and of first deg
 each cell is enough, and only that is computed, from above.
 
 1. Supports and contact exert further forces, so that each piece of cells that facets join is in
-   equilibrium as a whole (:func:`_reactions`). Contact has to press by more than these.
+   equilibrium as a whole (``_reactions``). Contact has to press by more than these.
 2. The cells of a piece are a tree. Through one facet each cell passes on all that lies beyond: the
    force F and the moment M, by the traction F/A + θ × (x − c) with Iθ = M. So each cell by itself
    is in equilibrium.
