@@ -42,6 +42,12 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
     solid = solid_cells(assembly.points, assembly.blocks, assembly.left_out)
     dim = solid.dim
     meanings = {block.kind.model for block in solid.blocks}
+    if dim == 2 and meanings == {STRESS}:
+        raise InputError(
+            "elements in the plane are of plane stress (CPS), which is not read from .inp; write CPE"
+            ' in their place, then kind = "plane-stress" and thickness under [model] of the case,'
+            " and look at what its loads come to."
+        )
     if dim == 2 and (len(meanings) > 1 or meanings & {STRESS, ""}):
         raise InputError(
             f"elements in the plane are of {' and '.join(m or 'shells' for m in sorted(meanings))};"

@@ -283,7 +283,7 @@ def test_plane_models(tmp_path: Path) -> None:
     quads = "*ELEMENT, TYPE=CAX4, ELSET=EALL\n1,1,2,3,4\n2,4,3,6,5\n"
     found = model(tmp_path, text + quads)
     assert (found.dim, found.turned, found.bodies, len(found.cells)) == (2, True, ["eall"], 4)
-    with pytest.raises(InputError, match="plane stress"):
+    with pytest.raises(InputError, match='write CPE in their place, then kind = "plane-stress"'):
         model(tmp_path, text + quads.replace("CAX4", "CPS4"))
 
 
