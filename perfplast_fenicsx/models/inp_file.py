@@ -44,8 +44,8 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
     meanings = {block.kind.model for block in solid.blocks}
     if dim == 2 and meanings == {STRESS}:
         raise InputError(
-            "elements in the plane are of plane stress (CPS), which is not read from .inp; write CPE"
-            ' in their place, then kind = "plane-stress" and thickness under [model] of the case,'
+            "elements in the plane are of plane stress (CPS), which is not read from .inp; write"
+            ' CPE in their place, then kind = "plane-stress" and thickness under [model] of the case,'
             " and look at what its loads come to."
         )
     if dim == 2 and (len(meanings) > 1 or meanings & {STRESS, ""}):
