@@ -45,8 +45,8 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
     if dim == 2 and meanings == {STRESS}:
         raise InputError(
             "elements in the plane are of plane stress (CPS), which is not read from .inp; write"
-            ' CPE in their place, then kind = "plane-stress" and thickness under [model] of the case,'
-            " and look at what its loads come to."
+            ' CPE in their place, then kind = "plane-stress" and thickness under [model] of the'
+            " case, and look at what its loads come to."
         )
     if dim == 2 and (len(meanings) > 1 or meanings & {STRESS, ""}):
         raise InputError(
