@@ -31,7 +31,11 @@ def drawn_steels(bodies: Sequence[str], number: int) -> dict[str, VonMises]:
     """A steel for each body, drawn at random."""
     drawn = random.Random(number)
     ranges = ((70e3, 210e3), (0.2, 0.35), (200.0, 500.0))  # Young, Poisson, yield stress
-    return {body: VonMises(*(drawn.uniform(*r) for r in ranges)) for body in bodies}
+    found = {}
+    for body in bodies:
+        young, poisson, strength = (drawn.uniform(*r) for r in ranges)
+        found[body] = VonMises(young, poisson, strength)
+    return found
 
 
 def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:

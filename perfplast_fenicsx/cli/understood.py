@@ -14,6 +14,10 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.load_words import load_in_words
+from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
+    divided_strengths,
+    kept_strengths,
+)
 from perfplast_fenicsx.materials.elastic import ElasticLaw
 from perfplast_fenicsx.pictures import drawing_process
 from perfplast_fenicsx.problem.declared.loads import Load, kind_of
@@ -82,6 +86,7 @@ def understood(case: Case, problem: Problem) -> Understood | None:
     told.loads(resultants, volumes)
     told.supports(single, together)
     told.interfaces(gaps, against)
+    told.strengths()
     told.rest(volumes)
     return Understood(told.lines, sides, told.marked)
 
@@ -187,6 +192,17 @@ class _Told:
             told = "" if tie in self.case.ties else "; the drawing has one face for both"
             self.lines.append(f"  '{both[0]}' and '{both[1]}': areas {areas}{told}")
             self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
+
+    def strengths(self) -> None:
+        """Name the strengths that a factor of safety divides, and those that it does not."""
+        case = self.case
+        if not case.loading.divides:
+            return
+        rubbing = [*case.contacts, *case.obstacles]
+        weaker = divided_strengths(case.materials, rubbing)
+        self.lines.append(f"F divides the strengths of: {_few(weaker)}")
+        if kept := kept_strengths(case.materials, rubbing):
+            self.lines.append(f"F does not divide (reduced = false): {_few(kept)}")
 
     def rest(self, volumes: dict[str, float]) -> None:
         """Print what the case does not name, and which bodies have no load or support."""

@@ -123,6 +123,7 @@ class Control(Protocol):
         element: Defaults of ``[element]``.
         drives: ζ multiplies motions of supports and obstacles, and not loads.
         of_body: What holds for the bodies is asked for, not for their mesh alone.
+        divides: Strengths are divided by a factor, but for those with ``reduced = false``.
         together: One load factor ζ multiplies all that grows; else what varies has factors of its
             own.
     """
@@ -131,6 +132,7 @@ class Control(Protocol):
     element: ClassVar[Mapping[str, Any]]
     drives: ClassVar[bool]
     of_body: ClassVar[bool]
+    divides: ClassVar[bool]
     together: ClassVar[bool]
 
     @property
@@ -192,6 +194,7 @@ class OfLevels:
 
     element: ClassVar[Mapping[str, Any]] = {}
     of_body: ClassVar[bool] = False
+    divides: ClassVar[bool] = False
     together: ClassVar[bool] = True
     limit_tolerance: ClassVar[None] = None
     limit_method: ClassVar[None] = None
@@ -216,6 +219,7 @@ class OfBody:
     element: ClassVar[Mapping[str, Any]] = {"degree": 2}  # linear ones lock
     drives: ClassVar[bool] = False
     of_body: ClassVar[bool] = True
+    divides: ClassVar[bool] = False
     together: ClassVar[bool] = True
     values: ClassVar[None] = None
     limit_method: ClassVar[LimitMethod] = LimitMethod.INTERIOR_POINT

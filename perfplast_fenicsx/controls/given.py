@@ -1,7 +1,7 @@
 """Loads and motions of a case, and the refusals that most controls share."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
@@ -24,7 +24,7 @@ class Given:
         contacts: Some of which may overlap more and more.
         strained: Whether bodies are strained at first, or overlap so.
         initial: What strains them.
-        elastic: Whether none of the bodies can yield.
+        materials: Of the bodies by name.
     """
 
     loads: Sequence[Load]
@@ -33,7 +33,7 @@ class Given:
     contacts: Sequence[Contact]
     strained: bool
     initial: Sequence[Initial] = ()
-    elastic: bool = False
+    materials: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def movers(self) -> tuple[Mover, ...]:

@@ -19,8 +19,8 @@ from perfplast_fenicsx.problem.problem import Problem
 class StrengthControl(OfBody):
     """No loading: bounds of the factor by which strengths may fall until the bodies fall.
 
-    Yield stresses, cohesions and slopes of friction, those of contacts and obstacles too, are
-    divided by it alike; the loads stay, and all of them are constant.
+    Yield stresses, cohesions and slopes of friction are divided by it, those of contacts and
+    obstacles too. Strengths with ``reduced = false`` stay as they are. All loads are constant.
 
     Args:
         limit_tolerance: How near each factor comes to the root of its bound, relative, between 0
@@ -34,6 +34,7 @@ class StrengthControl(OfBody):
     """
 
     design: ClassVar[None] = None
+    divides: ClassVar[bool] = True
 
     limit_tolerance: float = 1e-3
     path: bool = False
@@ -42,10 +43,10 @@ class StrengthControl(OfBody):
         check_tolerance(self.limit_tolerance)
 
     def check(self, given: Given) -> None:
-        """Refuse elastic bodies, or without loads, loads that grow, and obstacles that move."""
+        """Refuse missing or growing loads, obstacles that move, and bodies that F cannot weaken."""
         given.require_load()
         given.refuse_moves()
-        check_stands(given.loads, given.elastic)
+        check_stands(given.loads, given.materials, [*given.contacts, *given.obstacles])
 
     def admit(self, problem: Problem, solver: Any) -> None:
         """Refuse what has no reduced strength, and what bounds do not know. Collective."""

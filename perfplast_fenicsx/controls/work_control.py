@@ -48,6 +48,7 @@ class WorkControl:
     drives: ClassVar[bool] = False
     together: ClassVar[bool] = True
     of_body: ClassVar[bool] = False
+    divides: ClassVar[bool] = False
 
     values: list[float] | None = None
     until: Literal["limit"] | None = None

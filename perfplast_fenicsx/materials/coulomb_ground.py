@@ -29,6 +29,7 @@ class Tresca:
         cohesion: Largest shear stress (stress), positive; half of the uniaxial yield stress.
         expansion: Strain of a change of temperature by one degree (1/temperature).
         tensile_strength: Largest tension f in any direction (stress), positive; None for no limit.
+        reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
     Raises:
         InputError: If a number is out of its range.
@@ -39,6 +40,7 @@ class Tresca:
     cohesion: float
     expansion: float = 0.0
     tensile_strength: float | None = None
+    reduced: bool = True
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
@@ -60,7 +62,7 @@ class Tresca:
         """μ = E / (2(1 + ν))."""
         return Elastic(self.young, self.poisson).shear
 
-    def reduced(self, factor: float) -> "Tresca":
+    def divided_by(self, factor: float) -> "Tresca":
         """The same with c/F and f/F.
 
         Args:
@@ -91,6 +93,7 @@ class MohrCoulomb:
             ground that stands for it, an estimate.
         tensile_strength: Largest tension f in any direction (stress), positive; None, or from
             c cot φ on, for what cohesion and friction leave.
+        reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
     Raises:
         InputError: If a number is out of its range.
@@ -104,6 +107,7 @@ class MohrCoulomb:
     dilatancy_angle: float | None = None
     nonassociated: Stand | None = None
     tensile_strength: float | None = None
+    reduced: bool = True
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
@@ -144,7 +148,7 @@ class MohrCoulomb:
         """μ = E / (2(1 + ν))."""
         return Elastic(self.young, self.poisson).shear
 
-    def reduced(self, factor: float) -> "MohrCoulomb":
+    def divided_by(self, factor: float) -> "MohrCoulomb":
         """The same ground with c/F, tan φ/F and f/F, and ψ by what is made of it.
 
         Args:

@@ -200,6 +200,7 @@ class DruckerPrager:
         nonassociated: What is made of ground that dilates by less: ``"radenkovic"`` for bounds of
             all that it may carry, ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` for associated
             ground that stands for it, an estimate.
+        reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
     Raises:
         InputError: If a number is out of its range.
@@ -215,6 +216,7 @@ class DruckerPrager:
     expansion: float = 0.0
     dilatancy_angle: float | None = None
     nonassociated: Stand | None = None
+    reduced: bool = True
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
@@ -254,7 +256,7 @@ class DruckerPrager:
         size = math.sqrt(3) * (3 + sign * math.sin(phi))
         return 6 * math.sin(phi) / size, 6 * self.cohesion * math.cos(phi) / size
 
-    def reduced(self, factor: float) -> "DruckerPrager":
+    def divided_by(self, factor: float) -> "DruckerPrager":
         """The same ground with c/F and tan φ/F, and ψ by what is made of it.
 
         Args:

@@ -102,7 +102,7 @@ class Elastic:
         """μ = E / (2(1 + ν))."""
         return self.young / (2 * (1 + self.poisson))
 
-    def reduced(self, factor: float) -> "Elastic":
+    def divided_by(self, factor: float) -> "Elastic":
         """Itself, whatever the factor: it has no strength."""
         return self
 
@@ -145,7 +145,7 @@ class Rigid:
 
     law: ClassVar[type[ElasticLaw]] = ElasticLaw
 
-    def reduced(self, factor: float) -> "Rigid":
+    def divided_by(self, factor: float) -> "Rigid":
         """Return itself, whatever the factor: it has no strength."""
         return self
 

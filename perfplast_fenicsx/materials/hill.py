@@ -91,6 +91,7 @@ class Hill:
         r23: Of shear in that of the second and the third.
         angle: From x to the first axis (degrees), about z.
         expansion: Strain of a change of temperature by one degree (1/temperature).
+        reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
     Raises:
         InputError: If a number is out of its range, or ratios of tension let some stress grow
@@ -110,6 +111,7 @@ class Hill:
     r23: float = 1.0
     angle: float = 0.0
     expansion: float = 0.0
+    reduced: bool = True
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
@@ -157,7 +159,7 @@ class Hill:
         """μ = E / (2(1 + ν))."""
         return Elastic(self.young, self.poisson).shear
 
-    def reduced(self, factor: float) -> "Hill":
+    def divided_by(self, factor: float) -> "Hill":
         """The same body with Y/F.
 
         Args:

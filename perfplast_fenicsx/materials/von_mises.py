@@ -154,6 +154,7 @@ class VonMises:
         poisson: Poisson's ratio ν in (−1, ½).
         yield_stress: Uniaxial yield stress σ_y > 0.
         expansion: Strain of a change of temperature by one degree (1/temperature).
+        reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
     Raises:
         InputError: If a number is out of its range.
@@ -165,6 +166,7 @@ class VonMises:
     poisson: float
     yield_stress: float
     expansion: float = 0.0
+    reduced: bool = True
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
@@ -185,7 +187,7 @@ class VonMises:
         """γ = √(2/3) σ_y."""
         return math.sqrt(2 / 3) * self.yield_stress
 
-    def reduced(self, factor: float) -> "VonMises":
+    def divided_by(self, factor: float) -> "VonMises":
         """The same body with σ_y/F.
 
         Args:

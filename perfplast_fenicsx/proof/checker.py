@@ -24,6 +24,7 @@ from perfplast_fenicsx.proof.plain_arrays import (
     number_of,
     stored_arrays,
 )
+from perfplast_fenicsx.proof.reduction import reduction_words
 from perfplast_fenicsx.proof.rigid import check_loaded
 from perfplast_fenicsx.proof.stored_file import stored_file
 from perfplast_fenicsx.proof.taken_as_written import taken_as_written
@@ -151,7 +152,7 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     )
     if counted and proven is not None:
         sums += f" They and rounding cost {max(factor - proven, 0.0):.2g} of the bound."
-    words = (taken_as_written(body), sums)
+    words = (taken_as_written(body), *reduction_words(body, arrays), sums)
     shown = None if faults else proven
     found = Checked("lower", claimed, shown, left.measured, faults, words, reached=proven)
     return _Half(found, body, overlaps, forces=0.0 if counted else left.forces)
@@ -208,6 +209,7 @@ def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
             faults = (*faults, f"only {proven:.9g} is proven")
     same = before is not None and body is before.body
     words = ["Of the same bodies." if same else taken_as_written(body)]
+    words += reduction_words(body, arrays)
     if body.others and proven is not None and flow.others > 0:
         words.append(_up_to(proven, flow.work / flow.others))
     shown = None if faults else proven

@@ -17,7 +17,7 @@ FLOATS = (
     *("stress", "velocity", "joint_force", "joint_traction"),
 )
 LONGS = ("cells", "cone", "facets", "surface", "contacts", "obstacles", "nodes", "rigid")
-FLAGS = ("held", "rigid_held", "revolved")
+FLAGS = ("held", "rigid_held", "revolved", "cell_kept", "contact_kept", "obstacle_kept")
 
 
 class ProofError(ValueError):
@@ -129,7 +129,7 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
         found[name] = np.asarray(data)
     if "bound" not in group.attrs:
         raise ProofError("bound is missing.")
-    numbers = ("bound", "factor", "any_factor", "revolved")
+    numbers = ("bound", "factor", "any_factor", "revolved", "strength_factor")
     return found | {name: np.asarray(group.attrs[name]) for name in numbers if name in group.attrs}
 
 

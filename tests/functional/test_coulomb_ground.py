@@ -98,7 +98,7 @@ def test_interior_point_and_bounds_know_them_in_plane_strain(read: Read) -> None
 
 
 def test_a_reduced_strength_is_that_of_cohesion_and_slope() -> None:
-    ground = MohrCoulomb(1e5, 0.3, COHESION, 30.0).reduced(2.0)
+    ground = MohrCoulomb(1e5, 0.3, COHESION, 30.0).divided_by(2.0)
     assert ground.cohesion == COHESION / 2
     assert math.tan(math.radians(ground.friction_angle)) == pytest.approx(math.sqrt(1 / 12))
-    assert TRESCA.reduced(4.0).cohesion == COHESION / 4
+    assert TRESCA.divided_by(4.0).cohesion == COHESION / 4

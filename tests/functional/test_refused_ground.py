@@ -120,7 +120,7 @@ def test_dilatancy_of_friction(
     assert main(["check", str(case)]) == SOLVED
     assert capsys.readouterr().err == ""
     same = MohrCoulomb(3e4, 0.3, 10.0, 25.0, dilatancy_angle=25.0)
-    assert same.reduced(1.2) == MohrCoulomb(3e4, 0.3, 10.0, 25.0).reduced(1.2)
+    assert same.divided_by(1.2) == MohrCoulomb(3e4, 0.3, 10.0, 25.0).divided_by(1.2)
 
 
 @pytest.mark.long

@@ -10,6 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from meshes.retaining_wall import write_retaining_wall
 from meshes.slope import write_slope
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
@@ -70,6 +71,8 @@ def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
         halves = check(results / f"{file}.h5")
         assert list(halves) == [side]
         assert not halves[side].faults
+        told = f"F = {limit['strength'][side]:.9g}; before that they are a cohesion of 0.05 with"
+        assert f"{told} tan φ = 0.36397" in " ".join(halves[side].words)
         assert halves[side].claimed == pytest.approx(value, abs=0.05)
         assert (halves[side].claimed >= 1) == (side == "lower")
     assert not (results / "bounds.h5").exists()
@@ -92,9 +95,92 @@ def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
     assert verdict.details[2].startswith("F over work levels off at 1.")
 
 
+WALL = """
+[mesh]
+file = "wall.msh"
+adapt = { until = 0.9, cells = 100 }
+[material.ground]
+law = "tresca"
+young = 1e4
+poisson = 0.3
+cohesion = 0.5
+[material.wall]
+law = "von-mises"
+young = 1e6
+poisson = 0.2
+yield_stress = 2000.0
+reduced = false
+[[tie]]
+primary = "ground_face"
+secondary = "wall_face"
+[[support]]
+on = "bottom"
+[[support]]
+on = "side"
+components = "x"
+[[support]]
+on = "below"
+components = "x"
+[[load]]
+on = "ground"
+body_force = [0.0, -1.2]
+constant = true
+[[load]]
+on = "wall"
+body_force = [0.0, -1.2]
+constant = true
+[loading]
+control = "strength"
+limit_tolerance = 0.05
+"""
+
+
+def test_a_strength_that_is_not_divided(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
+) -> None:
+    """It is told before and after the run, and by the checker, of both proofs."""
+    if comm.rank == 0:
+        write_retaining_wall(shared_tmp_path / "wall.msh", width=3.0)
+    case = write(comm, shared_tmp_path, WALL)
+    results = shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results)]) == SOLVED
+    told = capsys.readouterr().out
+    if comm.rank != 0:
+        return
+    assert "F divides the strengths of: 'ground'" in told
+    assert "F does not divide (reduced = false): the strength of 'wall'" in told
+    strength = json.loads((results / "summary.json").read_text())["limit"]["strength"]
+    assert strength["in_words"].endswith(
+        "all strengths but the strength of 'wall' are divided by F."
+    )
+    for file, side in (("stands", "lower"), ("falls", "upper")):
+        found = check(results / f"{file}.h5")[side]
+        assert not found.faults
+        words = " ".join(found.words)
+        assert f"Strengths are divided by F = {strength[side]:.9g}" in words
+        assert "before that they are a yield radius of 0.707107." in words
+        assert "Not divided: strengths in a volume of 0.5." in words
+
+
+@pytest.mark.parametrize("control", ["bounds", "load"])
+def test_no_strength_is_kept_where_none_is_divided(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], slope: Path, control: str
+) -> None:
+    text = CASE.replace("friction_angle = 20.0", "friction_angle = 20.0\nreduced = false")
+    text = text[: text.index("[loading]")].replace("adapt = { until = 0.2, cells = 300 }\n", "")
+    text = text.replace("constant = true\n", "")
+    text += f'[loading]\ncontrol = "{control}"\n' + "values = [1.0]\n" * (control == "load")
+    case = write(comm, slope, text)
+    assert main(["check", str(case)]) == BAD_INPUT
+    told = one_line(comm, capsys)
+    assert "reduced = false keeps the strength of 'soil'" in told
+    assert "give control = 'strength', or leave reduced out" in told
+
+
 @pytest.mark.parametrize(
     ("before", "after", "named"),
     [
+        ("poisson = 0.3", "poisson = 0.3\nreduced = false", "reduced = false leaves no strength"),
         ("constant = true", "", "'soil' grows"),
         ("limit_tolerance = 0.01", "limit_tolerance = 1.5", "1.5"),
         ("limit_tolerance = 0.01", "design = 1.0", "design"),

@@ -135,8 +135,8 @@ def test_factors_of_safety(stand: str, read: Read) -> None:
     sides = (found.lower, least, -1), (found.upper, associated, 1)
     for value, stands, sign in sides:
         assert value is not None
-        assert strength(stands(of.reduced(value))) == pytest.approx(stays, rel=1e-3)
-        assert sign * (stays - strength(stands(of.reduced(value)))) >= -1e-9 * stays
+        assert strength(stands(of.divided_by(value))) == pytest.approx(stays, rel=1e-3)
+        assert sign * (stays - strength(stands(of.divided_by(value)))) >= -1e-9 * stays
     name = "Radenkovic's pair" if stand == "radenkovic" else f"Davis' {stand[-1].upper()}"
     assert name in found.in_words()
     assert found.estimate == (stand != "radenkovic")
@@ -163,13 +163,13 @@ def test_what_davis_reduces() -> None:
         ("davis-b", beta(phi, psi)),
         ("davis-c", beta(phi, PSI)),
     ):
-        found = associated(ground(stand).reduced(factor))
+        found = associated(ground(stand).divided_by(factor))
         assert found.cohesion == pytest.approx(by * C / factor)
         assert tan(found.friction_angle) == pytest.approx(by * tan(PHI) / factor)
-    first, second = (associated(ground(f"davis-{it}", 0.0).reduced(1.2)) for it in "bc")
+    first, second = (associated(ground(f"davis-{it}", 0.0).divided_by(1.2)) for it in "bc")
     assert first.cohesion == pytest.approx(second.cohesion)
     assert associated(ground("davis-a", PHI)).cohesion == pytest.approx(C)
-    published = associated(ground("davis-a", 5.0).reduced(1.2))
+    published = associated(ground("davis-a", 5.0).divided_by(1.2))
     assert published.cohesion == pytest.approx(7.158129, rel=1e-6)
     assert published.friction_angle == pytest.approx(26.620835, rel=1e-6)
 

@@ -80,5 +80,5 @@ def test_refused(change: dict[str, float], words: str) -> None:
 
 
 def test_reduced_strength() -> None:
-    assert SHEET.reduced(2.0).yield_stress == 225.0
-    assert SHEET.reduced(2.0).coefficients == SHEET.coefficients
+    assert SHEET.divided_by(2.0).yield_stress == 225.0
+    assert SHEET.divided_by(2.0).coefficients == SHEET.coefficients

@@ -60,7 +60,7 @@ def test_a_strength_beyond_the_apex_is_none() -> None:
 
 
 def test_it_falls_with_the_others() -> None:
-    ground, metal = GROUND.reduced(2.0), METAL.reduced(2.0)
+    ground, metal = GROUND.divided_by(2.0), METAL.divided_by(2.0)
     assert (ground.tensile_strength, metal.tensile_strength) == pytest.approx((2.0, 1.5))
 
 

@@ -33,6 +33,7 @@ class Contact(FrictionTerms):
             adhesion, the shear stress that is to be overcome without pressure.
         associated: Whether slip follows the normal of that friction's cone, as of a joint that
             dilates: surfaces part by μ times what they slip. Bounds of the body alone know it.
+        reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
         name: What stages call an overlap that grows; that of the primary surface without it.
 
     Raises:
@@ -50,6 +51,7 @@ class Contact(FrictionTerms):
     constant: bool = True
     name: str = ""
     associated: bool = False
+    reduced: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()

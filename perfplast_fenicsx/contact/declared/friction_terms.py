@@ -13,23 +13,30 @@ class FrictionTerms:
         coulomb: Coefficient of friction: so many times the pressure comes to it.
         associated: Whether slip follows the normal of friction's cone, so that surfaces part by
             ``coulomb`` times what they slip.
+        reduced: Whether a factor of safety divides it.
     """
 
     tresca: float | None
     coulomb: float | None
     associated: bool = False
+    reduced: bool = True
 
     def __post_init__(self) -> None:
         """Refuse invalid friction.
 
         Raises:
-            InputError: If friction is negative or not finite, or none follows the pressure that
-                slip could part surfaces by.
+            InputError: If friction is negative or not finite. If slip parts surfaces, and no
+                friction follows the pressure. If none is there that could stay as it is.
         """
         if self.associated and not self.coulomb:
             raise InputError(
                 "associated = true needs friction that follows the pressure; give coulomb, a"
                 " number above zero, or leave associated out."
+            )
+        if not (self.reduced or self.rubs):
+            raise InputError(
+                "reduced = false is of friction that a factor of safety divides; give tresca or"
+                " coulomb, or leave reduced out."
             )
         for key, value in (("tresca", self.tresca), ("coulomb", self.coulomb)):
             if value is not None and not (math.isfinite(value) and value >= 0):

@@ -38,6 +38,7 @@ class Plane(_NamedFriction):
         name: What its force is called in results; that of its surface without it.
         associated: Whether slip parts body and obstacle by μ times what it is, as of a joint that
             dilates. Bounds of the body alone know it.
+        reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
     """
 
     on: str
@@ -48,6 +49,7 @@ class Plane(_NamedFriction):
     coulomb: float | None = None
     name: str = ""
     associated: bool = False
+    reduced: bool = True
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """Distance of points to the obstacle and the unit direction that leads into it.
@@ -80,6 +82,7 @@ class Sphere(_NamedFriction):
         coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
             ``tresca`` is an adhesion.
         name: What its force is called in results; that of its surface without it.
+        reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
     """
 
     on: str
@@ -90,6 +93,7 @@ class Sphere(_NamedFriction):
     tresca: float | None = None
     coulomb: float | None = None
     name: str = ""
+    reduced: bool = True
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """See :meth:`Plane.towards`."""
@@ -111,6 +115,7 @@ class Cylinder(_NamedFriction):
         coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
             ``tresca`` is an adhesion.
         name: What its force is called in results; that of its surface without it.
+        reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
     """
 
     on: str
@@ -122,6 +127,7 @@ class Cylinder(_NamedFriction):
     tresca: float | None = None
     coulomb: float | None = None
     name: str = ""
+    reduced: bool = True
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """See :meth:`Plane.towards`."""

@@ -38,7 +38,6 @@ from perfplast_fenicsx.io.case.tables import (
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
-from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.initial import Initial
@@ -118,8 +117,8 @@ class Case:
             moving = [called(one) for one in (*held, *self.obstacles) if _moves(one)]
             strains = [getattr(one, "name", "") or one.on for one in self.initial]
             loads = combination.of(self.loads, [*moving, *strains])
-            elastic = all_elastic(self.materials.values())
-            self.loading.check(Given(loads, held, *movers, strained, self.initial, elastic))
+            given = Given(loads, held, *movers, strained, self.initial, self.materials)
+            self.loading.check(given)
             return replace(
                 self,
                 title=f"{self.title}: {combination.name}",

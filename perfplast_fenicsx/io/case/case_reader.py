@@ -35,7 +35,8 @@ from perfplast_fenicsx.io.case.tables import (
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
-from perfplast_fenicsx.materials.elastic import all_elastic, check_deforms
+from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_all_divided
+from perfplast_fenicsx.materials.elastic import check_deforms
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.bolt import Bolt
@@ -134,8 +135,9 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         if not loading.of_body:
             check_flows(materials)
             check_deforms(materials)
-        elastic = all_elastic(materials.values())
-        given = Given(loads, [*held, *rigid], obstacles, touching, strained, initial, elastic)
+        if not loading.divides:
+            check_all_divided(materials, touching, obstacles)
+        given = Given(loads, [*held, *rigid], obstacles, touching, strained, initial, materials)
         loading.check(given)
     mesh = read_mesh(top.mesh, top.geometry, name)
     model = convert(top.model, ModelOptions, f"{name}, [model]")

@@ -154,7 +154,7 @@ def reduced(
                 raise InputError(f"strength = {factor:g} divides no strength; give one above 0.")
             if factor == 1:
                 continue
-            weaker = getattr(materials[body], "reduced", None)
+            weaker = getattr(materials[body], "divided_by", None)
             if weaker is None:
                 raise InputError(
                     f"the material of '{body}' has no reduced strength; leave it out of strength."

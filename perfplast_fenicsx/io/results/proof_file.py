@@ -26,6 +26,7 @@ from perfplast_fenicsx.io.results.proof_cones import cones_on_file, table_of
 from perfplast_fenicsx.io.results.proof_loads import Places, loads_on_file
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
+from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import is_divided
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.limit_analysis.statements.bound import Scope
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
@@ -53,6 +54,7 @@ class StressProof:
         question: Of which loads λ is the factor.
         aside: Factor of the loads of any factor.
         factor: That of the loads that the stress balances; None for λ.
+        divisor: F that divides strengths; None where none does.
     """
 
     problem: Problem
@@ -61,6 +63,7 @@ class StressProof:
     question: Question = Question.LIMIT
     aside: float = 0.0
     factor: float | None = None
+    divisor: float | None = None
 
 
 @dataclass(frozen=True)
@@ -72,12 +75,14 @@ class ForceProof:
         bound: λ.
         joints: The forces.
         question: Of which loads λ is the factor.
+        divisor: F that divides strengths; None where none does.
     """
 
     problem: Problem
     bound: float
     joints: JointProof
     question: Question = Question.LIMIT
+    divisor: float | None = None
 
     @property
     def aside(self) -> float:
@@ -94,36 +99,43 @@ class VelocityProof:
         bound: λ.
         velocity: A function of its V, with up-to-date ghosts; v = ru around an axis.
         question: Of which loads λ is the factor.
+        divisor: F that divides strengths; None where none does.
     """
 
     problem: Problem
     bound: float
     velocity: fem.Function
     question: Question = Question.LIMIT
+    divisor: float | None = None
 
 
 LowerProof = StressProof | ForceProof
 """The proof of a lower bound."""
 
 
-def proofs(low: BodyBounds, high: BodyBounds) -> tuple[LowerProof | None, VelocityProof | None]:
+def proofs(
+    low: BodyBounds, high: BodyBounds, divisor: float | None = None
+) -> tuple[LowerProof | None, VelocityProof | None]:
     """Return the proofs of a lower and an upper bound; None if it is not strict or has no proof.
 
     Args:
         low: What was found on the mesh of the lower bound.
         high: What was found on that of the upper one.
+        divisor: F by which the strengths of the bodies are divided; None where they are whole.
     """
     stress: LowerProof | None = None
     velocity = None
     if low.lower.strict and low.lower.value is not None and low.joints is not None:
-        stress = ForceProof(low.problem, low.lower.value, low.joints, low.question)
+        stress = ForceProof(low.problem, low.lower.value, low.joints, low.question, divisor)
     elif low.lower.strict and low.lower.value is not None and low.stress is not None:
         aside = 0.0 if low.static is None else low.static.aside
         of = low.weaker or low.problem
-        stress = StressProof(of, low.lower.value, low.stress, low.question, aside)
+        told = (of, low.lower.value, low.stress, low.question, aside, None, divisor)
+        stress = StressProof(*told)
     if high.upper.strict and high.upper.value is not None and high.problem.degree == 2:
         flow = high.flow
-        velocity = VelocityProof(flow.problem, high.upper.value, flow.velocity, high.question)
+        of_flow = (flow.problem, high.upper.value, flow.velocity, high.question, divisor)
+        velocity = VelocityProof(*of_flow)
     return stress, velocity
 
 
@@ -149,7 +161,7 @@ def write_proof(
             _check(half.problem)
     if lower is not None:
         proof = _stress(lower) if isinstance(lower, StressProof) else _forces(lower)
-        blocks |= _named("lower", _body(lower.problem, lower.question, False) | proof)
+        blocks |= _named("lower", _body(lower, False) | proof)
         numbers["lower"] = {"bound": lower.bound}
         factor = lower.factor if isinstance(lower, StressProof) else None
         if factor is not None and factor != lower.bound:
@@ -157,12 +169,14 @@ def write_proof(
         if lower.question is Question.STANDS:
             numbers["lower"]["any_factor"] = lower.aside
     if upper is not None:
-        blocks |= _named("upper", _body(upper.problem, upper.question, True) | _velocity(upper))
+        blocks |= _named("upper", _body(upper, True) | _velocity(upper))
         numbers["upper"] = {"bound": upper.bound}
 
     for kind, one in (("lower", lower), ("upper", upper)):
         if one is not None and one.problem.tagged_mesh.axisymmetric:
             numbers[kind]["revolved"] = 1
+        if one is not None and one.divisor is not None:
+            numbers[kind]["strength_factor"] = one.divisor
 
     def describe(file: h5py.File) -> None:
         for kind, each in numbers.items():
@@ -172,7 +186,11 @@ def write_proof(
 
 
 def judge(
-    folder: ResultFolder, path: Path, low: BodyBounds, high: BodyBounds
+    folder: ResultFolder,
+    path: Path,
+    low: BodyBounds,
+    high: BodyBounds,
+    divisor: float | None = None,
 ) -> tuple[BodyBounds, BodyBounds]:
     """Write the proof of two bounds, and ask the checker what it proves. Collective.
 
@@ -182,6 +200,7 @@ def judge(
             nothing.
         low: With the lower bound.
         high: With the upper bound.
+        divisor: F by which the strengths of the bodies are divided; None where they are whole.
 
     Returns:
         The same, with bounds of the mesh in place of those that the checker refuses. A bound that
@@ -192,7 +211,7 @@ def judge(
     """
     balanced, claimed = low.lower.value, high.upper.value
     while proofs(low, high) != (None, None):
-        stress, velocity = proofs(low, high)
+        stress, velocity = proofs(low, high, divisor)
         if isinstance(stress, StressProof):
             stress = replace(stress, factor=balanced)
         write_proof(folder, path, stress, velocity)
@@ -308,15 +327,15 @@ def _places(problem: Problem) -> Places:
     return Places(cell_ordering(mesh), Ordering(problem.comm, keys))
 
 
-def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
+def _body(proof: LowerProof | VelocityProof, follows: bool) -> Blocks:
     """The bodies with loads, supports and contact. Collective.
 
     Args:
-        problem: The bodies.
-        question: Of which loads λ is the factor.
+        proof: Of which bodies and loads.
         follows: Whether slip follows the normal of friction's cone; else there is adhesion alone
             where it does not do so by itself.
     """
+    problem, question = proof.problem, proof.question
     tagged_mesh, body = problem.tagged_mesh, bound_body(problem)
     mesh = tagged_mesh.mesh
     d, topology = mesh.topology.dim, mesh.topology
@@ -349,12 +368,16 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
                 for it, there in zip(kinds[kind], known, strict=True)
             ]
             rubbing[f"{kind}_{name}"] = table_of(problem, values, (), np.float64)
+        if proof.divisor is not None:
+            kept = [not it.strength.reduced for it in kinds[kind]]
+            rubbing[f"{kind}_kept"] = table_of(problem, kept, (), np.uint8)
     guided = {"guided": block(places.of_facets, body.guided[outer])}
     into = [it.into for it in body.interfaces if it.into is not None]
     return {
         **loads_on_file(problem, body, question, places),
         **rubbing,
         **(guided if problem.guides.surfaces else {}),
+        **({} if proof.divisor is None else {"cell_kept": _kept(problem, places.of_cells)}),
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
         "cells": block(places.of_cells, numbers[cells]),
         **cones_on_file(problem, places.of_cells),
@@ -365,3 +388,15 @@ def _body(problem: Problem, question: Question, follows: bool) -> Blocks:
         "rigid_held": table_of(problem, list(body.rigid.free[:, :d] == 0), (d,), np.uint8),
         "obstacle_normals": table_of(problem, into, (d,), np.float64),
     }
+
+
+def _kept(problem: Problem, of_cells: Ordering) -> Block:
+    """Return which cells have a strength that F does not divide."""
+    tagged_mesh = problem.tagged_mesh
+    topology = tagged_mesh.mesh.topology
+    flags = np.zeros(topology.index_map(topology.dim).size_local, dtype=np.uint8)
+    for name, material in problem.given.materials.items():
+        if not is_divided(material):
+            cells = tagged_mesh.cells(name)
+            flags[cells[cells < len(flags)]] = 1
+    return block(of_cells, flags)

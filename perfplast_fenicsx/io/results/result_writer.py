@@ -219,12 +219,12 @@ class ResultWriter:
             folder = self.results.folder
             if found.stands is not None:
                 stands = _alone(found.stands, "lower")
-                low, _ = judge(folder, folder.file(STANDS), stands, stands)
+                low, _ = judge(folder, folder.file(STANDS), stands, stands, found.lower)
                 if not _as_before(low.lower, stands.lower) or (low.lower.value or 0.0) < 1.0:
                     found = replace(found, lower=None, stands=None)
             if found.falls is not None:
                 falls = _alone(found.falls, "upper")
-                _, high = judge(folder, folder.file(FALLS), falls, falls)
+                _, high = judge(folder, folder.file(FALLS), falls, falls, found.upper)
                 if not _as_before(high.upper, falls.upper) or (high.upper.value or 0.0) > 1.0:
                     found = replace(found, upper=None, falls=None)
         self._judged_safety = found

@@ -95,7 +95,12 @@ class FactorRoots:
         times = None if found.standing is None else found.standing.lower
         return math.log(times) if times is not None and times > 0 else None
 
-    def root(self, kind: str, known_elsewhere: float | None = None) -> float | None:
+    def root(
+        self,
+        kind: str,
+        known_elsewhere: float | None = None,
+        other_side: float | None = None,
+    ) -> float | None:
         """Return the factor at which a bound of μ is 1, on its safe side. Collective.
 
         None where no strict bound was found. Values that are not strict steer the search as well,
@@ -104,6 +109,8 @@ class FactorRoots:
         Args:
             kind: "lower" or "upper".
             known_elsewhere: A factor on the safe side that another mesh has shown.
+            other_side: One that is not, by a bound of the other kind. It is what counts where only
+                a part of a stress was left by rounding, whose load says nothing of the root.
         """
         sign, found = 1 if kind == "lower" else -1, self.found[kind]
         first, last = (max, min) if kind == "lower" else (min, max)
@@ -114,20 +121,23 @@ class FactorRoots:
             safe = [*self.shown(kind), *([known_elsewhere] if known_elsewhere else [])]
             best = first(safe) if safe else None
             room = self.tolerance * _steepness(known, self.steepness)
-            if best in known and abs(known[best]) <= room:
+            in_part = best in known and _is_part(found[best], kind)
+            if best in known and abs(known[best]) <= room and not in_part:
                 break
             near = [it for it, times in known.items() if 0 <= sign * times <= 2 * aim * room]
             if near and not strict & set(near):  # further away from the root one may be strict
                 aim *= 4
             beyond = [it for it in found if it not in known or sign * known[it] < 0]
+            beyond += [other_side] if in_part and other_side else []
             if best is not None:
                 beyond = [it for it in beyond if sign * (it - best) > 0]
             other = last(beyond) if beyond else None
             if best is not None and other is not None:
                 if abs(math.log(other / best)) <= self.tolerance or failures >= most_failures:
                     break
-                aimed = _next(known, sign * aim * room, self.steepness) if known else other
-                factor = _within(aimed, best, other)
+                steers = known and not in_part
+                aimed = _next(known, sign * aim * room, self.steepness) if steers else other
+                factor = _within(aimed, best, other, self.tolerance / 2)
             elif known:
                 factor = _next(known, sign * aim * room, self.steepness)
             else:  # confined bodies fall with less strength, coarse meshes carry more with more
@@ -170,9 +180,11 @@ class FactorRoots:
 def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds) -> float:
     """Return the F at which the next mesh is bounded, by what is known of those before it.
 
-    It is where ln μ of both bounds is zero in the mean, between the largest F that is known to
-    stand and the least that is known to fall. Where a mesh has no mechanism F grows as long as the
-    loads are carried for certain, and else stays until finer cells have one.
+    It is where the lower bound of μ is 1, about, between the largest F that is known to stand and
+    the least that is known to fall. On coarse meshes that root is nearer to the one of the bodies
+    than that of the upper bound. And on the last mesh the lower bound is then all but found.
+    Where a mesh has no mechanism F grows as long as the loads are carried for certain, and else
+    stays until finer cells have one.
 
     Args:
         curves: Of the meshes so far.
@@ -184,23 +196,34 @@ def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds
     falls = min((F for it in curves for F in it.shown("upper")), default=math.inf)
     lower, upper = (it.value or 0.0 for it in (bounds.lower, bounds.upper))
     change = 0.0
-    if lower > 0 and upper > 0:
-        change = math.log(lower * upper) / 2 / curves[-1].steepness
+    if upper > 0:
+        change = math.log(lower or upper) / curves[-1].steepness
         change = min(max(change, -most), most)
     elif lower >= 1:
         change = most
     found = factor * math.exp(change)
     if stands < found < falls:
         return found
-    if stands > 0 and math.isfinite(falls):
-        return _within(found, stands, falls)
+    if stands > 0 and found <= stands:
+        beyond = curves[-1].tolerance
+        return stands * math.exp(min(beyond, math.log(falls / stands) / 2))
+    if stands > 0:
+        return math.sqrt(stands * falls)
     return factor
 
 
-def _within(factor: float, one: float, other: float) -> float:
-    """Return F if it is well between two others, and else their mean."""
+def _within(factor: float, one: float, other: float, near: float) -> float:
+    """Return F if it is well between two others, and else their mean.
+
+    Args:
+        factor: F.
+        one: Another one.
+        other: The same.
+        near: How near to these it may be in any case, relative.
+    """
     low, high = sorted((math.log(one), math.log(other)))
     margin = 0.05 * (high - low)
+    margin = min(margin, near)
     if low + margin < math.log(factor) < high - margin:
         return factor
     return math.exp((low + high) / 2)
@@ -216,6 +239,11 @@ def _known(found: dict[float, BodyBounds], kind: str) -> tuple[dict[float, float
             if bound.strict:
                 strict.add(factor)
     return known, strict
+
+
+def _is_part(bounds: BodyBounds, kind: str) -> bool:
+    """Return whether a bound is of as much of a stress as rounding has left."""
+    return kind == "lower" and bounds.static is not None and bounds.static.is_part
 
 
 def _steepness(known: dict[float, float], guess: float) -> float:

@@ -23,7 +23,11 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def finer_mesh(
-    problem: Problem, found: BodyBounds, gap: float | None, adaptation: Adaptation
+    problem: Problem,
+    found: BodyBounds,
+    gap: float | None,
+    adaptation: Adaptation,
+    much: bool = False,
 ) -> TaggedMesh | str:
     """The next mesh, or why there is none. Collective.
 
@@ -37,10 +41,13 @@ def finer_mesh(
         found: Bounds on it.
         gap: Of the best bounds so far, relative; None where one of them is missing.
         adaptation: When meshes end.
+        much: Whether a mesh in the plane is to have about twice as many cells as the one before.
     """
     # Dörfler's fraction by dimension: the marked cells carry this share of the gap, and of the
     # dissipation. Smaller in space, where closing the refinement divides many more cells.
     part, worth_while = {2: (0.4, 1.05), 3: (0.2, 1.2)}[problem.bodies.gdim]
+    if much and problem.bodies.gdim == 2:
+        part, worth_while = 0.8, 1.5
     cells, now = adaptation.cells, number_of_cells(problem.tagged_mesh)
     too_many = f"a finer mesh would have more than {cells} cells"
     if now >= cells:

@@ -226,7 +226,8 @@ def judged(static: StaticBound, bounds: BodyBounds) -> tuple[Bound, dict[str, fl
 
     Args:
         static: The lower bound.
-        bounds: With the mechanism, if there is one, and what is asked.
+        bounds: With the mechanism, if there is one, and what is asked. Of loads that all stay it is
+            whether they are carried once.
     """
     if static.certificate is None:
         return static.bound, {}
@@ -237,7 +238,9 @@ def judged(static: StaticBound, bounds: BodyBounds) -> tuple[Bound, dict[str, fl
     _, dead, _ = bounds.question.of(0.0, flow.loads.dead_work(mechanism.x.petsc_vec))
     loose = body_cones(flow).loose or any_loose(flow)
     power = measure_of(value + dead, value, loose)
-    return beside_mechanism(static.bound, static.certificate, power, mechanism), certificates
+    enough = 1.0 if bounds.question is Question.STANDS else np.inf
+    told = (static.certificate, power, mechanism, enough)
+    return beside_mechanism(static.bound, *told), certificates
 
 
 def _with_forces_of_pairs(problem: Problem, limit: LimitLoad) -> LimitLoad:

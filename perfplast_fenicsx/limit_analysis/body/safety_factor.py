@@ -23,12 +23,15 @@ from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
-from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_stands, weakened
+from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
+    check_stands,
+    kept_strengths,
+    weakened,
+)
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.limit_analysis.statements.strength_path import StrengthPath
-from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -56,6 +59,7 @@ class FactorOfSafety:
         estimate: Whether the ground is replaced by associated ground after Davis; the values are
             then not bounds.
         path: The curve of F over work on the mesh of the upper factor, if requested.
+        kept: Strengths that F does not divide, in words.
     """
 
     lower: float | None
@@ -69,6 +73,7 @@ class FactorOfSafety:
     taken: tuple[str, ...] = ()
     estimate: bool = False
     path: StrengthPath | None = None
+    kept: tuple[str, ...] = ()
 
     def table(self) -> dict[str, Any]:
         """Return the table for ``summary.json``."""
@@ -79,6 +84,7 @@ class FactorOfSafety:
             "in_words": self.in_words(),
         }
         known |= {"curve": curve, "searches": self.searches, "estimate": self.estimate}
+        known |= {"kept": list(self.kept)}
         return known | {"path": self.path and self.path.table()}
 
     def in_words(self) -> str:
@@ -87,7 +93,8 @@ class FactorOfSafety:
         if not sides:
             return "Nothing is proven of the factor of safety."
         body = "By Davis' estimate the body" if self.estimate else "The body"
-        said = f"{body} {', and '.join(sides)}, if all strengths are divided by F."
+        but = f" but {' and '.join(self.kept)}" if self.kept else ""
+        said = f"{body} {', and '.join(sides)}, if all strengths{but} are divided by F."
         return said + sentences(self.taken)
 
     def news(self) -> str:
@@ -118,11 +125,13 @@ def factor_of_safety(
             :func:`limit_bounds.limit_bounds` refuses the problem.
     """
     check_tolerance(tolerance)
-    check_stands(problem.given.loads, all_elastic(problem.given.materials.values()))
+    given = problem.given
+    rubbing = [*given.contacts, *given.obstacles]
+    check_stands(given.loads, given.materials, rubbing)
     problem = with_matching_facets(problem)
     curves = _curves(problem, tolerance, monitor, steps, adaptation)
-    for kind in ("lower", "upper"):
-        curves[-1].root(kind, _best(curves, kind)[0])
+    for kind, other in (("upper", "lower"), ("lower", "upper")):
+        curves[-1].root(kind, _best(curves, kind)[0], _best(curves, other)[0])
     (lower, stands), (upper, falls) = (_best(curves, kind) for kind in ("lower", "upper"))
     rows: dict[float, tuple[float | None, float | None]] = {}
     for curve in curves:
@@ -139,7 +148,8 @@ def factor_of_safety(
         curve=tuple(sorted((factor, *sides) for factor, sides in rows.items())),
         searches=sum(curve.searches for curve in curves),
         taken=taken_as(problem),
-        estimate=by_davis(problem.given.materials),
+        estimate=by_davis(given.materials),
+        kept=tuple(kept_strengths(given.materials, rubbing)),
     )
 
 
@@ -225,7 +235,7 @@ def _curves(
         gap = bounds.lower.apart(bounds.upper)
         if adaptation.ends(bounds.lower, bounds.upper, 1.0):
             return curves
-        finer = finer_mesh(reduced, bounds, gap, adaptation)
+        finer = finer_mesh(reduced, bounds, gap, adaptation, much=True)
         if isinstance(finer, str):
             log.info("F = %.6g: %s", factor, finer)
             return curves

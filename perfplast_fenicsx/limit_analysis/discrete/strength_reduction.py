@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
+import numpy as np
+
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.errors import InputError
@@ -21,6 +23,8 @@ Rubs = TypeVar("Rubs", bound=Contact | Obstacle)
 
 def weakened(problem: Problem, factor: float) -> Problem:
     """The same problem with strengths divided by a factor, of contacts as well. Collective.
+
+    Strengths of materials, contacts and obstacles with ``reduced = false`` stay as they are.
 
     Raises:
         InputError: If a body has no reduced strength.
@@ -48,7 +52,8 @@ class Weakening:
                 of a kind of which bounds alone are known.
         """
         given: Any = problem.given
-        check_stands(given.loads, all_elastic(given.materials.values()))
+        rubbing = [*given.contacts, *given.obstacles]
+        check_stands(given.loads, given.materials, rubbing)
         if pair_of(given.materials) is not None:
             raise InputError(
                 "ground with nonassociated = 'radenkovic' has no curve of F over work, as bounds"
@@ -63,6 +68,8 @@ class Weakening:
         )
         friction = self.problem.friction
         self._adhesion, self._coulomb = friction.adhesion.copy(), friction.coulomb.copy()
+        flags = np.array([it.reduced for it in rubbing], dtype=np.bool_)
+        self._divided = flags[problem.constraints.surface[friction.pair]]
 
     def divide(self, factor: float) -> None:
         """Divide the strengths that are given by a factor. Not collective.
@@ -87,47 +94,110 @@ class Weakening:
             for key, number in material.parameters().items():
                 on.numbers[key].x.array[points] = number
         friction = problem.friction
-        friction.adhesion[:] = self._adhesion / factor
-        friction.coulomb[:] = self._coulomb / factor
+        by = np.where(self._divided, factor, 1.0)
+        friction.adhesion[:] = self._adhesion / by
+        friction.coulomb[:] = self._coulomb / by
         friction.bound[:] = friction.adhesion
 
 
 def _reduced(materials: Mapping[str, Any], factor: float) -> dict[str, Material]:
-    """Materials of volumes with strengths divided by a factor."""
+    """Return materials of volumes with strengths divided by a factor, if it divides them."""
     found = {}
     for name, material in materials.items():
-        reduced = getattr(material, "reduced", None)
-        if reduced is None:
+        divided_by = getattr(material, "divided_by", None)
+        if divided_by is None:
             raise InputError(
                 f"the material of '{name}' ({type(material).__name__}) has no reduced strength; a"
                 " factor of safety is of materials that have one, such as those of case files."
             )
-        found[name] = reduced(factor)
+        found[name] = divided_by(factor if is_divided(material) else 1.0)
     return found
 
 
 def _less(rubs: Rubs, factor: float) -> Rubs:
-    """A contact or an obstacle with adhesion and friction divided by a factor."""
+    """Return a contact or an obstacle with friction divided by a factor, if it divides that."""
+    if not rubs.reduced:
+        return rubs
     tresca, coulomb = (
         None if value is None else value / factor for value in (rubs.tresca, rubs.coulomb)
     )
     return replace(rubs, tresca=tresca, coulomb=coulomb)
 
 
-def check_stands(loads: Sequence[Load], elastic: bool) -> None:
-    """Refuse loads that grow, and bodies of which none can yield.
+def is_divided(one: object) -> bool:
+    """Return whether a factor of safety divides the strength of a material or a contact."""
+    return bool(getattr(one, "reduced", True))
+
+
+def divided_strengths(
+    materials: Mapping[str, object], rubbing: Sequence[Contact | Obstacle]
+) -> list[str]:
+    """Return what a factor of safety divides, in words; arguments as of :func:`kept_strengths`."""
+    bodies = {name: it for name, it in materials.items() if is_divided(it)}
+    told = [f"'{name}'" for name, it in bodies.items() if not all_elastic([it])]
+    return told + [_friction_on(it) for it in rubbing if it.rubs and is_divided(it)]
+
+
+def _friction_on(it: Contact | Obstacle) -> str:
+    both = (it.primary, it.secondary) if isinstance(it, Contact) else (it.on,)
+    return f"the friction on {' and '.join(repr(name) for name in both)}"
+
+
+def kept_strengths(
+    materials: Mapping[str, object], rubbing: Sequence[Contact | Obstacle]
+) -> list[str]:
+    """Return what a factor of safety does not divide by its ``reduced = false``, in words.
+
+    Args:
+        materials: Of the bodies by name.
+        rubbing: Contacts and obstacles.
+    """
+    told = [f"the strength of '{name}'" for name, it in materials.items() if not is_divided(it)]
+    return told + [_friction_on(it) for it in rubbing if not is_divided(it)]
+
+
+def check_all_divided(
+    materials: Mapping[str, Material],
+    contacts: Sequence[Contact],
+    obstacles: Sequence[Obstacle],
+) -> None:
+    """Refuse ``reduced = false`` where no factor divides strengths.
+
+    Raises:
+        InputError: Naming the first body or contact that has it.
+    """
+    if kept := kept_strengths(materials, [*contacts, *obstacles]):
+        raise InputError(
+            f"reduced = false keeps {kept[0]} as it is where a factor of safety divides the others;"
+            " give control = 'strength', or leave reduced out."
+        )
+
+
+def check_stands(
+    loads: Sequence[Load],
+    materials: Mapping[str, object],
+    rubbing: Sequence[Contact | Obstacle],
+) -> None:
+    """Refuse loads that grow, and bodies that a factor would weaken nothing of.
 
     Args:
         loads: Of the bodies.
-        elastic: Whether none of them can yield.
+        materials: Of the bodies by name.
+        rubbing: Contacts and obstacles.
 
     Raises:
-        InputError: Naming the first one that grows.
+        InputError: Naming the first load that grows, or why nothing is divided.
     """
-    if elastic:
+    if all_elastic(materials.values()):
         raise InputError(
             "all bodies are elastic or rigid, and have no strength that could fall; give those that"
             " may yield another law."
+        )
+    falls = [it for it in materials.values() if is_divided(it) and not all_elastic([it])]
+    if not falls and not any(it.rubs and is_divided(it) for it in rubbing):
+        raise InputError(
+            "reduced = false leaves no strength that a factor of safety could divide; leave it out"
+            " of the bodies and contacts that may fall."
         )
     for load in loads:
         if not load.constant:

@@ -31,11 +31,13 @@ class ContactStrength:
         adhesion: C (stress), at least 0.
         friction: μ, at least 0.
         associated: Whether slip follows the normal of the set.
+        reduced: Whether a factor of safety divides both.
     """
 
     adhesion: float
     friction: float
     associated: bool = False
+    reduced: bool = True
 
     @property
     def loose(self) -> bool:
@@ -45,7 +47,8 @@ class ContactStrength:
 
 def strength_of(terms: FrictionTerms) -> ContactStrength:
     """Return the strength of a contact or an obstacle."""
-    return ContactStrength(terms.tresca or 0.0, terms.coulomb or 0.0, terms.associated)
+    numbers = (terms.tresca or 0.0, terms.coulomb or 0.0)
+    return ContactStrength(*numbers, terms.associated, terms.reduced)
 
 
 def any_loose(problem: Problem) -> bool:

@@ -29,6 +29,10 @@ class BalancedStress:
     load: float
     aside: float
 
+    def part(self, share: float) -> "BalancedStress":
+        """Return a part of it, which is in equilibrium with the same part of the loads."""
+        return BalancedStress(*(share * it for it in vars(self).values()))
+
     def over(self, static: StaticProgram) -> float:
         """By how much it has left yield, relative; negative inside. Collective."""
         scale = 1 / static.program.stress_unit

@@ -248,7 +248,7 @@ def _result(
     pressure, deviator = scale * pressure, scale * deviator
     shrunk = scale / program.stress_unit
     value, aside = shrunk * now.load * program.load_unit, shrunk * now.aside
-    share = 1.0
+    whole, share = BalancedStress(pressure, deviator, value, aside), 1.0
     if not program.keeps:
         left = static.unbalanced((pressure, deviator), value, aside)
         # Force without balance, relative to the strengths at its row, that rounding may leave.
@@ -257,13 +257,14 @@ def _result(
         # equilibrium with it, are reduced to it.
         left_over = 2e-10
         share = min(1.0, left_over / max(left, left_over))
-        pressure, deviator = share * pressure, share * deviator
-        value, aside = share * value, share * aside
-    told = BalancedStress(pressure, deviator, value, aside)
+    told = whole.part(share)
     if program.keeps:
         told = told.with_some_of(reached, static)
     told, certificate, part = _certified(static, told)
     share *= part
+    if share < 1 and told.load < 1 <= whole.load and not problem.loads.grows():
+        if (once := _once(static, whole)) is not None:
+            told, certificate, share = *once, once[0].load / whole.load
     pressure, deviator, value, aside = told.pressure, told.deviator, told.load, told.aside
     scope = Scope.MESH if why_not else Scope.BODY
     bound = Bound(value, "lower", scope, why_not)
@@ -300,8 +301,19 @@ def _result(
         certificate=certificate,
         steps=steps,
         factorisations=static.factorisations,
+        is_part=share < 1,
     )
     return bounded, told
+
+
+def _once(
+    static: StaticProgram, whole: BalancedStress
+) -> tuple[BalancedStress, StaticCertificate] | None:
+    """Return the part that carries loads which all stay once, if that holds. Collective."""
+    enough = 1 + 1e-5  # times, with what is left of its balance
+    once = whole.part(min(1.0, enough / whole.load))
+    judged = certify_stress(static, once.pressure, once.deviator, once.load, once.aside)
+    return (once, judged) if judged.holds else None
 
 
 def _certified(
@@ -325,5 +337,5 @@ def _certified(
             break
         less = 0.9 / certificate.excess
         share *= less
-        stress = BalancedStress(less * pressure, less * deviator, less * load, less * aside)
+        stress = stress.part(less)
     return stress, certificate, share

@@ -153,7 +153,11 @@ def certify_stress(
 
 
 def beside_mechanism(
-    lower: Bound, certificate: StaticCertificate, power: float, mechanism: fem.Function
+    lower: Bound,
+    certificate: StaticCertificate,
+    power: float,
+    mechanism: fem.Function,
+    enough: float = np.inf,
 ) -> Bound:
     """Return a lower bound after its residuals have been weighed by a mechanism. Collective.
 
@@ -166,13 +170,18 @@ def beside_mechanism(
         certificate: Of its stress.
         power: What differences of bounds are measured by (:func:`bound.measure_of`).
         mechanism: Its velocity.
+        enough: What the bound is to be at least, where no more is asked.
     """
     mine = float(np.abs(mechanism.x.array).max(initial=0.0))
     speed = mechanism.function_space.mesh.comm.allreduce(mine, MPI.MAX)
     # Work of the forces without balance on a mechanism with L(v) = 1, relative to its bound: half
     # of a millionth of 1e-4, the least distance of two bounds, as others may add up otherwise.
     on_mechanism = 5e-11
-    if not lower.strict or certificate.forces * speed <= on_mechanism * power:
+    work = certificate.forces * speed
+    if not lower.strict or lower.value is None or work <= on_mechanism * power:
+        return lower
+    nearest = 1e-4  # bounds, relative: so work may be that part of what is beyond enough, too
+    if work <= on_mechanism / nearest * (lower.value - enough):
         return lower
     why = "what rounding leaves of its balance does work on the mechanism"
     return replace(lower, of=Scope.MESH, why_not=(*lower.why_not, why))

@@ -31,6 +31,8 @@ class StaticBound:
         certificate: What the stress leaves; None where there is none.
         steps: What was done.
         factorisations: Of a stiffness.
+        is_part: Whether it is a part of the stress that was found, for what rounding leaves of its
+            balance.
     """
 
     bound: Bound
@@ -42,6 +44,7 @@ class StaticBound:
     certificate: StaticCertificate | None
     steps: list[InteriorStep]
     factorisations: int
+    is_part: bool = False
 
     def __repr__(self) -> str:
         return f"StaticBound({self.bound!r}; {len(self.steps)} steps; {self.reason})"

@@ -1,0 +1,113 @@
+"""Strengths that a factor of safety divides: what they are without it, and which it leaves alone.
+
+The strengths of a half with the number ``strength_factor`` are divided by it: cohesions, slopes of
+friction and yield stresses, but for those that ``cell_kept``, ``contact_kept`` and
+``obstacle_kept`` mark. All other conditions are of the strengths that are on file. What they would
+be without the factor is said here, to be compared with what the bodies have.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.proof.body import Body
+from perfplast_fenicsx.proof.plain_arrays import ProofError, checked, number_of
+from perfplast_fenicsx.proof.rings import around, normals_of
+
+KEPT = ("cell_kept", "contact_kept", "obstacle_kept")
+"""Flags of cells, contacts and obstacles whose strength is not divided."""
+
+MOST = 6
+"""So many strengths are named one by one."""
+
+
+def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
+    """Return a sentence on the factor that divides strengths; nothing of a half without one.
+
+    Args:
+        body: The bodies, with strengths that are divided.
+        arrays: Of the half.
+
+    Raises:
+        ProofError: If the factor is not positive, the flags do not fit the bodies, or one strength
+            is divided in some cells and not in others.
+    """
+    if "strength_factor" not in arrays:
+        if any(name in arrays for name in KEPT):
+            raise ProofError(f"{KEPT} are flags beside strength_factor, which is missing.")
+        return []
+    factor = number_of("strength_factor", arrays["strength_factor"])
+    if not factor > 0:
+        raise ProofError("strength_factor is not positive.")
+    counts = (len(body.cells), len(body.contacts), len(body.obstacles))
+    none = {name: np.zeros(n, dtype=bool) for name, n in zip(KEPT, counts, strict=True)}
+    kept = checked({**none, **arrays}, KEPT)
+    for name, flags in none.items():
+        if kept[name].shape != flags.shape:
+            raise ProofError(f"the shape of {name} fits nothing.")
+    cells = kept["cell_kept"]
+    both = np.intersect1d(body.cone[cells & body.plastic], body.cone[~cells & body.plastic])
+    if len(both):
+        raise ProofError("cell_kept divides a strength in some cells and not in others.")
+    words = [_whole(body, number, factor) for number in np.unique(body.cone[body.plastic & ~cells])]
+    words += _rubbing(body, kept, factor)
+    less = f" and {len(words) - MOST} more" if len(words) > MOST else ""
+    told = f"F = {factor:.9g} divides no strength."
+    if words:
+        told = f"Strengths are divided by F = {factor:.9g}; before that they are"
+        told = f"{told} {', '.join(words[:MOST])}{less}."
+    left = []
+    if (cells & body.plastic).any():
+        volume = (body.volumes * around(body))[cells & body.plastic].sum()
+        left.append(f"strengths in a volume of {volume:.6g}")
+    for name, of in (("contact_kept", body.contacts), ("obstacle_kept", body.obstacles)):
+        tags = [" and ".join(map(str, np.ravel(it))) for it in of[kept[name]]]
+        left += [f"friction on surface {it}" for it in tags]
+    return [f"{told} Not divided: {', '.join(left)}." if left else told]
+
+
+def _whole(body: Body, number: int, factor: float) -> str:
+    """Return a strength before it is divided, in words.
+
+    Without a slope the bound is so many times larger. With one, cohesion and tan φ are. They are
+    known of cones of principal stresses, and of cones about the axis of mean stress in the plane:
+    ‖dev σ‖ ≤ √2 (c cos φ − σ_m sin φ).
+    """
+    bound, slope, matrix = (
+        body.cone_bound[number],
+        body.cone_slope[number],
+        body.cone_matrix[number],
+    )
+    if body.cones.is_principal[number]:
+        sine = float(body.cone_sine[number])
+        size = 2.0
+        tension = factor * body.cone_tension[number]
+        cut = f" and a tensile strength of {tension:.6g}" if body.cones.is_cut[number] else ""
+    else:
+        m, n = len(slope), normals_of(body)
+        unit = np.append(np.ones(n), np.zeros(m - n))
+        radius = np.sqrt((matrix**2).sum() / (m - 1))
+        along, cut = float(slope @ unit) / radius, ""
+        if not slope.any():
+            return f"a yield radius of {factor * bound / radius:.6g}"
+        plain = np.abs(matrix.T @ matrix / radius**2 - np.eye(m) + np.outer(unit, unit) / n).max()
+        usual = np.abs(slope / radius - along * unit / n).max()
+        small = 1e-9
+        if body.dim != 2 or body.is_revolved or max(plain, usual) > small or along**2 >= 2:
+            return "that of a cone with a slope and the same apex"
+        sine, size, bound = along / np.sqrt(2), np.sqrt(2), bound / radius
+    cosine = np.sqrt(1 - sine**2)
+    told = f"a cohesion of {factor * bound / (size * cosine):.6g}"
+    return told + (f" with tan φ = {factor * sine / cosine:.6g}" if sine else "") + cut
+
+
+def _rubbing(body: Body, kept: Mapping[str, npt.NDArray], factor: float) -> list[str]:
+    """Return friction before it is divided, of contacts and obstacles, in words."""
+    told = []
+    for of in ("contact", "obstacle"):
+        adhesion, friction = (getattr(body, f"{of}_{kind}") for kind in ("adhesion", "friction"))
+        divided = ~kept[f"{of}_kept"] & ((adhesion > 0) | (friction > 0))
+        for c, mu in np.unique(np.column_stack([adhesion, friction])[divided], axis=0):
+            told.append(f"an adhesion of {factor * c:.6g} and a friction of {factor * mu:.6g}")
+    return told
