@@ -296,6 +296,10 @@ def _reactions(body: Body, left: Remainder, acting: _Acting) -> tuple[Floats | N
     rows = _closed(active, touched)
     weights = _weights(body, anchors)
     mid, rad = (part.reshape(-1, columns)[rows] * weights for part in (mid, rad))
+    # Contact near slip can exert little, supports much: rows are made alike in size, without error.
+    size = np.linalg.norm(mid, axis=1)
+    scale = 2.0 ** -np.round(np.log2(np.where(size > 0, size, 1.0)))
+    mid, rad = mid * scale[:, None], rad * scale[:, None]
     gram = mid @ mid.T
     size = np.abs(mid)
     error = size @ rad.T + rad @ size.T + rad @ rad.T + (columns + 16) * U * (size @ size.T)
@@ -310,10 +314,10 @@ def _reactions(body: Body, left: Remainder, acting: _Acting) -> tuple[Floats | N
     off_one = float(upwards(rest, columns).sum(axis=1).max(initial=0.0))
     if not off_one < 0.5:
         return None, HELD
-    first = -weights * (mid.T @ (inverse @ missing.ravel()[rows]))
+    first = -weights * (mid.T @ (inverse @ (missing.ravel()[rows] * scale)))
     acting.push(body, anchors, first)
     missing, errors = _missing(body, acting, about)
-    needed = np.abs(inverse) @ (np.abs(missing) + errors).ravel()[rows]
+    needed = np.abs(inverse) @ ((np.abs(missing) + errors).ravel()[rows] * scale)
     needed = needed + 2 * off_one * needed.max(initial=0.0)
     forces = upwards(weights * ((size + rad).T @ needed), columns + n)
     if (upwards(np.abs(first) + forces) > anchors.most).any():

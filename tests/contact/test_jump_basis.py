@@ -50,9 +50,11 @@ def test_basis_is_inverted_and_its_unknowns_are_jumps(wedge: TaggedMesh) -> None
     assert np.allclose(y.array[problem.basis.index], -math.cos(slope))
 
 
-def test_a_node_has_no_more_conditions_than_freedom() -> None:
+def test_a_node_has_the_conditions_of_one_contact() -> None:
     contacts = [Contact("lower_top", "upper_bottom")] * 2
-    assert_refused(lambda: touching_blocks(contacts=contacts), ["more", "conditions"])
+    assert_refused(
+        lambda: touching_blocks(contacts=contacts), ["contact 2", "has the surfaces of contact 1"]
+    )
 
 
 # --- rows of any kind -------------------------------------------------------------------------

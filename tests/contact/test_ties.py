@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import (
+    BodyForce,
     Contact,
     Newton,
     Pressure,
@@ -137,11 +138,33 @@ def test_bad_ties_are_refused() -> None:
     tie = Tie("lower_top", "upper_bottom")
     assert_refused(lambda: make(Tie("top", "top")), ["tie 1", "itself"])
     assert_refused(lambda: make(Tie("x0", "top")), ["tie 1", "nowhere opposite"])
-    assert_refused(lambda: make(tie, tie), ["ring"])
+    assert_refused(lambda: make(tie, tie), ["tie 2", "has the surfaces of tie 1"])
     moved = [Support("bottom"), Support("upper_x0", "x", 1e-3)]
     assert_refused(lambda: make(tie, supports=moved), ["support moves nodes of a tied surface"])
     both = {"contacts": [Contact("lower_top", "upper_bottom")]}
-    assert_refused(lambda: make(tie, **both), ["ring", "ties"])
+    assert_refused(lambda: make(tie, **both), ["tie 1", "has the surfaces of contact 1"])
+
+
+def test_a_ring_of_ties_is_refused(comm: MPI.Intracomm) -> None:
+    """Four blocks about an edge: each of their nodes there would be the next one."""
+    at = {"a": (0.0, 0.0), "b": (1.0, 0.0), "c": (1.0, 1.0), "d": (0.0, 1.0)}
+    boxes = [Box(name, (x, 0.0, z), (x + 1, 1.0, z + 1), (1, 1, 1)) for name, (x, z) in at.items()]
+    surfaces = [Surface("floor", ("a", "b"), lambda x: x[2] == 0)]
+    for one, other, axis in (("a", "b", 0), ("b", "c", 2), ("c", "d", 0), ("d", "a", 2)):
+        for name, by in ((one, other), (other, one)):
+            surfaces.append(Surface(name + by, (name,), lambda x, axis=axis: x[axis] == 1))
+
+    def glued(*pairs: str) -> Problem:
+        return Problem(
+            structured_mesh(comm, boxes, surfaces),
+            dict.fromkeys(at, STEEL),
+            [Support("floor")],
+            [BodyForce("c", (0.0, 0.0, -1.0))],
+            ties=[Tie(pair, pair[::-1]) for pair in pairs],
+        )
+
+    assert_solved(Newton(glued("ab", "bc", "cd")).solve(1.0))
+    assert_refused(lambda: glued("ab", "bc", "cd", "da"), ["ring of bodies", "leave one"])
 
 
 @pytest.mark.parametrize(("gdim", "hosts"), list(product((2, 3), ("primary", "secondary"))))

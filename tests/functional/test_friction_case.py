@@ -62,14 +62,14 @@ REFUSED = {
         + TIE.format("upper_bottom", "lower_top")
         + FLOOR
         + '[[support]]\non = "x0"\ncomponents = "x"\n',
-        "leave one of the contacts or ties of the ring out",
+        "has the surfaces of tie 1",
     ),
     "shear stress": (CONTACT + "tresca = -1.0\n", "tresca = -1.0 is no friction"),
     "coefficient": (CONTACT + "coulomb = -0.1\n", "coulomb = -0.1 is no friction"),
     "name": (CONTACT + FLOOR + "coulomb = 0.1\n", "has friction but no name"),
     "tied": (
         CONTACT + "tresca = 1.0\n" + TIE.format("lower_top", "upper_bottom"),
-        "has friction and is tied",
+        "has the surfaces of contact 1",
     ),
 }
 

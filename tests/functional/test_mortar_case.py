@@ -16,7 +16,7 @@ REFUSED = [
     ('[[tie]]\nprimary = "x0"\nsecondary = "inner_tube_seam"', "nowhere opposite each other"),
     (
         2 * '[[tie]]\nprimary = "inner_tube_seam"\nsecondary = "outer_tube_seam"\n',
-        "leave one of the contacts or ties of the ring out",
+        "has the surfaces of tie 1",
     ),
 ]
 

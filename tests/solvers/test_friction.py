@@ -162,14 +162,18 @@ def test_what_is_no_friction_is_refused(make: Any, words: list[str]) -> None:
 
 
 def test_friction_and_tie_on_one_surface_are_refused(comm: MPI.Intracomm) -> None:
-    def declare() -> Problem:
+    def declare(**more: Any) -> Problem:
         return Problem(
             blocks_apart(comm, (2, 2), (2, 2)),
             {"lower": STEEL, "upper": STEEL},
             [Support("bottom")],
             [Traction("top", (0.1, -1.0))],
-            [Contact("lower_top", "upper_bottom", tresca=1.0)],
             ties=[Tie("lower_top", "upper_bottom")],
+            **more,
         )
 
-    assert_refused(declare, ["friction", "tied", "leave out"])
+    contact = {"contacts": [Contact("lower_top", "upper_bottom", tresca=1.0)]}
+    words = ["tie 1", "has the surfaces of contact 1", "leave one of them out"]
+    assert_refused(lambda: declare(**contact), words)
+    roof = Plane("lower_top", (0.0, 1.0), (0.0, -1.0), tresca=1.0, name="roof")
+    assert_refused(lambda: declare(obstacles=[roof]), ["friction", "tied", "leave out"])
