@@ -112,6 +112,28 @@ def raise_together(comm: "MPI.Intracomm", message: str | None) -> None:
         raise InputError(found[0])
 
 
+def on_all_ranks(comm: "MPI.Intracomm", action: Callable[[], T]) -> T:
+    """Do on every rank what may find bad input on some, which every rank then raises. Collective.
+
+    Args:
+        comm: The ranks.
+        action: What to do; it communicates with no other rank.
+
+    Returns:
+        What it returned.
+
+    Raises:
+        InputError: That of the action, on every rank; of several the lowest rank's.
+    """
+    fault = None
+    try:
+        result = action()
+    except InputError as error:
+        fault = str(error)
+    raise_together(comm, fault)
+    return result
+
+
 def on_rank0(comm: "MPI.Intracomm", action: Callable[[], T]) -> T | None:
     """Do on rank 0 what may find bad input, which every rank then raises. Collective.
 
@@ -125,14 +147,11 @@ def on_rank0(comm: "MPI.Intracomm", action: Callable[[], T]) -> T | None:
     Raises:
         InputError: That of the action, on every rank.
     """
-    result, fault = None, None
-    if comm.rank == 0:
-        try:
-            result = action()
-        except InputError as error:
-            fault = str(error)
-    raise_together(comm, fault)
-    return result
+
+    def alone() -> T | None:
+        return action() if comm.rank == 0 else None
+
+    return on_all_ranks(comm, alone)
 
 
 def nearest(word: object, known: Iterable[str]) -> str:

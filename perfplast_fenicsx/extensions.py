@@ -5,25 +5,46 @@ before a command reads its case, and puts its classes into the tables that case 
 such as :data:`~perfplast_fenicsx.materials.laws.MATERIALS`.
 """
 
+from collections.abc import Iterator
 from functools import cache
 from importlib import metadata
+from typing import Any
+
+from perfplast_fenicsx.errors import InputError
 
 GROUP = "perfplast_fenicsx.extensions"
 
 
-@cache
-def load_extensions() -> str | None:
-    """Import the modules of ``GROUP``, once; return why one cannot be, or None."""
-    for entry in sorted(metadata.entry_points(group=GROUP), key=lambda entry: entry.name):
+def loaded(group: str, refusal: str) -> Iterator[tuple[metadata.EntryPoint, Any]]:
+    """Yield the entry points of a group, by name, with what they name. Not collective.
+
+    Args:
+        group: The group.
+        refusal: What cannot be had, as "the extension '{name}' cannot be imported".
+
+    Raises:
+        InputError: If one cannot be loaded.
+    """
+    for entry in sorted(metadata.entry_points(group=group), key=lambda entry: entry.name):
         try:
-            entry.load()
+            found = entry.load()
         except Exception as error:
             reason = f"{type(error).__name__}: {error}".rstrip(". ")
-            return (
-                f"the extension '{entry.name}' cannot be imported from {entry.value} ({reason});"
-                f" mend or uninstall {entry.dist.name if entry.dist else 'the package'}."
-            )
-    return None
+            raise InputError(
+                f"{refusal.format(name=entry.name)} from {entry.value} ({reason}); mend or"
+                f" uninstall {entry.dist.name if entry.dist else 'the package'}."
+            ) from error
+        yield entry, found
+
+
+@cache
+def load_extensions() -> None:
+    """Import the modules of :data:`GROUP`, once. Not collective.
+
+    Raises:
+        InputError: If one cannot be imported.
+    """
+    list(loaded(GROUP, "the extension '{name}' cannot be imported"))
 
 
 def extensions() -> str:

@@ -20,7 +20,7 @@ from perfplast_fenicsx.cli.sweep_command import sweep
 from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.cli.understood import PICTURE, draw_case, understood
-from perfplast_fenicsx.errors import InputError, on_rank0, raise_together, visible
+from perfplast_fenicsx.errors import InputError, on_all_ranks, on_rank0, visible
 from perfplast_fenicsx.extensions import load_extensions
 from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.io.case.case_reader import read_case
@@ -41,7 +41,7 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
     """
     leave_pipes_to_python()  # PETSc has been started by the imports above
     set_petsc_options(chosen.petsc)
-    raise_together(comm, load_extensions())
+    on_all_ranks(comm, load_extensions)
     if chosen.command in ("run", "sweep"):
         steps_shown = chosen.log_level in ("debug", "info")  # and no live line between them
         live = False if steps_shown else None

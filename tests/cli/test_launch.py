@@ -1,7 +1,5 @@
 """Environments that cannot run, and the launcher of ranks: a sentence each, before MPI starts."""
 
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -10,10 +8,10 @@ import pytest
 from perfplast_fenicsx import environment
 from perfplast_fenicsx.cli import launch
 from perfplast_fenicsx.environment import COMPLEX, WHEEL, Surroundings
+from tests.installed_package import ROOT, perfplast
 
 pytestmark = pytest.mark.serial
 
-ROOT = Path(__file__).parents[2]
 SITE = Path("/venv/lib/python3.13/site-packages")
 
 SOUND = {
@@ -104,17 +102,6 @@ def test_ranks_of_a_launcher_are_recognised() -> None:
     found = launch.launched_ranks({"OMPI_COMM_WORLD_SIZE": "4", "OMPI_COMM_WORLD_RANK": "3"})
     assert found == ("Open MPI", 3, 4)
     assert launch.launched_ranks({"PMI_SIZE": "2", "PMI_RANK": "0"}) == ("MPICH", 0, 2)
-
-
-def perfplast(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "perfplast_fenicsx", *arguments],
-        env=os.environ | {"PYTHONPATH": str(ROOT)} | variables,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
 
 
 @pytest.mark.parametrize(

@@ -1,20 +1,16 @@
 """Extensions of an installed package, which the command line finds by their entry point."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from perfplast_fenicsx import Contact, Support, VonMises
 from perfplast_fenicsx.extensions import GROUP
+from tests.installed_package import install, perfplast
 from tests.models import case_text
 
 pytestmark = pytest.mark.serial
-
-ROOT = Path(__file__).parents[2]
 
 OWN = """
 from dataclasses import dataclass
@@ -38,28 +34,8 @@ MATERIALS["half-as-strong"] = HalfAsStrong
 """
 
 
-def perfplast(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "perfplast_fenicsx", *arguments],
-        env=os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{folder}"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-
-
-def install(folder: Path, module: str) -> None:
-    """Install a package of one module by hand, as pip does it."""
-    (folder / "own_law.py").write_text(OWN, encoding="utf-8")
-    about = folder / "own_law-1.5.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: own-law\nVersion: 1.5\n")
-    (about / "entry_points.txt").write_text(f"[{GROUP}]\nlaw = {module}\n")
-
-
 def test_a_law_of_a_package_is_known_to_the_command_line(tmp_path: Path) -> None:
-    install(tmp_path, "own_law")
+    install(tmp_path, "own_law", OWN, GROUP, "law = own_law")
     steel = VonMises(2e5, 0.3, 300.0)
     text = case_text(
         {"builder": "stacked_blocks", "n": 1},
@@ -69,13 +45,15 @@ def test_a_law_of_a_package_is_known_to_the_command_line(tmp_path: Path) -> None
         more='[loading]\ncontrol = "load"\nvalues = [100.0]\n[output]\npictures = false\n',
     ).replace('"von-mises"', '"half-as-strong"', 1)
     (tmp_path / "case.toml").write_text(text)
-    run = perfplast(tmp_path, "run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "r"))
+    run = perfplast("run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "r"), folder=tmp_path)
     assert run.returncode == 0, run.stderr
     given = json.loads((tmp_path / "r" / "summary.json").read_text())["given"]
     assert given["materials"]["lower"]["kind"] == "half-as-strong"
-    schema = perfplast(tmp_path, "schema")
+    schema = perfplast("schema", folder=tmp_path)
     assert "half-as-strong" in schema.stdout
-    line = next(a for a in perfplast(tmp_path, "info").stdout.splitlines() if "extensions" in a)
+    line = next(
+        a for a in perfplast("info", folder=tmp_path).stdout.splitlines() if "extensions" in a
+    )
     assert line.split() == ["extensions", "own-law", "1.5"]
 
 
@@ -114,18 +92,10 @@ def bar() -> str:
 
 def test_a_mesh_format_of_a_package_is_known_to_the_command_line(tmp_path: Path) -> None:
     """The bar is pulled: its limit load is its yield stress."""
-    install(tmp_path, "own_law")
-    (tmp_path / "own_law.py").write_text(FORMAT, encoding="utf-8")
+    install(tmp_path, "own_law", FORMAT, GROUP, "law = own_law")
     (tmp_path / "bar.tets").write_text(bar())
-    made = perfplast(
-        tmp_path,
-        "mesh",
-        str(tmp_path / "bar.tets"),
-        "-o",
-        str(tmp_path / "d"),
-        "--material",
-        "S235",
-    )
+    drawing, made_in = str(tmp_path / "bar.tets"), str(tmp_path / "d")
+    made = perfplast("mesh", drawing, "-o", made_in, "--material", "S235", folder=tmp_path)
     assert made.returncode == 0, made.stderr
     case = (tmp_path / "d" / "case.toml").read_text(encoding="utf-8")
     rollers = '"foot"\ncomponents = "z"' + "".join(
@@ -137,15 +107,15 @@ def test_a_mesh_format_of_a_package_is_known_to_the_command_line(tmp_path: Path)
     case = case.replace('until = "limit"', "") + "\n[output]\npictures = false\n"
     (tmp_path / "d" / "case.toml").write_text(case, encoding="utf-8")
     where = str(tmp_path / "d" / "case.toml"), "-o", str(tmp_path / "r")
-    run = perfplast(tmp_path, "run", *where, "--quiet")
+    run = perfplast("run", *where, "--quiet", folder=tmp_path)
     assert run.returncode == 0, run.stderr
     body = json.loads((tmp_path / "r" / "summary.json").read_text())["limit"]["body"]
     assert [body["lower"], body["upper"]] == pytest.approx([235.0, 235.0], rel=1e-4)
 
 
 def test_an_extension_that_cannot_be_imported_is_named(tmp_path: Path) -> None:
-    install(tmp_path, "no_such_module")
-    run = perfplast(tmp_path, "template")
+    install(tmp_path, "own_law", OWN, GROUP, "law = no_such_module")
+    run = perfplast("template", folder=tmp_path)
     assert (run.returncode, run.stderr) == (
         2,
         "perfplast: the extension 'law' cannot be imported from no_such_module"

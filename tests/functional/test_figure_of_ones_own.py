@@ -1,8 +1,6 @@
 """A figure that the package does not have, as one file and one entry point, through a whole run."""
 
 import base64
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,11 +10,10 @@ from perfplast_fenicsx import Contact, Support, VonMises
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results import figures as registry
 from perfplast_fenicsx.io.results.figures import FIGURES, Figure, figures
+from tests.installed_package import ROOT, install, perfplast
 from tests.models import case_text
 
 pytestmark = pytest.mark.serial
-
-ROOT = Path(__file__).parents[2]
 
 OWN = """
 from perfplast_fenicsx.io.results.figures import Figure
@@ -40,28 +37,8 @@ def steps(reader):
 """
 
 
-def install(folder: Path, entry: str) -> None:
-    """Install a package of one module by hand, as pip does it."""
-    (folder / "own_figure.py").write_text(OWN, encoding="utf-8")
-    about = folder / "own_figure-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: own-figure\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text(f"[{registry.GROUP}]\nsteps = {entry}\n")
-
-
-def perfplast(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "perfplast_fenicsx", *arguments],
-        env=os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{folder}"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-
-
 def test_a_figure_is_drawn_listed_and_shown(tmp_path: Path) -> None:
-    install(tmp_path, "own_figure:STEPS")
+    install(tmp_path, "own_figure", OWN, registry.GROUP, "steps = own_figure:STEPS")
     case, results = tmp_path / "case.toml", tmp_path / "results"
     steel = VonMises(2e5, 0.3, 300.0)
     case.write_text(
@@ -73,14 +50,14 @@ def test_a_figure_is_drawn_listed_and_shown(tmp_path: Path) -> None:
             more='[loading]\ncontrol = "load"\nvalues = [100.0]\n[output]\nfields = false\n',
         )
     )
-    run = perfplast(tmp_path, "run", str(case), "-o", str(results), "--report")
+    run = perfplast("run", str(case), "-o", str(results), "--report", folder=tmp_path)
     assert run.returncode == 0, run.stderr
     assert "steps.png" in next(line for line in run.stdout.splitlines() if "Results in" in line)
     drawn = (results / "steps.png").read_bytes()
     page = (results / "report.html").read_text(encoding="utf-8")
     assert "<h3>Newton steps &lt;of each level&gt;</h3>" in page
     assert base64.b64encode(drawn).decode() in page
-    again = perfplast(tmp_path, "plot", str(results), "-o", str(tmp_path / "pictures"))
+    again = perfplast("plot", str(results), "-o", str(tmp_path / "pictures"), folder=tmp_path)
     assert again.stdout.splitlines()[-2:] == [
         str(tmp_path / "pictures" / "steps.png"),
         "steps.png has the Newton steps.",
@@ -99,7 +76,7 @@ def test_a_figure_is_drawn_listed_and_shown(tmp_path: Path) -> None:
 def test_a_figure_that_is_none_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, entry: str, says: str
 ) -> None:
-    install(tmp_path, entry)
+    install(tmp_path, "own_figure", OWN, registry.GROUP, f"steps = {entry}")
     with (tmp_path / "own_figure.py").open("a", encoding="utf-8") as module:
         module.write('\nTAKEN = Figure("path.png", "The curve", "own_figure:steps")\n')
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -110,6 +87,15 @@ def test_a_figure_that_is_none_is_refused(
             figures()
     finally:
         figures.cache_clear()
+
+
+def test_ranks_refuse_a_figure_together(tmp_path: Path) -> None:
+    """Rank 0 looks into the folder alone, and the other one does not wait for ever."""
+    install(tmp_path, "own_figure", OWN, registry.GROUP, "steps = own_figure:CURVE")
+    case = str(ROOT / "demos" / "block_on_plane.toml")
+    run = perfplast("run", case, "-o", str(tmp_path / "out"), ranks=2, folder=tmp_path)
+    assert run.returncode == 2
+    assert run.stderr.count("the figure 'steps' cannot be loaded from own_figure:CURVE") == 1
 
 
 def test_figures_have_names_and_functions_of_their_own() -> None:

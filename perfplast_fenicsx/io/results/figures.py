@@ -8,11 +8,12 @@ packages add entries by an entry point of the group :data:`GROUP`, which names a
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module, metadata
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.extensions import loaded
 
 GROUP = "perfplast_fenicsx.figures"
 """Entry points of figures that other packages add."""
@@ -73,14 +74,7 @@ def figures() -> tuple[Figure, ...]:
             has another name than ``*.png`` or one that is taken.
     """
     found = {figure.file: figure for figure in FIGURES}
-    for entry in sorted(metadata.entry_points(group=GROUP), key=lambda entry: entry.name):
-        try:
-            figure = entry.load()
-        except (ImportError, AttributeError) as error:
-            raise InputError(
-                f"the figure '{entry.name}' cannot be loaded from {entry.value} ({error}); mend or"
-                " uninstall the package that adds it."
-            ) from error
+    for entry, figure in loaded(GROUP, "the figure '{name}' cannot be loaded"):
         file = figure.file if isinstance(figure, Figure) else ""
         if Path(file).name != file or Path(file).suffix != ".png" or file in found:
             raise InputError(

@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.csv_table import csv_table
-from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.errors import on_all_ranks, raise_together
 from perfplast_fenicsx.io.results.figures import figures
 from perfplast_fenicsx.io.results.given_table import given_table
 from perfplast_fenicsx.io.results.limit_rows import limit_rows
@@ -47,19 +47,21 @@ from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.problem.problem import Problem
 
-BESIDE_FIGURES = (
-    *("summary.json", "path.csv", "run.log", "scene.json", SERIES, "loading.gif"),
-    *(MECHANISM, PROOF, LEAST, POINT_SERIES, MECHANISM_POINTS, STANDS, FALLS, KNOWN),
+DATA = ("summary.json", "path.csv", "run.log", "scene.json", SERIES)
+"""Files that are listed before the pictures of :func:`figures`."""
+
+BESIDE = (
+    *("loading.gif", MECHANISM, PROOF, LEAST, POINT_SERIES, MECHANISM_POINTS, STANDS, FALLS, KNOWN),
     "report.html",
     *(NEWEST, BEFORE, *EARLIER),
 )
-"""Files of a run that are no pictures of :func:`figures`."""
+"""Files that are listed after the pictures."""
 
 
 def result_files() -> tuple[str, ...]:
     """Return files that a run looks for before it writes, and removes with ``--force``."""
     pictures = tuple(figure.file for figure in figures())
-    return *BESIDE_FIGURES[:5], *pictures, *BESIDE_FIGURES[5:]
+    return *DATA, *pictures, *BESIDE
 
 
 STEP_KEYS = (
@@ -97,6 +99,7 @@ class ResultFolder:
                 ``force`` nor ``restart`` is set, or has none to go on from.
         """
         self.comm, self.path = comm, Path(path)
+        on_all_ranks(comm, figures)  # a fault of these is known before rank 0 looks alone
         raise_together(comm, self._obstacle(force, restart) if comm.rank == 0 else None)
 
     def file(self, name: str) -> Path:
