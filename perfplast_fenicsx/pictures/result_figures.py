@@ -5,10 +5,11 @@ there is no VTK, and a sentence says what is missing.
 """
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.figures import Drawing, figures
@@ -85,7 +86,7 @@ def fields(reader: ResultReader) -> Drawing | str | None:
 
 def strength(reader: ResultReader) -> Drawing | None:
     """Return what draws ``strength.png``: load factors over the divisor of strengths."""
-    table = reader.limit.strength if reader.limit and not reader.reports else None
+    table = _asked(reader, "strength")
     if not table:
         return None
 
@@ -99,7 +100,7 @@ def strength(reader: ResultReader) -> Drawing | None:
 
 def envelope(reader: ResultReader) -> Drawing | None:
     """Return what draws ``envelope.png``: the pairs of loads that are carried."""
-    pairs = reader.limit.envelope if reader.limit and not reader.reports else None
+    pairs = _asked(reader, "envelope")
     if not pairs:
         return None
 
@@ -114,7 +115,7 @@ def envelope(reader: ResultReader) -> Drawing | None:
 
 def shakedown(reader: ResultReader) -> Drawing | None:
     """Return what draws ``shakedown.png``: the loads of each ratio that bodies shake down under."""
-    table = reader.limit.shakedown if reader.limit and not reader.reports else None
+    table = _asked(reader, "shakedown")
     if not table or not table["diagram"]:
         return None
 
@@ -143,6 +144,14 @@ def mechanism(reader: ResultReader) -> Drawing | str | None:
         draw_fields(moving, reader.scene, caption, picture, largest, unique=unique)
 
     return draw
+
+
+def _asked(reader: ResultReader, what: str) -> Mapping[str, Any] | None:
+    """Return a table of the limit load of a run without levels; None if it has no such table."""
+    table: Mapping[str, Any] | None = None
+    if reader.limit is not None and not reader.reports:
+        table = getattr(reader.limit, what)
+    return table
 
 
 @lru_cache(maxsize=1)

@@ -130,12 +130,12 @@ def proofs(
     elif low.lower.strict and low.lower.value is not None and low.stress is not None:
         aside = 0.0 if low.static is None else low.static.aside
         of = low.weaker or low.problem
-        told = (of, low.lower.value, low.stress, low.question, aside, None, divisor)
-        stress = StressProof(*told)
+        value, question = low.lower.value, low.question
+        stress = StressProof(of, value, low.stress, question, aside, divisor=divisor)
     if high.upper.strict and high.upper.value is not None and high.problem.degree == 2:
         flow = high.flow
-        of_flow = (flow.problem, high.upper.value, flow.velocity, high.question, divisor)
-        velocity = VelocityProof(*of_flow)
+        value, question = high.upper.value, high.question
+        velocity = VelocityProof(flow.problem, value, flow.velocity, question, divisor)
     return stress, velocity
 
 
