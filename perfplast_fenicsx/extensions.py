@@ -39,7 +39,7 @@ def loaded(group: str, refusal: str) -> Iterator[tuple[metadata.EntryPoint, Any]
 
 @cache
 def load_extensions() -> None:
-    """Import the modules of :data:`GROUP`, once. Not collective.
+    """Import the modules of ``GROUP``, once. Not collective.
 
     Raises:
         InputError: If one cannot be imported.
