@@ -76,6 +76,7 @@ class ForeignModel:
     Attributes:
         dim: 3, or 2 for a plane one.
         turned: Whether a plane model is half a section of a body of revolution.
+        thickness: Of sheets in plane stress (length); None of all else.
         points: Shape (n, 3).
         cells: Corners of the simplices, shape (m, dim + 1).
         body: Number of the body of each cell, shape (m,).
@@ -103,4 +104,5 @@ class ForeignModel:
     held: list[Held] = field(default_factory=list)
     pushed: list[Pushed] = field(default_factory=list)
     joined: list[Joined] = field(default_factory=list)
+    thickness: float | None = None
     remarks: list[str] = field(default_factory=list)

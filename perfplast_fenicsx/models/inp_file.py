@@ -42,24 +42,22 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
     solid = solid_cells(assembly.points, assembly.blocks, assembly.left_out)
     dim = solid.dim
     meanings = {block.kind.model for block in solid.blocks}
-    if dim == 2 and meanings == {STRESS}:
-        raise InputError(
-            "elements in the plane are of plane stress (CPS), which is not read from .inp; write"
-            ' CPE in their place, then kind = "plane-stress" and thickness under [model] of the'
-            " case, and look at what its loads come to."
-        )
-    if dim == 2 and (len(meanings) > 1 or meanings & {STRESS, ""}):
+    if dim == 2 and (len(meanings) > 1 or "" in meanings):
         raise InputError(
             f"elements in the plane are of {' and '.join(m or 'shells' for m in sorted(meanings))};"
-            " give one of plane strain (CPE) or axisymmetry (CAX)."
+            " give one of plane strain (CPE), plane stress (CPS) or axisymmetry (CAX)."
         )
+    thickness = _thickness(statements.thicknesses) if dim == 2 and meanings != {AXIS} else 1.0
+    sheet = thickness if dim == 2 and meanings == {STRESS} else None
     on_sets = statements.chosen()
     if not (statements.sections or statements.surfaces or on_sets):
-        return model_of(_groups(assembly, statements, meanings == {AXIS}))
+        found = model_of(_groups(assembly, statements, meanings == {AXIS}))
+        found.thickness = sheet
+        return found
     outer = OuterFacets(solid.cells, len(assembly.points))
     bodies, body = _bodies(assembly, statements, solid.parents)
     surfaces = ElementFacets(assembly.points, assembly.blocks, outer, dim)
-    on = OnSurfaces(assembly, surfaces, bodies, dim)
+    on = OnSurfaces(assembly, surfaces, bodies, dim, thickness)
     made = on.made(statements.surfaces, on_sets, statements.frictions)
     names, facets, surface, _ = made.surfaces
     return ForeignModel(
@@ -80,8 +78,20 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
         held=made.held,
         pushed=made.pushed,
         joined=made.joined,
+        thickness=sheet,
         remarks=solid.remarks + made.remarks + statements.remarks,
     )
+
+
+def _thickness(given: set[float]) -> float:
+    """Return the thickness of elements in the plane, 1 where sections give none."""
+    if len(given) > 1 or any(not one > 0 for one in given):
+        told = " and ".join(f"{one:g}" for one in sorted(given))
+        raise InputError(
+            f"sections of elements in the plane have the thickness {told}, and a case has one above"
+            " zero; give all sections one thickness, or model the bodies in space."
+        )
+    return next(iter(given), 1.0)
 
 
 def _groups(assembly: Assembly, statements: Statements, turned: bool) -> GroupedMesh:

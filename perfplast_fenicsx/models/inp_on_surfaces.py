@@ -64,6 +64,7 @@ class OnSurfaces:
         surfaces: ElementFacets,
         bodies: Sequence[InpBody],
         dim: int,
+        thickness: float = 1.0,
     ) -> None:
         """Take the mesh.
 
@@ -72,7 +73,9 @@ class OnSurfaces:
             surfaces: Finds facets.
             bodies: Their elements and densities.
             dim: 3, or 2 in the plane.
+            thickness: Of elements in the plane, over which forces at nodes are spread.
         """
+        self._thickness = thickness
         self._assembly, self._find = assembly, surfaces
         self._bodies, self._dim = bodies, dim
         self._use = UsedSurfaces(assembly, surfaces, dim)
@@ -178,7 +181,7 @@ class OnSurfaces:
             on = self._use.of_nodes(name, "*CLOAD")
             if on is None:
                 continue
-            area = self._use.area(on)
+            area = self._use.area(on) * self._thickness
             self._remarks.append(
                 f"forces at the nodes of '{name}', {_vector(force)} in all, are taken as a uniform"
                 " traction with this resultant"

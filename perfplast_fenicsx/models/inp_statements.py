@@ -28,6 +28,7 @@ class Statements:
         materials: By name, in capitals.
         surfaces: ``*SURFACE`` keywords.
         frictions: Coefficients by interaction.
+        thicknesses: Of elements in the plane, those that sections give.
     """
 
     def __init__(self) -> None:
@@ -37,6 +38,7 @@ class Statements:
         self._material = ""
         self.frictions: dict[str, float] = {}
         self._interaction = ""
+        self.thicknesses: set[float] = set()
         self.surfaces: list[Keyword] = []
         self._on_surfaces: list[tuple[int, Keyword]] = []
         self._steps = 0
@@ -72,6 +74,8 @@ class Statements:
         if name == "SOLID SECTION":
             elset, material = keyword.option("ELSET"), keyword.option("MATERIAL")
             self.sections.append((self._part, elset, material))
+            cells = [row[0] for row in keyword.rows() if row and row[0]]
+            self.thicknesses |= {number_of(cell, keyword) for cell in cells[:1]}
         elif name in ("PART", "END PART"):
             self._part = keyword.option("NAME")
         elif name == "MATERIAL":

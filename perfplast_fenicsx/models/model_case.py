@@ -29,6 +29,15 @@ control = "work"
 until = "limit"                 # at what load the bodies collapse
 """
 
+DRIVEN = """
+[element]
+degree = 2
+
+[loading]
+control = "displacement"        # supports move, and nothing is loaded
+until = 1.0                     # times their displacements
+"""
+
 
 FURTHER: dict[str, Any] = {"subsequent_indent": "#   ", "break_long_words": False}
 """How a comment goes on."""
@@ -47,13 +56,17 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str
     text = ""
     if model.turned:
         text += '\n[model]\nkind = "axisymmetric"\n'
+    if model.thickness is not None:
+        text += f'\n[model]\nkind = "plane-stress"\nthickness = {model.thickness!r}\n'
+    driven = any(support.value for support in model.held) and not model.pushed
     yields = any(given.yield_stress is not None for given in model.materials.values())
     for body in model.bodies:
         text += _material(body, model.materials.get(body), yields)
     for support in model.held:
         text += f"\n[[support]]\non = {_quoted(support.on)}\n"
         text += f"components = {_quoted(support.components)}\n"
-        text += f"value = {support.value!r}\n" if support.value else ""
+        if support.value:
+            text += f"value = {support.value!r}\n" + "constant = false\n" * driven
     if not model.held:
         text += '\n[[support]]\non = "NAME"                     # <- what holds the bodies\n'
     for pair in model.joined:
@@ -62,12 +75,12 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str
         value = load.value if isinstance(load.value, float) else list(load.value)
         note = f"  # {load.note}" if load.note else ""
         text += f"\n[[load]]\non = {_quoted(load.on)}\n{load.kind} = {value!r}{note}\n"
-    if not model.pushed:
+    if not (model.pushed or driven):
         text += '\n[[load]]\non = "NAME"                     # <- what pushes and pulls\n'
         text += "pressure = 1.0                  # <-\n"
-    text += END
+    text += DRIVEN if driven else END
     text += f"\n[units]\nstress = {_quoted(stress)}\n" if stress else ""
-    if not (model.held and model.pushed):
+    if not (model.held and (model.pushed or driven)):
         listed = ", ".join(model.surfaces) or "none has a name"
         text += "\n" + fill(f"Surfaces: {listed}", 100, initial_indent="# ", **FURTHER) + "\n"
     text += "".join(f"\n# Not as in {source}: {remark}." for remark in model.remarks)

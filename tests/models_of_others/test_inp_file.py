@@ -283,8 +283,45 @@ def test_plane_models(tmp_path: Path) -> None:
     quads = "*ELEMENT, TYPE=CAX4, ELSET=EALL\n1,1,2,3,4\n2,4,3,6,5\n"
     found = model(tmp_path, text + quads)
     assert (found.dim, found.turned, found.bodies, len(found.cells)) == (2, True, ["eall"], 4)
-    with pytest.raises(InputError, match='write CPE in their place, then kind = "plane-stress"'):
-        model(tmp_path, text + quads.replace("CAX4", "CPS4"))
+    with pytest.raises(InputError, match="are of plane strain and plane stress; give one of"):
+        model(tmp_path, text + quads.replace("CAX4", "CPS4").replace("2,4,3,6,5\n", CPE))
+
+
+CPE = "*ELEMENT, TYPE=CPE4, ELSET=OTHER\n2,4,3,6,5\n"
+PLANE = HEAD.replace("5,0,0,1", "5,0,2,0").replace("6,1,0,1", "6,1,2,0")
+SHEET = (
+    "*ELEMENT, TYPE=CPS4, ELSET=EALL\n1,1,2,3,4\n2,4,3,6,5\n*NSET, NSET=BASE\n1,2\n"
+    "*NSET, NSET=TOP\n5,6\n*MATERIAL, NAME=STEEL\n*ELASTIC\n210000,0.3\n*PLASTIC\n235,0\n"
+    "*SOLID SECTION, ELSET=EALL, MATERIAL=STEEL\n0.5\n*BOUNDARY\nBASE,1,2\n*STEP\n*STATIC\n"
+)
+
+
+def test_sheets_in_plane_stress(tmp_path: Path) -> None:
+    """Forces at nodes are those of the whole thickness, pressures are per area."""
+    loads = "*CLOAD\n5,2,-1\n6,2,-1\n"
+    found = model(tmp_path, PLANE + SHEET + loads)
+    assert (found.dim, found.turned, found.thickness) == (2, False, 0.5)
+    (load,) = found.pushed
+    assert load.value == pytest.approx((0, -4))
+    assert '[model]\nkind = "plane-stress"\nthickness = 0.5\n' in case_of(
+        found, "a", "a.inp", "a.msh"
+    )
+    strain = model(tmp_path, PLANE + SHEET.replace("CPS4", "CPE4") + loads)
+    assert strain.thickness is None
+    assert strain.pushed[0].value == pytest.approx((0, -4))
+    other = SHEET.replace("*BOUNDARY", "*SOLID SECTION, ELSET=BASE, MATERIAL=STEEL\n2\n*BOUNDARY")
+    with pytest.raises(InputError, match=r"have the thickness 0\.5 and 2, and a case has one"):
+        model(tmp_path, PLANE + other + loads)
+
+
+def test_a_step_that_supports_drive(tmp_path: Path) -> None:
+    """The case moves the supports, and asks for no load that the file does not have."""
+    found = model(tmp_path, PLANE + SHEET + "*BOUNDARY\nTOP,2,2,-0.01\n")
+    text = case_of(found, "a", "a.inp", "a.msh")
+    assert 'on = "top"\ncomponents = "y"\nvalue = -0.01\nconstant = false\n' in text
+    assert 'control = "displacement"' in text
+    assert "[[load]]" not in text
+    assert "<-" not in text
 
 
 @pytest.mark.parametrize(
