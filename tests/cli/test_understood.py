@@ -444,8 +444,25 @@ CASES = {
         bodies=HIGHER,
         mapped=closed,
     ),
-    "a body without a support": Told(
+    "a body that is glued to a held one": Told(
         support("bottom") + load("top") + '[[tie]]\nprimary = "lower"\nsecondary = "under"\n',
+        ("bottom: holds x, y; length 4; leaves no rigid motion", "No load acts on 'plate'"),
+        {**FLOOR, "top": side(1, 3.5), "lower": TOP, "under": side(1, 2.5)},
+        bodies=HIGHER,
+        mapped=closed,
+        never=("all together",),
+    ),
+    "bodies that are glued and may slide": Told(
+        support("bottom", 'components = "y"')
+        + load("top")
+        + '[[tie]]\nprimary = "lower"\nsecondary = "under"\n',
+        ("all together they leave translation in x of 'plate', 'upper'",),
+        {**FLOOR, "top": side(1, 3.5), "lower": TOP, "under": side(1, 2.5)},
+        bodies=HIGHER,
+        mapped=closed,
+    ),
+    "a body in contact that no support holds": Told(
+        support("bottom") + load("top") + '[[contact]]\nprimary = "lower"\nsecondary = "under"\n',
         ("all together they leave any rigid motion of 'upper'", "No load acts on 'plate'"),
         {**FLOOR, "top": side(1, 3.5), "lower": TOP, "under": side(1, 2.5)},
         bodies=HIGHER,

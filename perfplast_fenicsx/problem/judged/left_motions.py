@@ -7,25 +7,30 @@ from mpi4py import MPI
 
 import numpy as np
 from dolfinx import fem
+from scipy.linalg import block_diag
 from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.rows.rigid_motion_names import motion_name
-from perfplast_fenicsx.contact.rows.rigid_motions import null_space
+from perfplast_fenicsx.contact.rows.rigid_motions import null_space, rigid_jumps
 from perfplast_fenicsx.contact.surfaces.surface_normals import face_nodes
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 
+STILL = 1e-6
+"""Share of a motion of all bodies below which one of them is at rest."""
+
 
 def left_motions(problem: Problem) -> tuple[list[list[str]], list[str]]:
-    """Return what supports leave, without what contacts and ties hold. Collective.
+    """Return what supports leave, without what contacts hold. Collective.
 
     Returns:
         For each of ``problem.given.holding`` the motions that it leaves by itself to the bodies
         that it touches, such as "translation in x and rotation", with their names where they
-        differ; and the same of all together, with the names of the bodies that move yet.
+        differ. And the same of all together, with the names of the bodies that still move: bodies
+        that ties glue together move as one.
     """
     count, modes = problem.bodies.count, problem.bodies.num_modes
     holding = problem.given.holding
@@ -38,7 +43,31 @@ def left_motions(problem: Problem) -> tuple[list[list[str]], list[str]]:
     for gram in grams:
         touched = np.flatnonzero(np.abs(gram).max(axis=(1, 2), initial=0.0) > 0).astype(np.int32)
         single.append(_in_words(problem, gram, touched, True))
-    return single, _in_words(problem, grams.sum(axis=0), np.arange(count, dtype=np.int32), False)
+    everybody = np.arange(count, dtype=np.int32)
+    return single, _in_words(problem, _together(problem, grams.sum(axis=0)), everybody, False)
+
+
+def _together(problem: Problem, grams: Floats) -> Floats:
+    """Return grams whose null spaces are the motions of bodies that ties leave as well. Collective.
+
+    Args:
+        problem: The bodies with their ties.
+        grams: Of supports, shape (count, num_modes, num_modes).
+    """
+    count, modes = grams.shape[:2]
+    jumps = rigid_jumps(problem.V, problem.bodies, problem.ties.B)
+    if not problem.comm.allreduce(len(jumps)):
+        return grams
+    left = null_space(block_diag(*grams) + problem.comm.allreduce(jumps.T @ jumps))
+    found = np.empty_like(grams)
+    for body in range(count):
+        moves = left[body * modes : (body + 1) * modes]
+        found[body] = np.eye(modes)
+        if moves.size:
+            vectors, sizes, _ = np.linalg.svd(moves, full_matrices=False)
+            basis = vectors[:, sizes > STILL]
+            found[body] -= basis @ basis.T
+    return found
 
 
 def _rows(problem: Problem, support: Support | RigidSurface) -> tuple[Ints, Floats]:
