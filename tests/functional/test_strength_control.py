@@ -190,7 +190,7 @@ def test_no_strength_is_kept_where_none_is_divided(
             'law = "drucker-prager"\nyoung = 1e4\npoisson = 0.3\ncohesion = 0.05\n'
             'friction_angle = 20.0\nmatch = "plane-strain"',
             'law = "elastic"\nyoung = 1e4\npoisson = 0.3',
-            "all bodies are elastic",
+            "all bodies are elastic or rigid, and no friction that F divides",
         ),
     ],
 )
@@ -206,6 +206,16 @@ def test_what_cannot_be_is_one_sentence(
     case = write(comm, slope, CASE.replace(before, after))
     assert main(["run", str(case), "-o", str(slope / "results")]) == BAD_INPUT
     assert named in one_line(comm, capsys)
+
+
+def test_a_wide_tolerance(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], slope: Path
+) -> None:
+    """What check passes run answers: ten times the tolerance was asked of the first mesh."""
+    text = CASE.replace("path = true", "").replace("= 0.01", "= 0.3")
+    case = write(comm, slope, text.replace("adapt = { until = 0.2, cells = 300 }", ""))
+    assert main(["check", str(case)]) == SOLVED
+    assert main(["run", str(case), "-o", str(slope / "results")]) == SOLVED
 
 
 @pytest.mark.long

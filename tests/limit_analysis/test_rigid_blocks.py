@@ -1,6 +1,7 @@
 """Rigid blocks: their joints alone limit the load, and both bounds meet in a linear program."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,11 +21,13 @@ from perfplast_fenicsx import (
     Rigid,
     Support,
     VonMises,
+    factor_of_safety,
     limit_bounds,
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds
 from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.proof import check
 from tests.checks import assert_refused
 from tests.stones import box, chain, lune, stones, voussoir, weight_and
@@ -212,6 +215,65 @@ def test_a_stone_in_space(shared_tmp_path: Path, mu: float, c: float, exact: flo
     low, up = proven(shared_tmp_path, limit_bounds(problem))
     assert low <= up
     assert (low, up) == pytest.approx((exact, exact), rel=2e-4)
+
+
+def staying(problem: Problem, push: float, **joint: bool) -> Problem:
+    """The same with a push that stays, and other words on its joints."""
+    given = problem.given
+    loads = [
+        it if it.constant else replace(it, value=[push * one for one in it.value], constant=True)  # type: ignore[union-attr]
+        for it in given.loads
+    ]
+    joints = [replace(it, **joint) for it in given.contacts]
+    return variant(problem, loads=loads, rubbing=(joints, given.obstacles))
+
+
+@pytest.mark.mpi2
+def test_factor_of_safety_of_stones(shared_tmp_path: Path) -> None:
+    """F divides the friction of joints: a stone slides at μ/F, whatever its weight."""
+    problem = staying(pushed(0.3, 2.0, 1.0), 0.2)
+    seen: list[float] = []
+    found = factor_of_safety(problem, 1e-3, monitor=lambda factor, low, high: seen.append(factor))
+    assert found.lower is not None
+    assert found.upper is not None
+    assert found.lower <= 0.3 / 0.2 * (1 + 1e-9)
+    assert found.upper >= 0.3 / 0.2 * (1 - 1e-9)
+    assert found.upper / found.lower < 1.0011
+    assert 2 * len(seen) == found.searches <= 40
+    assert found.stands is not None
+    assert found.falls is not None
+    results = ResultFolder(COMM, shared_tmp_path, force=True)
+    for name, side, factor, bounds in (
+        ("stands", "lower", found.lower, found.stands),
+        ("falls", "upper", found.upper, found.falls),
+    ):
+        write_proof(results, results.file(f"{name}.h5"), *proofs(bounds, bounds, factor))
+        half = check(results.file(f"{name}.h5"))[side]
+        assert not half.faults, half.faults
+        assert f"Strengths are divided by F = {factor:.9g}" in " ".join(half.words)
+
+
+def test_factor_of_safety_of_an_arch_and_of_joints_that_dilate_less() -> None:
+    """A pushed arch falls by hinges or by slip; without dilatancy there is an upper bound alone."""
+    arch = factor_of_safety(staying(oppenheim(), 0.2), 1e-2)
+    assert arch.lower is not None
+    assert arch.upper is not None
+    assert 1.2 < arch.lower < arch.upper < 1.011 * arch.lower
+    less = factor_of_safety(staying(pushed(0.3, 2.0, 1.0), 0.2, associated=False), 1e-2)
+    assert less.lower is None
+    assert less.upper == pytest.approx(1.5, rel=1.01e-2)
+
+
+def test_stones_that_fall_or_stand_at_any_factor() -> None:
+    """A slender stone tips, and a stone that nothing pushes does not slide."""
+    assert_refused(
+        lambda: factor_of_safety(staying(pushed(0.7, 1.0, 2.0), 0.6)), ["even with F = 0.01"]
+    )
+    assert_refused(
+        lambda: factor_of_safety(staying(pushed(0.3, 2.0, 1.0), 0.0)), ["even with F = 100"]
+    )
+    kept = staying(pushed(0.3, 2.0, 1.0), 0.2, reduced=False)
+    assert_refused(lambda: factor_of_safety(kept), ["no friction that F divides"])
 
 
 def dome(thickness: float, count: int = 20) -> Problem:

@@ -5,6 +5,8 @@ from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from meshes.slope import write_slope
 from perfplast_fenicsx import (
     Adaptation,
     BodyForce,
+    Contact,
     DruckerPrager,
     Elastic,
     Flow,
@@ -35,8 +38,10 @@ from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.problem.variant import variant
+from tests.checks import assert_refused
 from tests.limit_analysis.test_associated_joints import COSINE, SINE, cut_column
 from tests.models import Read
+from tests.stones import box, stones
 
 SUPPORTS = [Support("bottom"), Support("left", "x")]
 WEIGHT = BodyForce("soil", (0.0, -1.0), constant=True)
@@ -245,10 +250,42 @@ def test_what_is_refused(read: Read) -> None:
     growing = BodyForce("soil", (0.0, -1.0))
     with pytest.raises(InputError, match="the load on 'soil' grows"):
         factor_of_safety(slope(read, ground, growing))
-    with pytest.raises(InputError, match="all bodies are elastic"):
+    with pytest.raises(InputError, match="no friction that F divides is between them"):
         factor_of_safety(slope(read, Elastic(1e3, 0.3)))
     with pytest.raises(InputError, match="Flow\\) has no reduced strength"):
         weakened(slope(read, Flow(ground)), 1.1)
+
+
+def test_strengths_that_f_does_not_divide_and_that_limit(read: Read) -> None:
+    """A body whose strength is kept falls, or stands, whatever F is: a sentence ends the search.
+
+    F went down to 0.03, or up, as far as the number of steps allowed.
+    """
+    mesh = stones(MPI.COMM_WORLD, [box([0, 0], [1, 1]), box([0, 1], [1, 2])], (2, 2))
+    held = [Support("0_y0", "y"), Support("0_x0", "x"), Support("1_x0", "x")]
+    joint = [Contact("0_y1", "1_y0", coulomb=0.5, associated=True)]
+    block = VonMises(1e4, 0.3, 1.0, reduced=False)
+
+    def asked(pressure: float, push: float) -> Problem:
+        loads = [Pressure("1_y1", pressure, constant=True)]
+        loads.append(Pressure("1_x1", push, constant=True))
+        materials = {"0": block, "1": replace(block, yield_stress=10.0)}
+        return Problem(mesh, materials, held, loads, joint, degree=2)
+
+    assert_refused(
+        lambda: factor_of_safety(asked(2.0, 0.0), 1e-2),
+        ["even with F = 0.01", "the strength of '0' and the strength of '1'", "reduced = false"],
+    )
+    assert_refused(lambda: factor_of_safety(asked(0.5, 0.1), 1e-2), ["even with F = 100"])
+
+
+@pytest.mark.parametrize("tolerance", [0.3, 0.9])
+def test_wide_tolerances(read: Read, tolerance: float) -> None:
+    """Ten times the tolerance is asked of the first mesh at first, which may be more than one."""
+    found = factor_of_safety(slope(read, VonMises(1e3, 0.3, 0.5)), tolerance)
+    assert found.lower is not None
+    assert found.upper is not None
+    assert found.lower < found.upper < (1 + 3 * tolerance) * found.lower
 
 
 def test_joints_are_reduced_as_bodies_are() -> None:

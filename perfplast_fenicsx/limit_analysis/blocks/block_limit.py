@@ -27,6 +27,10 @@ from perfplast_fenicsx.limit_analysis.statements.question import Question
 NOTHING = 1e-9
 """Load factors, in units in which loads are one, that are those of no forces at all."""
 
+ENOUGH = 2.0
+"""How many times forces are to carry loads that all stay. Joints without adhesion that carry them
+at all carry any multiple of them."""
+
 
 @dataclass(frozen=True, eq=False)
 class BlockLimit:
@@ -147,6 +151,7 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
     most = [float(np.abs(of).max(initial=0.0)) for of in every]
     unit = max(most[1], float(radius.sum())) or most[0] or 1.0
     scales = [most[0] or 1.0, unit, most[2] or 1.0]
+    times = unit / scales[0]
     loads = [
         np.asarray(blocks.free.T @ of / by, dtype=np.float64)
         for of, by in zip(every, scales, strict=True)
@@ -172,13 +177,13 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
             sought=loads[0],
             constant=loads[1],
             others=loads[2],
+            most=np.inf if limit else ENOUGH / times,
         )
         for frictions in (_frictions(strengths, False), _frictions(strengths, True))
     ]
     low, high, count = best_of_joints(programs[0], programs[1], rtol)
     if low.outcome is Outcome.FOUND and not most[1] and low.value <= NOTHING:
         low = replace(low, value=0.0, aside=0.0, cones=0 * low.cones, discs=0 * low.discs)
-    times = unit / scales[0]
     motion: Floats = np.asarray(blocks.free @ high.motion / scales[0], dtype=np.float64)
     forces = np.zeros((len(number) * d, d))
     tractions = np.zeros_like(forces)

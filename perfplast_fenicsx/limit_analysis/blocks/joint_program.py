@@ -83,6 +83,8 @@ class JointProgram:
         sought: Work of the loads whose factor is sought on each unknown motion, (num_motions,).
         constant: That of loads that stay.
         others: That of loads of any factor.
+        most: The largest λ that forces are sought for. It is finite where joints may carry the
+            loads at any factor, and forces for one factor are to prove that they carry them.
     """
 
     cones: Places
@@ -91,6 +93,7 @@ class JointProgram:
     sought: Floats
     constant: Floats
     others: Floats
+    most: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,6 +265,8 @@ class _Solved:
         bounds = np.zeros((total, 2))
         bounds[:, 1] = np.inf
         bounds[forces:, 0] = -np.inf
+        if inside:
+            bounds[forces, 1] = program.most
         of_discs = generators[1][0]
         budget = None
         if len(of_discs):  # what corners of a polygon add up to is at most 1

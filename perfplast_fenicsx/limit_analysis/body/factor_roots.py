@@ -33,6 +33,7 @@ class FactorRoots:
         steepness: |d ln μ/d ln F| that a single value is taken to have.
         found: Bounds by F, by which of both was sought.
         searches: Bounds that were computed, each side by itself.
+        met: Whether :meth:`of_mesh` has come near a root.
     """
 
     problem: Problem
@@ -44,6 +45,13 @@ class FactorRoots:
         default_factory=lambda: {"lower": {}, "upper": {}}
     )
     searches: int = 0
+    met: bool = False
+
+    @property
+    def rough(self) -> float:
+        """How near the mesh's own μ is sought, and how near to 1 it is good enough, relative."""
+        most = 0.1
+        return min(10 * self.tolerance, most)
 
     @property
     def rtol(self) -> float:
@@ -64,7 +72,8 @@ class FactorRoots:
                 strong, factor = factor, 0.0 if known else STEP * factor
             else:
                 known[factor] = times
-                if abs(times) <= 10 * self.tolerance:
+                if abs(times) <= self.rough:
+                    self.met = True
                     break
                 factor = _next(known, 0.0, self.steepness)
             if known and factor <= near * strong:
@@ -89,7 +98,7 @@ class FactorRoots:
         """
         _, other = weaker_and_stronger(weakened(self.problem, factor))
         searched = with_strict_contact(other)
-        found = interior_point(searched, 10 * self.tolerance, self.steps)
+        found = interior_point(searched, self.rough, self.steps)
         if found.verdict is Verdict.UNBOUNDED:  # coarse meshes may have no motion that dilates so
             return math.inf
         times = None if found.standing is None else found.standing.lower

@@ -8,20 +8,23 @@ over ln F, with that bound alone.
 """
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.factor_words import factor_words
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import nearness
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
+from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_words import sentences, taken_as
 from perfplast_fenicsx.limit_analysis.body.factor_roots import FactorRoots, next_factor
 from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
-from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED
+from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED, upper_bound
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
     check_stands,
@@ -38,6 +41,9 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 
 log = logging.getLogger(__name__)
+
+FAR = 100.0
+"""Factor by which strengths are multiplied, or divided, to show that F has no say in what falls."""
 
 
 @dataclass(frozen=True)
@@ -122,12 +128,15 @@ def factor_of_safety(
 
     Raises:
         InputError: If a load grows, a body has no reduced strength, no body yields, or
-            :func:`limit_bounds.limit_bounds` refuses the problem.
+            :func:`limit_bounds.limit_bounds` refuses the problem. If the bodies fall, or stand,
+            whatever F is.
     """
     check_tolerance(tolerance)
     given = problem.given
     rubbing = [*given.contacts, *given.obstacles]
     check_stands(given.loads, given.materials, rubbing)
+    if are_blocks(problem):
+        return _of_blocks(problem, tolerance, monitor)
     problem = with_matching_facets(problem)
     curves = _curves(problem, tolerance, monitor, steps, adaptation)
     for kind, other in (("upper", "lower"), ("lower", "upper")):
@@ -150,6 +159,56 @@ def factor_of_safety(
         taken=taken_as(problem),
         estimate=by_davis(given.materials),
         kept=tuple(kept_strengths(given.materials, rubbing)),
+    )
+
+
+def _of_blocks(
+    problem: Problem,
+    tolerance: float,
+    monitor: Callable[[float, Bound, Bound], None] | None,
+) -> FactorOfSafety:
+    """Return the factor of safety of bodies that cannot yield, on their joints. Collective.
+
+    Joints without adhesion carry loads that stay at any multiple, or at none. So F is halved
+    between a factor with which they carry them, and one with which they do not.
+    """
+    found: dict[float, BodyBounds] = {}
+
+    def bounds(factor: float) -> BodyBounds:
+        if factor not in found:
+            found[factor] = limit_bounds(weakened(problem, factor), 0.1 * tolerance)
+            if monitor is not None:
+                monitor(factor, found[factor].lower, found[factor].upper)
+        return found[factor]
+
+    def edge(holds: Callable[[BodyBounds], bool]) -> tuple[float, float]:
+        """Return the last factor at which something holds, and the first at which it does not."""
+        low, high, factor = 1 / FAR, FAR, 1.0
+        while math.log(high / low) > tolerance:
+            low, high = (factor, high) if holds(bounds(factor)) else (low, factor)
+            factor = math.sqrt(low * high)
+        return low, high
+
+    lower, _ = edge(lambda it: it.lower.strict and (it.lower.value or 0.0) >= 1)
+    _, upper = edge(lambda it: not it.upper.strict or (it.upper.value or 0.0) >= 1)
+    given = problem.given
+    kept = kept_strengths(given.materials, [*given.contacts, *given.obstacles])
+    if upper not in found:
+        raise _stands_anyway(kept)
+    if lower not in found and upper <= (1 + tolerance) / FAR:
+        raise _falls_anyway(kept)
+    rows = {factor: _strict(it) for factor, it in found.items()}
+    return FactorOfSafety(
+        lower=lower if lower in found else None,
+        upper=upper,
+        stands=found.get(lower),
+        falls=found[upper],
+        last=found[upper],
+        bodies=problem,
+        curve=tuple(sorted((factor, *sides) for factor, sides in rows.items())),
+        searches=2 * len(found),
+        taken=taken_as(problem),
+        kept=tuple(kept),
     )
 
 
@@ -213,6 +272,8 @@ def _curves(
     """
     first = FactorRoots(problem, tolerance, monitor, steps)
     factor = first.of_mesh()
+    if not first.met:
+        _check_that_f_matters(problem, first.rtol, steps)
     if adaptation is None:
         first.searches = 2
         first.keep(factor, limit_bounds(weakened(problem, factor), first.rtol, steps))
@@ -241,6 +302,48 @@ def _curves(
             return curves
         problem = problem.on(finer)
         factor = next_factor(curves, factor, bounds)
+
+
+def _check_that_f_matters(
+    problem: Problem, rtol: float, steps: Callable[[InteriorStep], None] | None
+) -> None:
+    """Refuse bodies that fall, or stand, with any strengths that F divides. Collective.
+
+    Raises:
+        InputError: If a bound on the first mesh proves one of these.
+    """
+    given = problem.given
+    kept = kept_strengths(given.materials, [*given.contacts, *given.obstacles])
+    most = upper_bound(weakened(problem, 1 / FAR), rtol, steps).upper
+    if most.strict and most.value is not None and most.value < 1:
+        raise _falls_anyway(kept)
+    least = limit_bounds(weakened(problem, FAR), rtol, steps).lower
+    if least.strict and least.value is not None and least.value >= 1:
+        raise _stands_anyway(kept)
+
+
+def _falls_anyway(kept: Sequence[str]) -> InputError:
+    """Return the refusal of bodies that fall with any strengths that F divides."""
+    if kept:
+        why = (
+            f"{' and '.join(kept)} cannot hold the loads at any F; leave reduced = false out there"
+        )
+    else:
+        why = "they tip, or slide where nothing resists; hold them there, or change the loads"
+    return InputError(
+        f"the bodies fall even with F = {1 / FAR:g}, which makes all strengths that F divides"
+        f" {FAR:g} times as large: {why}."
+    )
+
+
+def _stands_anyway(kept: Sequence[str]) -> InputError:
+    """Return the refusal of bodies that stand with hardly any of what F divides."""
+    limits = " and ".join([*kept, "the supports"])
+    return InputError(
+        f"the bodies stand even with F = {FAR:g}: {limits} hold the loads, and what F divides does"
+        " not limit them; let a load grow and seek its limit (control = 'bounds'), or let F divide"
+        " what holds the bodies."
+    )
 
 
 def _best(curves: Sequence[FactorRoots], kind: str) -> tuple[float | None, BodyBounds | None]:

@@ -54,6 +54,11 @@ class Weakening:
         given: Any = problem.given
         rubbing = [*given.contacts, *given.obstacles]
         check_stands(given.loads, given.materials, rubbing)
+        if all_elastic(given.materials.values()):
+            raise InputError(
+                "none of the bodies can yield, and blocks have no curve of F over work, as they do"
+                " not deform; leave path out."
+            )
         if pair_of(given.materials) is not None:
             raise InputError(
                 "ground with nonassociated = 'radenkovic' has no curve of F over work, as bounds"
@@ -188,13 +193,15 @@ def check_stands(
     Raises:
         InputError: Naming the first load that grows, or why nothing is divided.
     """
-    if all_elastic(materials.values()):
+    rubs = any(it.rubs and is_divided(it) for it in rubbing)
+    if all_elastic(materials.values()) and not rubs:
         raise InputError(
-            "all bodies are elastic or rigid, and have no strength that could fall; give those that"
-            " may yield another law."
+            "all bodies are elastic or rigid, and no friction that F divides is between them: there"
+            " is no strength that could fall. Give those that may yield another law, or contacts"
+            " coulomb or tresca."
         )
     falls = [it for it in materials.values() if is_divided(it) and not all_elastic([it])]
-    if not falls and not any(it.rubs and is_divided(it) for it in rubbing):
+    if not falls and not rubs:
         raise InputError(
             "reduced = false leaves no strength that a factor of safety could divide; leave it out"
             " of the bodies and contacts that may fall."
