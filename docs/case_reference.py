@@ -31,6 +31,7 @@ from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.stage import Stage
+from perfplast_fenicsx.seepage.declared import Head, Seepage
 from perfplast_fenicsx.solvers.methods import METHODS
 from perfplast_fenicsx.units import Units
 
@@ -144,6 +145,12 @@ def _geometry() -> Iterator[str]:
     yield f"**`[[geometry.face]]`.** {summary(NamedFace)}\n\n{HEAD}{rows(NamedFace)}"
 
 
+def _seepage() -> Iterator[str]:
+    yield f"{summary(Seepage)}\n"
+    yield HEAD + rows(Seepage, leave_out=frozenset({"head"}))
+    yield f"**`[[seepage.head]]`.** {summary(Head)}\n\n{HEAD}{rows(Head)}"
+
+
 def _solve() -> Iterator[str]:
     yield HEAD + _choice(
         "method",
@@ -176,6 +183,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "support": ("[[support]]", _single(support_tables.SupportTable)),
     "load": ("[[load]]", _single(load_table())),
     "gravity": ("[gravity]", _single(GravityTable)),
+    "seepage": ("[seepage]", _seepage),
     "combination": ("[[combination]]", _single(Combination)),
     "design": ("[design]", _single(DesignTable)),
     "temperature": ("[[temperature]]", _single(Temperature)),

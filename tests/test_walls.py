@@ -70,15 +70,16 @@ BELOW: dict[str, set[str]] = {
         *("problem", "solvers", "limit_analysis.discrete", "limit_analysis.path"),
         "limit_analysis.statements",
     },
+    "seepage": {"mesh", "solvers.linear"},
     "controls": {"contact", "limit_analysis", "problem", "solvers"},
     "io.case": {
         *("controls", "geometry", "mesh", "materials", "contact", "problem", "solvers"),
-        "limit_analysis",
+        *("limit_analysis", "seepage"),
     },
     "proof": set(),
     "io.results": {
         *("contact", "mesh", "materials", "problem", "limit_analysis", "solvers", "io.case"),
-        "proof",
+        *("proof", "seepage"),
     },
     "pictures": {"contact", "problem", "proof", "io.case", "io.results"},
     "report": {"pictures", "problem", "proof", "solvers", "io.case", "io.results"},
@@ -87,7 +88,7 @@ BELOW: dict[str, set[str]] = {
     "models": {"geometry", "materials", "proof"},
     "cli": {
         *("controls", "geometry", "models", "pictures", "report", "io.case", "io.results"),
-        *("export", "limit_analysis", "solvers", "problem", "materials"),
+        *("export", "limit_analysis", "solvers", "problem", "materials", "seepage"),
     },
 }
 """For each room those that it may import from, besides itself and the ground: the modules that lie

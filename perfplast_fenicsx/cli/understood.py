@@ -32,6 +32,7 @@ from perfplast_fenicsx.problem.judged.load_resultants import LoadResultant, size
 from perfplast_fenicsx.problem.judged.sides import Cover, Sides, find_sides
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
+from perfplast_fenicsx.seepage.flow import PASSES, flow_of
 
 PICTURE = "case.png"
 """Name of the picture that ``check`` draws beside a case file."""
@@ -84,6 +85,7 @@ def understood(case: Case, problem: Problem) -> Understood | None:
         return None
     told = _Told(case, problem, sides)
     told.loads(resultants, volumes)
+    told.water()
     told.supports(single, together)
     told.interfaces(gaps, against)
     told.strengths()
@@ -128,6 +130,24 @@ class _Told:
                 self.lines.append(f"    adds to {shared}")
             if held := self._held_on(load.on, np.abs(found.force) > ROUNDING * total):
                 self.lines.append(f"    a support holds {held} there: no work of these components")
+
+    def water(self) -> None:
+        """Print how much water enters and leaves the ground where, and its largest pressure."""
+        flow = flow_of(self.problem.given.loads)
+        if flow is None:
+            return
+        unit = self.units["stress"]
+        most = f"{_number(flow.pressures.max())}{f' {unit}' if unit else ''}"
+        self.lines.append(
+            f"Water: largest pore pressure {most}; {flow.iterations} iterations of SNES-VI"
+        )
+        largest = max(map(abs, flow.discharges.values()), default=0.0)
+        for name, discharge in flow.discharges.items():
+            way = "enters" if discharge > 0 else "leaves"
+            told = f"{_number(abs(discharge))} {way} per unit of time"
+            if abs(discharge) <= PASSES * largest:
+                told = "no water passes"
+            self.lines.append(f"  {name}: {told}")
 
     def supports(self, single: Sequence[list[str]], together: list[str]) -> None:
         """Print each support: where, which components, and which rigid motions it leaves."""

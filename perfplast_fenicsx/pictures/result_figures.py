@@ -64,6 +64,24 @@ def path(reader: ResultReader) -> Drawing | None:
     return draw
 
 
+def seepage(reader: ResultReader) -> Drawing | str | None:
+    """Return what draws ``seepage.png``: heads and flow lines in the plane."""
+    flow = reader.flow
+    if flow is None:
+        return None
+    if flow.points.shape[1] == 3:
+        return "The flow of water in space is drawn by ParaView: seepage.vtkhdf."
+
+    def draw(picture: Path) -> str | None:
+        from perfplast_fenicsx.pictures.flow_figure import save_flow
+        from perfplast_fenicsx.pictures.heading import heading, remark_on
+
+        save_flow(flow, heading(reader.scene.title), reader.summary.units, picture)
+        return remark_on(reader.scene.title)
+
+    return draw
+
+
 def fields(reader: ResultReader) -> Drawing | str | None:
     """Return what draws ``fields.png``: the bodies after the last level."""
     if not reader.reports:

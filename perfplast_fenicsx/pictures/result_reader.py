@@ -27,6 +27,7 @@ from perfplast_fenicsx.io.results.result_files import (
     CONNECTIVITY,
     EARLIER,
     FIELD_DATA,
+    FLOW,
     MECHANISM,
     MESH,
     NAMED,
@@ -66,6 +67,25 @@ class StoredLevel:
     number: int
     report: LevelReport
     file: str
+
+
+@dataclass(frozen=True)
+class StoredFlow:
+    """Water that flows through the ground.
+
+    Attributes:
+        points: Coordinates, shape (num_points, d).
+        cells: Points of each cell, shape (num_cells, d + 1).
+        pressure: At the points (stress).
+        head: Total head at the points (length).
+        saturation: At the points; 1 below the free surface, 0 above it.
+    """
+
+    points: npt.NDArray[np.float64]
+    cells: npt.NDArray[np.int64]
+    pressure: npt.NDArray[np.float64]
+    head: npt.NDArray[np.float64]
+    saturation: npt.NDArray[np.float64]
 
 
 class ResultReader:
@@ -219,6 +239,18 @@ class ResultReader:
         points, corners, offsets, body, facets, tags = self._arrays(MESH, *names)
         cells = corners.reshape(len(offsets) - 1, -1)  # all have as many nodes
         return make_skin(points, cells, body, facets, tags, self.named)
+
+    @cached_property
+    def flow(self) -> StoredFlow | None:
+        """The flow of water, None where no water flows."""
+        if self.summary.seepage is None:
+            return None
+        names = [f"{POINT_DATA}/{name}" for name in ("pressure", "head", "saturation")]
+        points, corners, offsets, *fields = self._arrays(
+            FLOW, POINTS, CONNECTIVITY, OFFSETS, *names
+        )
+        cells = corners.reshape(len(offsets) - 1, -1)
+        return StoredFlow(points[:, : cells.shape[1] - 1], cells, *fields)
 
     def _arrays(self, name: str, *places: str) -> list[npt.NDArray[Any]]:
         """Arrays of a VTKHDF file."""

@@ -29,6 +29,7 @@ from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.stage import Stage
+from perfplast_fenicsx.seepage import Head, Seepage
 from perfplast_fenicsx.solvers.methods import METHODS
 from perfplast_fenicsx.units import Units
 from tests.test_walls import BELOW
@@ -47,6 +48,7 @@ TABLES = {
     "[[support]]": [support_tables.SupportTable],
     "[[load]]": [load_table()],
     "[gravity]": [GravityTable],
+    "[seepage]": [Seepage, Head],
     "[[temperature]]": [Temperature],
     "[[initial_stress]]": [InitialStress],
     "[[bolt]]": [Bolt],

@@ -27,6 +27,7 @@ from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.mesh_table import load_mesh
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.io.case.schema import Table, at
+from perfplast_fenicsx.io.case.seepage_table import with_flow
 from perfplast_fenicsx.io.case.tables import (
     ElementOptions,
     MeshBuilder,
@@ -48,6 +49,7 @@ from perfplast_fenicsx.problem.declared.stage import Stage, called
 from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.seepage.declared import Seepage
 from perfplast_fenicsx.solvers.methods import METHODS
 from perfplast_fenicsx.units import Units
 
@@ -68,6 +70,7 @@ class Case:
     materials: dict[str, Material]
     supports: list[Support]
     loads: list[Load]
+    seepage: Seepage | None
     contacts: list[Contact]
     obstacles: list[Obstacle]
     ties: list[Tie]
@@ -170,7 +173,7 @@ class Case:
                 tagged_mesh,
                 self.materials,
                 self.supports,
-                self.loads,
+                self.loads_on(tagged_mesh),
                 self.contacts,
                 self.obstacles,
                 self.element.degree,
@@ -178,6 +181,17 @@ class Case:
                 [*self.ties, *glued],
                 self.rigid,
             )
+
+    def loads_on(self, tagged_mesh: TaggedMesh) -> list[Load]:
+        """Return the loads, those of water that flows with its pressure on a mesh. Collective.
+
+        Raises:
+            InputError: If the flow cannot be found.
+        """
+        if self.seepage is None:
+            return self.loads
+        with at("[seepage]"):
+            return with_flow(self.loads, tagged_mesh, self.seepage)
 
     def history(self, problem: Problem) -> LoadingHistory | None:
         """Return the loading history of the stages; None if there is a [loading]. Collective.

@@ -21,6 +21,7 @@ from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
 from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
 from perfplast_fenicsx.io.case.method_table import read_method
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
+from perfplast_fenicsx.io.case.seepage_table import read_seepage, water_loads
 from perfplast_fenicsx.io.case.support_tables import (
     RigidSurfaceTable,
     SupportTable,
@@ -88,11 +89,18 @@ def case_of(path: Path, text: str, table: Table) -> Case:
     loads: list[Load] = []
     for place, load in _numbered(top.load, f"{name}, [[load]]"):
         loads.append(read_load(load, place))
+    weight = None
     if top.gravity is not None:
         place = f"{name}, [gravity]"
         weight = convert(top.gravity, GravityTable, place)
         with at(place):
             loads += weight.loads(materials)
+    seepage = None
+    if top.seepage is not None:
+        place = f"{name}, [seepage]"
+        seepage = read_seepage(top.seepage, place)
+        with at(place):
+            loads += water_loads(seepage, materials, weight)
     supports = _numbered(top.support, f"{name}, [[support]]")
     contacts = _numbered(top.contact, f"{name}, [[contact]]")
     obstacles: list[Obstacle] = []
@@ -151,6 +159,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         materials=materials,
         supports=held,
         loads=loads,
+        seepage=seepage,
         contacts=touching,
         obstacles=obstacles,
         ties=[convert(tie, Tie, place) for place, tie in _numbered(top.tie, f"{name}, [[tie]]")],

@@ -39,6 +39,7 @@ from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.stage import Stage
+from perfplast_fenicsx.seepage.declared import Head, Seepage
 from perfplast_fenicsx.solvers.methods import METHODS
 from perfplast_fenicsx.units import Units
 
@@ -92,6 +93,7 @@ def _tables() -> dict[str, Schema]:
         "support": _table(SupportTable),
         "load": _table(load_table()),
         "gravity": _table(GravityTable),
+        "seepage": _seepage(),
         "combination": _table(Combination),
         "design": _table(DesignTable),
         "temperature": _table(Temperature),
@@ -221,3 +223,8 @@ def _geometry() -> Schema:
     options = _table(MeshingOptions, faces)
     file = _told({"type": "string"}, "Its path, relative to the folder of the case file.")
     return _object({"file": file} | options["properties"], ["file"])
+
+
+def _seepage() -> Schema:
+    """``[seepage]``: conductivities, and levels at surfaces."""
+    return _table(Seepage, {"head": {"type": "array", "items": _table(Head)}})

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from perfplast_fenicsx.problem.declared.loads import Load, Traction, kind_of
+from perfplast_fenicsx.problem.declared.loads import FieldPores, Load, Traction, kind_of
 from perfplast_fenicsx.units import Units
 
 if TYPE_CHECKING:  # what reads results for reports starts no MPI
@@ -25,6 +25,9 @@ def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
             what = kind_of(load) if field == "value" else field
             if isinstance(load, Traction) and load.total:
                 what, quantity = "force, spread evenly,", "force"
+            if isinstance(load, FieldPores):
+                words.append(f"pore pressure of {load.value}")
+                continue
             words.append(f"{what.replace('_', ' ')} {_value(value)} {table[quantity]}".rstrip())
     return f"{' and '.join(words)} on '{load.on}'"
 

@@ -16,7 +16,7 @@ from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
-from perfplast_fenicsx.problem.declared.loads import LOADS, Load
+from perfplast_fenicsx.problem.declared.loads import LOADS, Load, kind_of
 from perfplast_fenicsx.units import Units
 
 if TYPE_CHECKING:  # what reads results for pictures starts no MPI
@@ -74,12 +74,12 @@ class Scene:
 
 def write_scene(scene: Scene, tagged_mesh: "TaggedMesh", path: Path) -> None:
     """Write ``scene.json``. Not collective."""
-    loads = {load: kind for kind, load in LOADS.items()}
     shapes = {shape: name for name, shape in OBSTACLES.items()}
     interfaces = {interface: name for name, interface in INTERFACES.items()}
     table = asdict(scene)
     for entry, load in zip(table["loads"], scene.loads, strict=True):
-        entry["kind"] = loads[type(load)]
+        entry["kind"] = kind_of(load)
+        entry.pop("field", None)
     for entry, obstacle in zip(table["obstacles"], scene.obstacles, strict=True):
         entry["shape"] = shapes[type(obstacle)]
     for entry, contact in zip(table["contacts"], scene.contacts, strict=True):

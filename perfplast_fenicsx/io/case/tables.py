@@ -28,6 +28,7 @@ class Document:
         model: What the coordinates of a mesh in the plane mean.
         title: For people; the name of the file where it is missing.
         gravity: The weight of bodies, by their densities.
+        seepage: Water that flows through the ground.
         combination: Loads that act together with factors, each solved by itself; a table of
             results, the worst one first.
         design: Partial factors on strengths.
@@ -55,6 +56,7 @@ class Document:
     title: str = ""
     load: list[Table] = field(default_factory=list)
     gravity: Table | None = None
+    seepage: Table | None = None
     combination: list[Table] = field(default_factory=list)
     design: Table = field(default_factory=dict)
     support: list[Table] = field(default_factory=list)

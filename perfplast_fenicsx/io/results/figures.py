@@ -56,6 +56,7 @@ class Figure:
 
 FIGURES = (
     Figure("path.png", "The curve", f"{OURS}:path"),
+    Figure("seepage.png", "Water in the ground", f"{OURS}:seepage"),
     Figure("fields.png", "The bodies at the last step", f"{OURS}:fields", wide=True),
     Figure("strength.png", "Strengths", f"{OURS}:strength"),
     Figure("envelope.png", "Pairs of loads", f"{OURS}:envelope"),

@@ -11,6 +11,9 @@ SERIES, FIELDS, MECHANISM = "fields.vtkhdf.series", "fields", "mechanism.vtkhdf"
 POINT_SERIES, MECHANISM_POINTS = "points.vtkhdf.series", "mechanism_points.vtkhdf"
 """Series of fields at the points of the quadrature."""
 
+FLOW = "seepage.vtkhdf"
+"""Water that flows through the ground."""
+
 EXPORTED = "export"
 """The folder with what other programs read."""
 

@@ -30,6 +30,7 @@ from perfplast_fenicsx.io.results.result_files import (
     EXPORTED,
     FALLS,
     FIELDS,
+    FLOW,
     KNOWN,
     LEAST,
     MECHANISM,
@@ -53,7 +54,7 @@ DATA = ("summary.json", "path.csv", "run.log", "scene.json", SERIES)
 BESIDE = (
     *("loading.gif", MECHANISM, PROOF, LEAST, POINT_SERIES, MECHANISM_POINTS, STANDS, FALLS, KNOWN),
     "report.html",
-    *(NEWEST, BEFORE, *EARLIER),
+    *(FLOW, NEWEST, BEFORE, *EARLIER),
 )
 """Files that are listed after the pictures."""
 

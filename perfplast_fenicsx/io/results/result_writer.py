@@ -13,9 +13,10 @@ from perfplast_fenicsx.io.results.bound_fields import bound_fields
 from perfplast_fenicsx.io.results.checkpoints import Saved
 from perfplast_fenicsx.io.results.claims import direction_file
 from perfplast_fenicsx.io.results.field_series import FieldSeries
+from perfplast_fenicsx.io.results.flow_file import write_flow
 from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
 from perfplast_fenicsx.io.results.proof_file import judge
-from perfplast_fenicsx.io.results.result_files import FALLS, LEAST, PROOF, STANDS
+from perfplast_fenicsx.io.results.result_files import FALLS, FLOW, LEAST, PROOF, STANDS
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
 from perfplast_fenicsx.io.results.resultant_tables import ResultantTables
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
@@ -34,6 +35,7 @@ from perfplast_fenicsx.path_bracket import PathBracket
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.seepage.flow import flow_of
 
 LIMIT_KEYS = (
     *("method", "lower", "estimate", "upper", "alpha", "levelled_off", "reason"),
@@ -86,6 +88,10 @@ class ResultWriter:
         self.results.summary.units = scene.units.table(problem.kinematics.whole)
         self._resultants = ResultantTables(scene.units, problem.kinematics.whole)
         self.results.summary.loads = self._resultants.loads(problem)
+        if (flow := flow_of(problem.given.loads)) is not None:
+            self.results.summary.seepage = flow.table()
+            flow_file = folder.file(FLOW)
+            folder.on_root(lambda: write_flow(flow, flow_file))
         self._output = OutputFields(problem) if fields else None
         self._fields, self._points = None, points
         self._judged: BodyBounds | None = None

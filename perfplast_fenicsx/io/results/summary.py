@@ -18,6 +18,7 @@ class Summary:
             ``forces`` and works are of: each unit of depth, or the full turn.
         given: What was solved: materials, supports, loads and the rest
             (:func:`given_table.given_table`).
+        seepage: Discharges of water by surface, and iterations of SNES-VI, if water flows.
         loads: Force and moment of each load at ζ = 1 (:class:`load_resultants.LoadResultant`).
         case: The case ``file``, and the ``text`` of it; nothing of a Python program.
         report: ``project``, ``number`` and ``author``, those that the case names.
@@ -44,6 +45,7 @@ class Summary:
     given: dict[str, Any] = field(default_factory=dict)
     element_size: float = 0.0
     loads: list[dict[str, Any]] = field(default_factory=list)
+    seepage: dict[str, Any] | None = None
     case: dict[str, str] = field(default_factory=dict)
     report: dict[str, str] = field(default_factory=dict)
     surroundings: dict[str, Any] = field(default_factory=dict)

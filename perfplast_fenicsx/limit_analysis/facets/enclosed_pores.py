@@ -26,7 +26,7 @@ from perfplast_fenicsx.materials.von_mises import VonMises
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.declared.loads import EnclosedPores, Load, PorePressure
+from perfplast_fenicsx.problem.declared.loads import EnclosedPores, FieldPores, Load, PorePressure
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 
@@ -75,7 +75,8 @@ def on_kinks(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> npt.NDArray[np.b
         if not isinstance(load, PorePressure) or not isinstance(load.value, str):
             continue
         cells, vertices, places = _cells(tagged_mesh, load.on)
-        values = _enclosed(load, "below").at_corners(places)
+        linear = load if isinstance(load, FieldPores) else _enclosed(load, "below")
+        values = linear.at_corners(places)
         if values is None:
             continue
         d = places.shape[2]

@@ -63,11 +63,11 @@ def linear_pores(load: PorePressure, corners: Floats) -> tuple[Floats, Floats]:
         TypeError: If there is no linear function to take in its place.
     """
     place = f"the load on '{load.on}'"
-    if isinstance(load, EnclosedPores):
-        values = load.at_corners(corners)
-        if values is None:
-            raise TypeError(f"{place} has no linear functions around it")
+    values = load.at_corners(corners)
+    if values is not None:
         return values, np.zeros(len(corners))
+    if isinstance(load, EnclosedPores):
+        raise TypeError(f"{place} has no linear functions around it")
     at_ends, at_middles = (
         evaluate(load.value, _points(x), place).reshape(x.shape[:2])
         for x in (corners, _middles(corners))

@@ -13,7 +13,13 @@ from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.linear_tractions import linear_pores
-from perfplast_fenicsx.problem.declared.loads import EnclosedPores, Formula, SpreadLoad, kind_of
+from perfplast_fenicsx.problem.declared.loads import (
+    EnclosedPores,
+    FieldPores,
+    Formula,
+    SpreadLoad,
+    kind_of,
+)
 
 
 def work_form(tagged_mesh: TaggedMesh, loads: Sequence[SpreadLoad], v: ufl.Argument) -> ufl.Form:
@@ -64,7 +70,7 @@ def _field(
     mesh = tagged_mesh.mesh
     if not isinstance(value, str):
         return fem.Constant(mesh, default_scalar_type(value))
-    if isinstance(load, EnclosedPores):
+    if isinstance(load, EnclosedPores | FieldPores):
         linear = fem.Function(fem.functionspace(mesh, ("Discontinuous Lagrange", 1)))
         vertices, points = corners(mesh)
         owned = entities[entities < len(vertices)]

@@ -12,7 +12,7 @@ degree 2 is exact.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -145,6 +145,58 @@ class PorePressure(SpreadLoad):
             )
         return value * divergence(tagged_mesh.kinematics, v)
 
+    def at_corners(self, corners: Floats) -> Floats | None:
+        """Return a function that is linear in each cell, at the vertices, shape (n, d + 1).
+
+        None of a number or formula, which need not be linear in a cell. Not collective.
+
+        Args:
+            corners: Vertices of the cells, shape (n, d + 1, d).
+        """
+        return None
+
+
+class CellField(Protocol):
+    """A function that is linear in each cell of a mesh, and of the meshes that divide its cells."""
+
+    def at_corners(self, corners: Floats) -> Floats:
+        """Return it at the vertices of cells, shape (n, d + 1).
+
+        Args:
+            corners: Vertices of the cells, shape (n, d + 1, d).
+        """
+
+
+@dataclass(frozen=True)
+class FieldPores(PorePressure):
+    """Pore pressure that is a field on a mesh, such as that of water that flows.
+
+    Args:
+        on: Physical volume.
+        value: Where the field comes from, in words.
+        name: What messages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        field: The field (stress); None as long as there is no mesh.
+    """
+
+    field: CellField | None = None
+
+    def at_corners(self, corners: Floats) -> Floats | None:
+        """Return the field at the vertices of cells, shape (n, d + 1). Not collective.
+
+        Args:
+            corners: Vertices of the cells, shape (n, d + 1, d).
+
+        Raises:
+            InputError: If there is no field yet.
+        """
+        if self.field is None:
+            raise InputError(
+                f"the pore pressure in '{self.on}' is that of {self.value}, which is not known"
+                " without a mesh; build the problem from the case."
+            )
+        return self.field.at_corners(corners)
+
 
 @dataclass(frozen=True)
 class EnclosedPores(PorePressure):
@@ -274,13 +326,14 @@ ON_SURFACES = (Traction, Pressure, CosinePressure)
 
 def kind_of(load: Load) -> str:
     """How case files call a load's kind; the name of its class where it is in no case file."""
-    known = (kind for kind, cls in LOADS.items() if cls is type(load))
+    own = PorePressure if isinstance(load, FieldPores) else type(load)
+    known = (kind for kind, cls in LOADS.items() if cls is own)
     return next(known, type(load).__name__)
 
 
 def is_known(load: Load) -> bool:
     """Whether a load is of the program's own kinds, and none of a user's."""
-    return type(load) in (*LOADS.values(), *ON_SURFACES, EnclosedPores)
+    return type(load) in (*LOADS.values(), *ON_SURFACES, FieldPores, EnclosedPores)
 
 
 def is_uniform(load: Load) -> bool:
@@ -290,7 +343,7 @@ def is_uniform(load: Load) -> bool:
 
 def is_bounded(load: Load) -> bool:
     """Whether strict bounds know a load: all but forces per volume that are formulas."""
-    return type(load) in (*ON_SURFACES, PorePressure, EnclosedPores, Force) or (
+    return type(load) in (*ON_SURFACES, PorePressure, FieldPores, EnclosedPores, Force) or (
         type(load) is BodyForce and is_uniform(load)
     )
 

@@ -29,7 +29,10 @@ LIMIT = "perfplast_limit_"
 SUBDOMAINS = "perfplast_tfeti_"
 """Prefix of the user's options for the factorisations of subdomains in Total FETI."""
 
-KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND, LIMIT, SUBDOMAINS}
+SEEPAGE = "perfplast_seepage_"
+"""Prefix of the user's options for SNES-VI, which finds the flow of water."""
+
+KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND, LIMIT, SUBDOMAINS, SEEPAGE}
 """Prefixes of all kinds of solvers."""
 
 

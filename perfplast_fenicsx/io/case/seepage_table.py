@@ -1,0 +1,76 @@
+"""``[seepage]``: water that flows through the ground, and its loads."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.io.case.gravity_table import GravityTable
+from perfplast_fenicsx.io.case.schema import Table, convert
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.declared.loads import FieldPores, Load, Pressure
+from perfplast_fenicsx.seepage.declared import Head, Seepage
+from perfplast_fenicsx.seepage.flow import steady_flow
+
+
+def read_seepage(table: Table, place: str) -> Seepage:
+    """Return what a table says of water that flows.
+
+    Args:
+        table: ``[seepage]``.
+        place: Where it is.
+
+    Raises:
+        InputError: If keys or values are wrong.
+    """
+    each = table.get("head", [])
+    if not isinstance(each, list) or not all(isinstance(one, dict) for one in each):
+        raise InputError(f"{place}: head is {each!r}; give tables, each headed [[seepage.head]].")
+    of_head = f"{place.removesuffix('[seepage]')}[[seepage.head]] number"
+    for number, one in enumerate(each, start=1):
+        convert(one, Head, f"{of_head} {number}")
+    return convert(table, Seepage, place)
+
+
+def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | None) -> list[Load]:
+    """Return the loads of water: pressure in pores, and on surfaces below its level.
+
+    Args:
+        seepage: The flow.
+        bodies: Names of all bodies.
+        weight: Gravity, which has to point down.
+
+    Raises:
+        InputError: If a conductivity is that of no body, or gravity has another direction.
+    """
+    if weight is not None:
+        down = [0.0] * len(weight.acceleration)
+        if seepage.axis < len(down):
+            down[seepage.axis] = -max(map(abs, weight.acceleration))
+        if list(weight.acceleration) != down:
+            raise InputError(
+                f"up = '{seepage.up}' is not the direction against gravity, whose acceleration is"
+                f" {weight.acceleration}; give the coordinate that points upwards as up."
+            )
+    known, found = list(bodies), list[Load]()
+    for body in seepage.conductivity:
+        if body not in known:
+            raise InputError(f"conductivity names '{body}', no body; {nearest(body, known)}")
+        found.append(FieldPores(body, "steady seepage", name=f"pore water in {body}"))
+    for head in seepage.head:
+        if head.presses:
+            value = f"{seepage.unit_weight!r}*maximum({head.level!r} - {seepage.up}, 0)"
+            found.append(Pressure(head.on, value, name=f"water on {head.on}", constant=True))
+    return found
+
+
+def with_flow(loads: Sequence[Load], tagged_mesh: TaggedMesh, seepage: Seepage) -> list[Load]:
+    """Return the loads with the pressure of the flow on a mesh. Collective.
+
+    Raises:
+        InputError: As :func:`perfplast_fenicsx.seepage.flow.steady_flow`.
+    """
+    flow = steady_flow(tagged_mesh, seepage)
+    return [
+        replace(load, field=flow.pressure_in(load.on)) if isinstance(load, FieldPores) else load
+        for load in loads
+    ]

@@ -1,0 +1,75 @@
+"""A function that is linear in each cell of a mesh of straight cells."""
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.cell_search import CellSearch
+
+
+class LinearField:
+    """Values at the vertices of cells, linear between them.
+
+    Each cell has values of its own, so that the function may jump between cells.
+    """
+
+    def __init__(self, corners: Floats, values: Floats) -> None:
+        """Keep the function.
+
+        Args:
+            corners: Vertices of the cells, shape (num_cells, d + 1, d).
+            values: At the vertices, shape (num_cells, d + 1).
+        """
+        self._corners, self._values = corners, values
+        self._search: CellSearch | None = None
+
+    def at_corners(self, corners: Floats) -> Floats:
+        """Return the values at the vertices of cells that lie in cells of the field.
+
+        Args:
+            corners: Vertices of the cells, shape (n, d + 1, d).
+
+        Returns:
+            Shape (n, d + 1).
+
+        Raises:
+            InputError: If the middle of a cell lies in no cell of the field.
+        """
+        where = self._cells_at(corners.mean(axis=1))
+        shares = _shares(self._corners[where], corners)
+        found: Floats = np.einsum("nab,nb->na", shares, self._values[where])
+        return found
+
+    def _cells_at(self, points: Floats) -> Longs:
+        """Return the cell in which each point lies."""
+        self._search = self._search or CellSearch(self._corners)
+        best, where = np.full(len(points), -np.inf), np.zeros(len(points), dtype=np.int64)
+        for point, cell in self._search.near(points, np.zeros(len(points))):
+            least = _shares(self._corners[cell], points[point][:, None])[:, 0].min(axis=1)
+            order = np.argsort(least)  # of several values at one place the last one stays
+            point, cell, least = point[order], cell[order], least[order]
+            better = least > best[point]
+            where[point[better]] = cell[better]
+            np.maximum.at(best, point, least)
+        outside = 1e-9  # share of a vertex below which a point is outside of a cell
+        if (best < -outside).any():
+            at = ", ".join(f"{x:.6g}" for x in points[np.argmax(best < -outside)])
+            raise InputError(
+                f"the field has no value at ({at}); give one that covers the whole body."
+            )
+        return where
+
+
+def _shares(cells: Floats, points: Floats) -> Floats:
+    """Return barycentric coordinates.
+
+    Args:
+        cells: Vertices, shape (n, d + 1, d).
+        points: Shape (n, k, d).
+
+    Returns:
+        Shape (n, k, d + 1).
+    """
+    sides = cells[:, 1:] - cells[:, :1]
+    inner = np.einsum("nki,nij->nkj", points - cells[:, :1], np.linalg.inv(sides))
+    return np.concatenate([1.0 - inner.sum(axis=2, keepdims=True), inner], axis=2)

@@ -1,0 +1,95 @@
+"""The declaration of water that flows through ground."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from perfplast_fenicsx.errors import InputError
+
+
+@dataclass(frozen=True)
+class Head:
+    """Water whose level is known, at a surface of the ground.
+
+    Args:
+        on: Physical surface. Its part above the level is a seepage face.
+        level: Height of the water's level, in the coordinate that points upwards (length).
+        presses: Whether the water presses on the surface, as a reservoir does. Give false where
+            the ground goes on beyond the surface.
+        name: What messages and tables call it; the surface where it is missing.
+    """
+
+    on: str
+    level: float
+    presses: bool = True
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.level):
+            raise InputError(f"level = {self.level} is not finite; give the height of the water.")
+
+
+@dataclass(frozen=True)
+class Seepage:
+    """Steady flow of water through ground, by Darcy's law, with a free surface.
+
+    The pressure of the water in the pores is a load of the case, which is constant. Boundaries that
+    are not named are impervious, and so are bodies without a conductivity. Water passes between
+    bodies where their vertices coincide.
+
+    Args:
+        unit_weight: Weight of water per volume, 9.81 with kN and m.
+        conductivity: Hydraulic conductivity of each body that water flows through (length per
+            time): a number, or one a direction, such as ``{sand = 1e-4, clay = [1e-6, 1e-7]}``.
+        head: Surfaces at which the water's level is known.
+        outlet: Seepage faces and drains: surfaces through which water may leave the ground, into
+            air.
+        up: The coordinate that points upwards.
+    """
+
+    unit_weight: float
+    conductivity: dict[str, float | list[float]]
+    head: list[Head]
+    outlet: list[str] = field(default_factory=list)
+    up: Literal["x", "y", "z"] = "y"
+
+    def __post_init__(self) -> None:
+        if not (self.unit_weight > 0 and math.isfinite(self.unit_weight)):
+            raise InputError(
+                f"unit_weight = {self.unit_weight} is not a weight; give that of water, such as"
+                " 9.81 with kN and m."
+            )
+        if not self.conductivity:
+            raise InputError(
+                "conductivity is empty; give a number for each body that water flows through."
+            )
+        if not self.head:
+            raise InputError(
+                "no [[seepage.head]] is given; give the surfaces at which the level of the water"
+                " is known."
+            )
+
+    @property
+    def axis(self) -> int:
+        """Return the number of the coordinate that points upwards."""
+        return "xyz".index(self.up)
+
+    def conductivities(self, body: str, dim: int) -> Sequence[float]:
+        """Return the conductivity of a body in each direction.
+
+        Args:
+            body: Its name.
+            dim: How many directions there are.
+
+        Raises:
+            InputError: If there are too few or too many, or one is not positive.
+        """
+        given = self.conductivity[body]
+        each = [given] * dim if isinstance(given, int | float) else list(given)
+        if len(each) != dim or not all(one > 0 and math.isfinite(one) for one in each):
+            raise InputError(
+                f"the conductivity of '{body}' is {given}; give a positive number, or one for each"
+                f" of the {dim} directions."
+            )
+        return each

@@ -1,0 +1,498 @@
+"""Steady flow with a free surface, as an obstacle problem that PETSc's SNES-VI solves.
+
+The unknowns are the pressure head ψ ≥ 0 (pressure over unit weight) and the saturation χ of the
+ground, 0 ≤ χ ≤ 1, which is 1 wherever ψ > 0 (H. W. Alt, Numer. Math. 36 (1980) 165):
+
+    div v = 0,    v = −k (∇ψ + χ e),    ψ ≥ 0,  χ ≤ 1,  ψ (1 − χ) = 0,    e upwards
+
+ψ is linear in each cell. With the network of edges ij, whose conductances are T_ij = −∫ k ∇φᵢ·∇φⱼ
+(φ the nodal basis), the water that leaves vertex i is
+
+    F_i = Σ_j T_ij ((ψᵢ − ψⱼ) + χ_u (zᵢ − zⱼ)),    u the vertex from which gravity takes water
+
+so that no water is lost or made: the sum over all vertices is zero, whatever ψ and χ are. Where the
+ground is saturated this is the finite element method with heads that are linear in the cells.
+
+Both fields are one unknown w: χ = min(w, 1), ψ = L max(w − 1, 0), L the height of the ground. The
+obstacles are
+
+    inside, at impervious boundaries   w ≥ 0                F = 0
+    at seepage faces and drains        0 ≤ w ≤ 1            F = 0 where w < 1, F ≤ 0 where w = 1
+    below the level of known water     w = 1 + ψ / L
+
+The second row says that no water enters from the air, and that water leaves where the ground is
+saturated. SNES-VI takes semismooth Newton steps for these conditions (``vinewtonrsls``).
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.errors import InputError, nearest, on_rank0
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.linear_field import LinearField
+from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.mesh.whole_mesh import WholeMesh, whole_mesh
+from perfplast_fenicsx.seepage.declared import Head, Seepage
+from perfplast_fenicsx.solvers.linear.petsc_options import SEEPAGE, own_prefix
+
+COINCIDE = 1e-9
+"""Distance of two vertices that are one for the water, over the size of the ground."""
+
+PASSES = 1e-6
+"""Water at a point of an outlet that counts as none, over the largest at any point."""
+
+MOST_ITERATIONS = 100
+"""Newton steps after which the flow counts as not found; usual are 5 to 20."""
+
+PRESET = {
+    "snes_type": "vinewtonrsls",
+    "snes_linesearch_type": "basic",
+    "snes_max_it": MOST_ITERATIONS,
+    "snes_rtol": 0.0,
+    "snes_stol": 0.0,
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+}
+
+DRY = 1e-6
+"""Slope of the pressure head in w where the ground is not saturated, over L: it keeps Newton's
+equation regular where no water can leave a vertex by gravity."""
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyFlow:
+    """Water in the ground, at the vertices of the bodies that it flows through.
+
+    Attributes:
+        points: Coordinates, shape (num_points, d).
+        cells: Points of each cell, shape (num_cells, d + 1).
+        bodies: Cells of each body by its name, as slices.
+        pressure_heads: Pressure over unit weight (length), shape (num_points,); 0 where it is dry.
+        saturation: 1 below the free surface, 0 above it, shape (num_points,).
+        outflow: Water that leaves the ground at each point (volume per time), shape (num_points,).
+        discharges: Water that enters the ground (positive) or leaves it, of each head and outlet by
+            its name (volume per time).
+        iterations: Newton steps of SNES-VI.
+        axis: Number of the coordinate that points upwards.
+        unit_weight: Of water.
+    """
+
+    points: Floats
+    cells: Longs
+    bodies: dict[str, slice]
+    pressure_heads: Floats
+    saturation: Floats
+    outflow: Floats
+    discharges: dict[str, float]
+    iterations: int
+    axis: int
+    unit_weight: float
+
+    @property
+    def pressures(self) -> Floats:
+        """Return the pressure of the water at the points (stress)."""
+        return self.unit_weight * self.pressure_heads
+
+    @property
+    def heads(self) -> Floats:
+        """Return the total head at the points (length): height plus pressure head."""
+        return self.points[:, self.axis] + self.pressure_heads
+
+    def pressure_in(self, body: str) -> "FlowPressure":
+        """Return the pressure in a body (stress).
+
+        Args:
+            body: Its name.
+        """
+        cells = self.cells[self.bodies[body]]
+        return FlowPressure(self, self.points[cells], self.pressures[cells])
+
+    @property
+    def imbalance(self) -> float:
+        """Return the sum of all discharges over the largest one: rounding, if all is well."""
+        each = np.array(list(self.discharges.values()))
+        return float(abs(each.sum()) / np.abs(each).max(initial=np.finfo(float).tiny))
+
+    def table(self) -> dict[str, Any]:
+        """Return what ``summary.json`` says of the flow."""
+        return {
+            "discharges": self.discharges,
+            "imbalance": self.imbalance,
+            "iterations": self.iterations,
+            "largest_pressure": float(self.pressures.max(initial=0.0)),
+        }
+
+
+class FlowPressure(LinearField):
+    """Pressure of water that flows, in one body.
+
+    Attributes:
+        flow: The flow.
+    """
+
+    def __init__(self, flow: SteadyFlow, corners: Floats, values: Floats) -> None:
+        """Keep the pressure.
+
+        Args:
+            flow: The flow.
+            corners: Vertices of the cells, shape (num_cells, d + 1, d).
+            values: Pressure at the vertices, shape (num_cells, d + 1).
+        """
+        super().__init__(corners, values)
+        self.flow = flow
+
+
+def flow_of(loads: Iterable[object]) -> SteadyFlow | None:
+    """Return the flow whose pressure is among some loads, None if no water flows.
+
+    Args:
+        loads: Of any kind.
+    """
+    fields = (getattr(load, "field", None) for load in loads)
+    return next((field.flow for field in fields if isinstance(field, FlowPressure)), None)
+
+
+def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
+    """Return the steady flow of water through a mesh. Collective.
+
+    The flow is found by rank 0; all ranks have the whole of it.
+
+    Args:
+        tagged_mesh: Straight cells.
+        seepage: Conductivities, levels and outlets.
+
+    Raises:
+        InputError: On every rank alike, if names are unknown or numbers invalid, or no flow is
+            found. Also if two levels meet, or ground has neither a level nor an outlet.
+    """
+    if tagged_mesh.axisymmetric or tagged_mesh.is_thin:
+        raise InputError(
+            "seepage is computed in plane strain and in space only; leave out [seepage], or the"
+            " kind of [model]."
+        )
+    if has_curved_cells(tagged_mesh.mesh):
+        raise InputError("seepage wants straight cells; mesh the bodies with order = 1.")
+    dim = tagged_mesh.mesh.geometry.dim
+    if seepage.axis >= dim:
+        raise InputError(f"up = '{seepage.up}' is no coordinate of {dim} dimensions; give 'y'.")
+    copy = whole_mesh(tagged_mesh)
+    network = Network(copy, seepage)
+    lower, upper, start = network.obstacles(copy, seepage)
+    found = on_rank0(tagged_mesh.mesh.comm, lambda: solve_flow(network, lower, upper, start))
+    w, iterations = tagged_mesh.mesh.comm.bcast(found)
+    outflow = -network.leaving(w)
+    # A lowest point of an outlet that no water reaches may have any saturation, and so has none.
+    through = np.abs(outflow)
+    idle = (lower < upper) & (w >= upper) & (through <= PASSES * through.max(initial=0.0))
+    saturation = np.where(idle, 0.0, np.minimum(w, 1.0))
+    discharges: dict[str, float] = {}
+    counted = np.zeros(len(w), dtype=bool)
+    named = [(head.name or head.on, head.on) for head in seepage.head]
+    for name, surface in [*named, *((outlet, outlet) for outlet in seepage.outlet)]:
+        there = network.on(copy, surface) & ~counted
+        discharges[name] = discharges.get(name, 0.0) - float(outflow[there].sum())
+        counted |= there
+    return SteadyFlow(
+        points=network.points,
+        cells=network.cells,
+        bodies=network.bodies,
+        pressure_heads=network.height * np.maximum(w - 1.0, 0.0),
+        saturation=saturation,
+        outflow=outflow,
+        discharges=discharges,
+        iterations=iterations,
+        axis=seepage.axis,
+        unit_weight=seepage.unit_weight,
+    )
+
+
+class Network:
+    """Edges of the cells that water flows through, with their conductances.
+
+    Attributes:
+        points: Vertices; those of different bodies that coincide are one, shape (num_points, d).
+        cells: Points of each cell, shape (num_cells, d + 1).
+        bodies: Cells of each body by its name, as slices.
+        axis: Number of the coordinate that points upwards.
+        height: Of the ground (length).
+        rounding: Norm of F that rounding leaves (volume per time).
+    """
+
+    def __init__(self, copy: WholeMesh, seepage: Seepage) -> None:
+        """Gather the cells of bodies with a conductivity. Not collective.
+
+        Raises:
+            InputError: If a name is unknown, or a conductivity invalid.
+        """
+        vertices, x = corners(copy.mesh)
+        dim = x.shape[1]
+        cells: list[Longs] = []
+        conductivities: list[Floats] = []
+        bodies = np.full(len(x), -1)
+        begin = 0
+        self.bodies: dict[str, slice] = {}
+        for number, body in enumerate(seepage.conductivity):
+            if body not in copy.volumes:
+                hint = nearest(body, list(copy.volumes))
+                raise InputError(f"conductivity names '{body}', no body; {hint}")
+            there = copy.cells(body)
+            self.bodies[body] = slice(begin, begin + len(there))
+            begin += len(there)
+            cells.append(vertices[there].astype(np.int64))
+            k = seepage.conductivities(body, dim)
+            conductivities.append(np.broadcast_to(k, (len(there), dim)))
+            bodies[vertices[there]] = number
+        own = np.concatenate(cells)
+        numbers = _merged(x, bodies)
+        self.numbers = numbers
+        self.cells: Longs = numbers[own]
+        self.points = np.zeros((int(numbers.max()) + 1, dim))
+        self.points[numbers[numbers >= 0]] = x[numbers >= 0]
+        self.axis = seepage.axis
+        self.height = float(np.ptp(self.points[:, self.axis]))
+        self._ends, self._conductances = _edges(
+            self.points[self.cells], self.cells, np.concatenate(conductivities)
+        )
+        z, (i, j) = self.points[:, self.axis], self._ends.T
+        each = np.bincount(self._ends.ravel(), np.repeat(np.abs(self._conductances), 2))
+        several = 16  # times what one sum of products leaves
+        unit = np.finfo(np.float64).eps * self.height
+        self.rounding = several * unit * float(np.linalg.norm(each))
+        self._falls = self._conductances * (z[i] - z[j])
+        self._from = np.where(self._falls > 0, i, j)
+
+    def on(self, copy: WholeMesh, surface: str) -> npt.NDArray[np.bool_]:
+        """Return which points lie on a surface.
+
+        Raises:
+            InputError: If there is no such surface, or it is on no body with a conductivity.
+        """
+        found = np.zeros(len(self.points), dtype=bool)
+        found[self._facets(copy, surface).ravel()] = True
+        if not found.any():
+            raise InputError(
+                f"the surface '{surface}' is on no body with a conductivity; give its body one, or"
+                " name another surface."
+            )
+        return found
+
+    def _facets(self, copy: WholeMesh, surface: str) -> Longs:
+        """Return the points of the facets of a surface, shape (num_facets, d)."""
+        topology = copy.mesh.topology
+        topology.create_connectivity(topology.dim - 1, 0)
+        vertices = topology.connectivity(topology.dim - 1, 0).array.reshape(-1, topology.dim)
+        numbers = self.numbers[vertices[copy.facets(surface)]]
+        return numbers[(numbers >= 0).all(axis=1)]
+
+    def obstacles(self, copy: WholeMesh, seepage: Seepage) -> tuple[Floats, Floats, Floats]:
+        """Return lower and upper bounds of w, and where to begin, shape (num_points,) each.
+
+        Raises:
+            InputError: If two levels meet at a point, a level lies below its surface, or a part of
+                the ground has no level and no outlet.
+        """
+        z, count = self.points[:, self.axis], len(self.points)
+        lower, upper = np.zeros(count), np.full(count, PETSc.INFINITY)
+        level, who = np.full(count, np.nan), np.zeros(count, dtype=np.int64)
+        rounding = COINCIDE * self.height
+        for number, head in enumerate(seepage.head):
+            there = self.on(copy, head.on)
+            upper[there] = np.minimum(upper[there], 1.0)
+            self._check_level(copy, head, there)
+            wet = there & (z <= head.level + rounding)
+            twice = wet & np.isfinite(level) & (np.abs(level - head.level) > rounding)
+            if twice.any():
+                other = seepage.head[who[np.argmax(twice)]]
+                raise InputError(
+                    f"the level {head.level:g} at '{head.on}' and {other.level:g} at '{other.on}'"
+                    f" meet at {_place(self.points[np.argmax(twice)])}; leave an impervious part"
+                    " of the boundary between them, or give both one level."
+                )
+            level[wet], who[wet] = head.level, number
+        for outlet in seepage.outlet:
+            there = self.on(copy, outlet)
+            upper[there] = np.minimum(upper[there], 1.0)
+        known = np.isfinite(level)
+        self._check_parts(known, known | (upper <= 1.0))
+        highest = max(head.level for head in seepage.head)
+        start = np.minimum(1.0 + np.maximum(highest - z, 0.0) / self.height, upper)
+        fixed = 1.0 + np.maximum(level[known] - z[known], 0.0) / self.height
+        lower[known] = upper[known] = start[known] = fixed
+        return lower, upper, start
+
+    def _check_level(self, copy: WholeMesh, head: Head, there: npt.NDArray[np.bool_]) -> None:
+        """Refuse a level below its surface, and one in the middle of a facet that it presses on."""
+        z, rounding = self.points[:, self.axis], COINCIDE * self.height
+        lowest = float(z[there].min())
+        if head.level < lowest - rounding:
+            raise InputError(
+                f"the level {head.level:g} of the water at '{head.on}' lies below that surface,"
+                f" whose lowest point has the height {lowest:g}; give a higher level, or name the"
+                " surface in outlet."
+            )
+        above = z[self._facets(copy, head.on)] - head.level
+        cut = (above.min(axis=1) < -rounding) & (above.max(axis=1) > rounding)
+        if head.presses and cut.any():
+            at = self.points[self._facets(copy, head.on)[np.argmax(cut)]].mean(axis=0)
+            raise InputError(
+                f"the level {head.level:g} of the water at '{head.on}' crosses a facet near"
+                f" {_place(at)}; put a point of the drawing at that height, so that the mesh has a"
+                " vertex there."
+            )
+
+    def _check_parts(self, known: npt.NDArray[np.bool_], opened: npt.NDArray[np.bool_]) -> None:
+        """Refuse parts of the ground that are connected to no level and no outlet."""
+        count = len(self.points)
+        i, j = self._ends.T
+        graph = sp.coo_matrix((np.ones(len(i)), (i, j)), shape=(count, count))
+        parts, of_point = connected_components(graph, directed=False)
+        open_ = np.zeros(parts, dtype=bool)
+        open_[of_point[opened]] = True
+        closed = ~open_[of_point]
+        if closed.any():
+            raise InputError(
+                f"no level and no outlet is connected to the ground at"
+                f" {_place(self.points[np.argmax(closed)])}, so that the pressure there is not"
+                " known; name a surface of it, or leave out its conductivity."
+            )
+
+    def leaving(self, w: Floats) -> Floats:
+        """Return F, the water that the edges take from each point, shape (num_points,)."""
+        heads = self.height * (np.maximum(w - 1.0, 0.0) + DRY * np.minimum(w, 1.0))
+        i, j = self._ends.T
+        flow = self._conductances * (heads[i] - heads[j])
+        flow += self._falls * np.minimum(w, 1.0)[self._from]
+        count = len(w)
+        return np.asarray(
+            np.bincount(i, flow, count) - np.bincount(j, flow, count), dtype=np.float64
+        )
+
+    def slopes(self, w: Floats) -> sp.csr_matrix:
+        """Return the derivative of F."""
+        i, j = self._ends.T
+        saturated = w >= 1.0
+        of_heads = self.height * np.where(saturated, 1.0, DRY)
+        of_falls = np.where(saturated[self._from], 0.0, self._falls)
+        at_i = self._conductances * of_heads[i] + of_falls * (self._from == i)
+        at_j = -self._conductances * of_heads[j] + of_falls * (self._from == j)
+        values = np.concatenate([at_i, at_j, -at_i, -at_j])
+        rows, columns = np.concatenate([i, i, j, j]), np.concatenate([i, j, i, j])
+        return sp.csr_matrix((values, (rows, columns)), shape=(len(w), len(w)))
+
+
+class _Options:
+    """Owner of the options of one solve."""
+
+
+def solve_flow(network: Network, lower: Floats, upper: Floats, start: Floats) -> tuple[Floats, int]:
+    """Return w and the number of Newton steps. Not collective.
+
+    Args:
+        network: The ground.
+        lower: Obstacles from below, shape (num_points,).
+        upper: Obstacles from above.
+        start: Where to begin, between them.
+
+    Raises:
+        InputError: If no flow is found.
+    """
+    alone, owner = PETSc.COMM_SELF, _Options()
+    first = network.slopes(start)
+    jacobian = PETSc.Mat().createAIJ(first.shape, csr=_rows(first), comm=alone)
+    snes = PETSc.SNES().create(alone)
+    preset = {**PRESET, "snes_atol": network.rounding}
+    snes.setOptionsPrefix(own_prefix(owner, SEEPAGE, preset))
+
+    def fill(snes: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, other: PETSc.Mat) -> None:
+        other.setValuesCSR(*_rows(network.slopes(x.array_r)))
+        other.assemble()
+
+    snes.setFunction(
+        lambda snes, x, f: f.setArray(network.leaving(x.array_r)), jacobian.createVecLeft()
+    )
+    snes.setJacobian(fill, jacobian, jacobian)
+    snes.setFromOptions()
+    bounds = [PETSc.Vec().createWithArray(side, comm=alone) for side in (lower, upper)]
+    snes.setVariableBounds(*bounds)
+    w = PETSc.Vec().createWithArray(start.copy(), comm=alone)
+    snes.solve(None, w)
+    found, steps, reason = w.array.copy(), snes.its, snes.reason
+    for used in (snes, jacobian, w, *bounds):
+        used.destroy()
+    if reason < 0 or not np.isfinite(found).all():
+        raise InputError(
+            f"the flow of water was not found in {steps} steps of SNES-VI (reason {reason}); use a"
+            f" finer mesh, or look at the steps with -{SEEPAGE}snes_monitor."
+        )
+    return found, steps
+
+
+def _rows(matrix: sp.csr_matrix) -> tuple[npt.NDArray[Any], npt.NDArray[Any], Floats]:
+    """Return a matrix as PETSc takes it."""
+    of_petsc = PETSc.IntType
+    values = np.asarray(matrix.data, dtype=np.float64)
+    return matrix.indptr.astype(of_petsc), matrix.indices.astype(of_petsc), values
+
+
+def _edges(x: Floats, cells: Longs, conductivities: Floats) -> tuple[Longs, Floats]:
+    """Return the edges of cells and their conductances T_ij = −∫ k ∇φᵢ·∇φⱼ.
+
+    Args:
+        x: Vertices of the cells, shape (n, d + 1, d).
+        cells: Their numbers, shape (n, d + 1).
+        conductivities: In each direction, shape (n, d).
+
+    Returns:
+        Ends, shape (num_edges, 2), and conductances, shape (num_edges,).
+    """
+    corners_of = cells.shape[1]
+    sides = x[:, 1:] - x[:, :1]
+    inner = np.linalg.inv(sides).transpose(0, 2, 1)
+    slopes = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
+    size = np.abs(np.linalg.det(sides)) / np.prod(np.arange(1, corners_of))
+    matrices = np.einsum("c,cai,ci,cbi->cab", size, slopes, conductivities, slopes)
+    pairs = list(combinations(range(corners_of), 2))
+    ends = np.concatenate([np.sort(cells[:, pair], axis=1) for pair in pairs])
+    values = np.concatenate([-matrices[:, a, b] for a, b in pairs])
+    edges, which = np.unique(ends, axis=0, return_inverse=True)
+    return edges, np.bincount(which.ravel(), values, len(edges)).astype(np.float64)
+
+
+def _merged(x: Floats, bodies: Ints) -> Longs:
+    """Return numbers of the vertices of bodies; those that coincide are one. −1 of others.
+
+    Vertices of one body stay apart, as those of the two sides of a cut.
+
+    Args:
+        x: Coordinates, shape (num_vertices, d).
+        bodies: The body of each vertex, −1 of others.
+    """
+    used = np.flatnonzero(bodies >= 0)
+    tree = cKDTree(x[used])
+    size = float(np.ptp(x[used], axis=0).max())
+    pairs = tree.query_pairs(COINCIDE * size, output_type="ndarray")
+    apart = bodies[used][pairs[:, 0]] != bodies[used][pairs[:, 1]]
+    pairs = pairs[apart]
+    count = len(used)
+    graph = sp.coo_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
+    _, merged = connected_components(graph, directed=False)
+    numbers = np.full(len(x), -1, dtype=np.int64)
+    numbers[used] = merged
+    return numbers
+
+
+def _place(x: Sequence[float] | Floats) -> str:
+    """Return a point for a message."""
+    return f"({', '.join(f'{coordinate:.6g}' for coordinate in x)})"
