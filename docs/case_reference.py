@@ -147,7 +147,7 @@ def _geometry() -> Iterator[str]:
 
 def _seepage() -> Iterator[str]:
     yield f"{summary(Seepage)}\n"
-    yield HEAD + rows(Seepage, leave_out=frozenset({"head"}))
+    yield HEAD + rows(Seepage)
     yield f"**`[[seepage.head]]`.** {summary(Head)}\n\n{HEAD}{rows(Head)}"
 
 
