@@ -1,0 +1,55 @@
+"""The factor of safety of a slope, with a proof of each side.
+
+All strengths of the soil are divided by a factor F. The program finds two values of F. With the
+smaller one a stress carries the weight for certain; with the larger one a mechanism fails for
+certain.
+
+This is the first slope of Griffiths and Lane (Géotechnique 49 (1999), 387): 2:1, friction angle
+20°, c/γH = 0.05. Finite elements gave 1.4 there, and log spirals give at most 1.3978.
+"""
+
+from mpi4py import MPI
+
+from meshes.slope import write_slope
+from perfplast_fenicsx import (
+    BodyForce,
+    DruckerPrager,
+    Problem,
+    ResultFolder,
+    ResultWriter,
+    Scene,
+    Support,
+    draw,
+    factor_of_safety,
+    read_gmsh,
+)
+from perfplast_fenicsx.problem import Prescribed
+
+comm = MPI.COMM_WORLD
+folder = ResultFolder(comm, "results/ex08", force=True)
+folder.create()
+file = folder.file("slope.msh")
+folder.on_root(lambda: write_slope(file, size=0.2))
+
+soil = DruckerPrager(
+    young=1e4, poisson=0.3, cohesion=0.05, friction_angle=20.0, match="plane-strain"
+)
+loads = [BodyForce("soil", (0.0, -1.0), constant=True)]  # weight and height are 1
+supports = [Support("bottom"), Support("left", "x")]
+problem = Problem(read_gmsh(comm, file), {"soil": soil}, supports, loads, degree=2)
+
+found = factor_of_safety(problem, tolerance=1e-2)  # an Adaptation would narrow the bracket
+
+SPIRAL = 1.3978
+assert found.lower is not None
+assert found.upper is not None
+assert found.lower < SPIRAL
+assert found.lower < found.upper < 1.25 * found.lower
+
+if __name__ == "__main__":
+    if comm.rank == 0:
+        print(found.in_words())
+    scene = Scene("Slope 2:1, mechanism at the larger F", loads)
+    writer = ResultWriter(folder, problem, scene, "interior-point", prescribed=Prescribed.WORK)
+    writer.write_safety(writer.judged_safety(found))  # stands.h5 and falls.h5 are the proofs
+    draw(folder)  # results/ex08/mechanism.png

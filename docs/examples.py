@@ -1,0 +1,77 @@
+"""Make the gallery from the numbered examples in ``demos``.
+
+./fenicsx python3 docs/examples.py --write     # write docs/gallery.md from their docstrings
+./fenicsx python3 docs/examples.py --draw      # run them, and store their pictures as well
+"""
+
+import argparse
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+ROOT = Path(__file__).resolve().parents[1]
+GALLERY = ROOT / "docs" / "gallery.md"
+EXAMPLES = sorted((ROOT / "demos").glob("ex[0-9][0-9]_*.py"))
+
+HEAD = """# Gallery
+
+Ten examples in Python. Each is one file of less than 100 lines and runs in seconds, on one process
+or on several. It draws the picture below, and ends with an error if a number is wrong. Case files
+of [things that are built](gallery/real_things.md) are on another page, and exact solutions are
+under [verification](verification.md).
+"""
+
+
+def picture(example: Path) -> str:
+    """Return the path of the picture that an example draws, in the folder in which it runs."""
+    return re.findall(r"results/ex\d\d/\w+\.png", example.read_text(encoding="utf-8"))[-1]
+
+
+def stored(example: Path) -> Path:
+    """Return the path of the picture in the documentation."""
+    return ROOT / "docs" / "pictures" / f"{example.stem}.png"
+
+
+def page() -> str:
+    """Return the gallery: title, text, command and picture of each example."""
+    text = HEAD
+    for number, example in enumerate(EXAMPLES, 1):
+        docstring = ast.get_docstring(ast.parse(example.read_text(encoding="utf-8"))) or ""
+        title, _, body = docstring.partition("\n\n")
+        title = title.rstrip(".")
+        text += f"\n## {number}. {title}\n\n{body}\n\n"
+        text += f"    ./fenicsx python3 demos/{example.name}\n\n"
+        text += f"![{title}](pictures/{stored(example).name})\n"
+    return text
+
+
+def draw(example: Path) -> None:
+    """Run an example in a folder of its own, and store its picture, 900 pixels wide at most."""
+    from PIL import Image
+
+    with TemporaryDirectory() as folder:
+        subprocess.run([sys.executable, example], cwd=folder, check=True)
+        with Image.open(Path(folder) / picture(example)) as drawn:
+            small = drawn.convert("RGB")
+            small.thumbnail((900, 900))
+            small.quantize(128).save(stored(example), optimize=True)
+
+
+def main() -> None:
+    """Write the gallery, and draw its pictures if asked to."""
+    parser = argparse.ArgumentParser(description="Make the gallery from the numbered examples.")
+    parser.add_argument("--write", action="store_true", help="write docs/gallery.md")
+    parser.add_argument("--draw", metavar="NAME", nargs="*", help="run examples, by default all")
+    asked = parser.parse_args()
+    for example in EXAMPLES:
+        if asked.draw is not None and (not asked.draw or example.stem[:4] in asked.draw):
+            draw(example)
+    if asked.write or asked.draw is not None:
+        GALLERY.write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
