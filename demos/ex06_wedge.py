@@ -2,7 +2,8 @@
 
 A steel block lies on an aluminium one. They meet on an inclined plane without friction, so that a
 pressure on top drives the upper block down the incline, against a wall at x = 0. The mesh comes
-from gmsh. The normal of the incline is not an axis, and only the contact carries the upper block in z.
+from gmsh. The normal of the incline is not an axis, and only the contact carries the upper block
+in z.
 
 Exact: the contact forces act along the normal of the incline, and their vertical sum is the load.
 """

@@ -9,6 +9,7 @@ Collapse limits thin ones, at (2/√3) σ_y ln(b/a). The two are equal at b/a = 
 """
 
 import math
+from functools import partial
 
 from mpi4py import MPI
 
@@ -42,7 +43,7 @@ def elastic_limit(ratio: float) -> float:
 rows = []
 for ratio in (1.5, 2.0, 3.0):
     file = folder.file(f"tube_{ratio:g}.msh")
-    folder.on_root(lambda file=file, ratio=ratio: write_thick_tube(file, outer=ratio, size=0.1))
+    folder.on_root(partial(write_thick_tube, file, outer=ratio, size=0.1))
     supports = [Support("x0", "x"), Support("y0", "y")]
     loads = [Pressure("inner", 1.0, name="p")]
     problem = Problem(read_gmsh(comm, file), {"tube": steel}, supports, loads, degree=2)

@@ -1,10 +1,14 @@
-"""The demos check themselves: each runs here on a coarse mesh.
+"""The examples and demos check themselves: each demo runs here on a coarse mesh.
 
 ``make test`` runs three of them, and draws no pictures of the verification. ``make verify`` runs
 all, with their pictures, and those of the verification at their full size on two ranks as well.
 """
 
+import ast
 import importlib.util
+import runpy
+import subprocess
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -13,6 +17,7 @@ from mpi4py import MPI
 import pytest
 
 from demos.verification.verify import CASES as VERIFIED
+from docs import examples
 from perfplast_fenicsx.__main__ import main as command_line
 from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.cli.understood import PICTURE
@@ -30,7 +35,8 @@ def marks(script: Path) -> list[pytest.MarkDecorator]:
     return serial if script.stem in SHORT else [*serial, pytest.mark.long]
 
 
-SCRIPTS = [*FOLDER.glob("*.py"), *(FOLDER / "verification" / f"{name}.py" for name in VERIFIED)]
+NAMED = (*VERIFIED, "compare_algorithms", "tfeti_scaling")
+SCRIPTS = [FOLDER / "two_blocks.py", *(FOLDER / "verification" / f"{name}.py" for name in NAMED)]
 CASES = sorted(FOLDER.glob("*.toml"))
 
 
@@ -72,6 +78,35 @@ def test_script(
     assert all(results in folder.parents or folder == results for folder in drawn)
     out, _ = capsys.readouterr()
     assert (str(results) in out) == (comm.rank == 0)
+
+
+@pytest.mark.parametrize("example", examples.EXAMPLES, ids=name)
+def test_example(
+    example: Path, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
+) -> None:
+    """Each compares its numbers with known ones; run as a module it draws nothing."""
+    monkeypatch.chdir(shared_tmp_path)
+    runpy.run_path(str(example), run_name=example.stem)
+    comm.barrier()
+
+
+@pytest.mark.serial
+def test_examples_are_short_and_in_the_gallery() -> None:
+    assert len(examples.EXAMPLES) == 10
+    for example in examples.EXAMPLES:
+        text = example.read_text(encoding="utf-8")
+        assert 40 <= len(text.splitlines()) <= 100
+        assert ast.get_docstring(ast.parse(text))
+        assert examples.stored(example).exists()
+    assert examples.GALLERY.read_text(encoding="utf-8") == examples.page()
+
+
+@pytest.mark.serial
+@pytest.mark.long
+@pytest.mark.parametrize("example", examples.EXAMPLES, ids=name)
+def test_picture_of_an_example(example: Path, tmp_path: Path) -> None:
+    subprocess.run([sys.executable, example], cwd=tmp_path, check=True, timeout=300)
+    assert (tmp_path / examples.picture(example)).stat().st_size > 5_000
 
 
 @pytest.mark.parametrize("case", CASES, ids=name)

@@ -12,6 +12,8 @@ import pytest
 
 from docs import api_pages, case_reference, command_reference, commands
 from docs.repository import LINK
+from perfplast_fenicsx.__main__ import main as command_line
+from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.declared.tie import Tie
@@ -119,8 +121,26 @@ def test_every_room_has_a_page() -> None:
 def test_the_line_for_pyvista_is_shown() -> None:
     """The one that a test of :mod:`field_series` runs."""
     (line,) = re.findall(r"^    (pyvista\..+)$", field_series.__doc__ or "", re.MULTILINE)
-    for page in (DOCS / "howto" / "fields.md", DOCS.parent / "README.md"):
-        assert f"\n{line}\n" in page.read_text(encoding="utf-8")
+    assert f"\n{line}\n" in (DOCS / "howto" / "fields.md").read_text(encoding="utf-8")
+
+
+def test_the_readme_does_what_it_shows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its script prints what stands below it, and its case can be run."""
+    text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 100
+    (script,) = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    exec(compile(script, "README.md", "exec"), {})
+    out, _ = capsys.readouterr()
+    *_, shown = script.splitlines()
+    assert commands.same(shown.removeprefix("# ") + "\n", out)
+    (case,) = re.findall(r"^```toml\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    path = tmp_path / "case.toml"
+    path.write_text(case, encoding="utf-8")
+    monkeypatch.setattr("perfplast_fenicsx.cli.commands.draw_case", lambda *of: False)
+    assert command_line(["check", str(path)]) == SOLVED
+    assert "can be run" in capsys.readouterr().out
 
 
 def test_links_lead_to_files() -> None:
