@@ -62,7 +62,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         warnings=_warnings(summary),
         view=_view(view),
         curve=_curve(reader),
-        levels=_levels(reader) + _pictures(reader),
+        levels=_water(reader) + _levels(reader) + _pictures(reader),
         reactions=_limit_forces(reader) + _reactions(reader) + _bolts(reader),
         proof=_section("proof", "The proof", proof_section(reader.path, proofs)),
         case=_case(summary, words),
@@ -132,6 +132,27 @@ def _levels(reader: ResultReader) -> str:
         f" in relation to the whole; {fair.sign} {fair.word}: no more than {CREDIBLE:.0e}.</p>"
     )
     return _section("levels", "Levels", table + note)
+
+
+def _water(reader: ResultReader) -> str:
+    """Return the section of water that flows: what enters and leaves where, and its picture."""
+    flow = reader.summary.seepage
+    if flow is None:
+        return ""
+    rows = [
+        [escape(name), f"{max(discharge, 0.0):.5g}", f"{max(-discharge, 0.0):.5g}"]
+        for name, discharge in flow["discharges"].items()
+    ]
+    unit = reader.summary.units.get("stress", "")
+    note = (
+        f"<p>Largest pore pressure {flow['largest_pressure']:.5g} {escape(unit)}. What enters and"
+        f" leaves differs by {flow['imbalance']:.1e} of it. Proofs take the pressure as data.</p>"
+    )
+    figure = next(figure for figure in FIGURES if figure.file == "seepage.png")
+    file = reader.path / figure.file
+    picture = image(file, figure.title) if file.is_file() else ""
+    heads = ["surface", "enters per unit of time", "leaves"]
+    return _section("water", figure.title, table(heads, rows) + note + picture)
 
 
 def _pictures(reader: ResultReader) -> str:

@@ -53,6 +53,9 @@ COINCIDE = 1e-9
 PASSES = 1e-6
 """Water at a point of an outlet that counts as none, over the largest at any point."""
 
+ROUNDING = 1e-9
+"""Discharge of a surface that counts as none, over the largest one."""
+
 MOST_ITERATIONS = 100
 """Newton steps after which the flow counts as not found; usual are 5 to 20."""
 
@@ -204,6 +207,10 @@ def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
         there = network.on(copy, surface) & ~counted
         discharges[name] = discharges.get(name, 0.0) - float(outflow[there].sum())
         counted |= there
+    most = max(map(abs, discharges.values()))
+    discharges = {
+        name: one if abs(one) > ROUNDING * most else 0.0 for name, one in discharges.items()
+    }
     return SteadyFlow(
         points=network.points,
         cells=network.cells,
