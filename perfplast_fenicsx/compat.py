@@ -18,10 +18,12 @@ from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
 from dolfinx.graph import adjacencylist
 from dolfinx.mesh import Mesh, entities_to_geometry
 
 from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.parallel import lasting
 
 
 def interpolation_points(element: Any) -> Floats:
@@ -84,9 +86,26 @@ def create_vector(V: fem.FunctionSpace) -> PETSc.Vec:
     unknowns, block = V.dofmap.index_map, V.dofmap.index_map_bs
     size = (unknowns.size_local * block, unknowns.size_global * block)
     ghosts = unknowns.ghosts.astype(PETSc.IntType)
-    vector = PETSc.Vec().createGhost(ghosts, size=size, bsize=block, comm=V.mesh.comm)
+    vector = PETSc.Vec().createGhost(ghosts, size=size, bsize=block, comm=lasting(V.mesh.comm))
     vector.zeroEntries()
     return vector
+
+
+def interpolation_matrix(V: fem.FunctionSpace, W: fem.FunctionSpace) -> PETSc.Mat:
+    """Return what interpolates functions of one space in another, on a communicator that lasts.
+
+    Collective. DOLFINx puts its matrix on the communicator of the mesh.
+
+    Args:
+        V: The space of what is interpolated: columns.
+        W: The other space: rows.
+    """
+    made = fem_petsc.interpolation_matrix(V, W)
+    made.assemble()
+    sizes, entries, comm = made.getSizes(), made.getValuesCSR(), lasting(V.mesh.comm)
+    lasts = PETSc.Mat().createAIJ(sizes, made.getBlockSizes(), csr=entries, comm=comm)
+    made.destroy()
+    return lasts
 
 
 def evaluate(expression: fem.Expression, function: fem.Function, cells: Ints) -> None:

@@ -1,13 +1,46 @@
-"""Rows of arrays that travel between ranks, and the box around points of all ranks."""
+"""Communicators that last, rows of arrays that travel between ranks, and the box around points."""
 
 import math
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Longs
+
+_LASTING: list[MPI.Intracomm] = [MPI.COMM_WORLD, MPI.COMM_SELF]
+
+
+def lasting(comm: MPI.Intracomm | PETSc.Comm) -> MPI.Intracomm:
+    """Return a communicator of the same ranks that is never freed. Collective.
+
+    PETSc gives each communicator that it meets a duplicate. On several ranks, an object that Python
+    drops waits for :func:`drop_garbage` on this duplicate, and keeps it. A mesh's own communicator
+    ends with the mesh, and then nobody can find what waits there. MPICH has 2048 communicators at
+    most, so that a program with many meshes would end.
+
+    Args:
+        comm: Of any ranks, such as a mesh's.
+    """
+    if isinstance(comm, PETSc.Comm):
+        comm = comm.tompi4py()
+    for known in _LASTING:
+        if MPI.Comm.Compare(known, comm) in (MPI.IDENT, MPI.CONGRUENT):
+            return known
+    _LASTING.append(comm.Dup())
+    return _LASTING[-1]
+
+
+def drop_garbage(comm: MPI.Intracomm) -> None:
+    """Destroy the objects of PETSc that Python has dropped on all ranks. Collective.
+
+    Args:
+        comm: Of any ranks; the objects are on its :func:`lasting` one.
+    """
+    if comm.size > 1:  # on one rank nothing waits
+        PETSc.garbage_cleanup(lasting(comm))
 
 
 def send_rows(

@@ -1,11 +1,16 @@
-"""Rows of arrays that travel between ranks."""
+"""Rows of arrays that travel between ranks, and communicators that are given back."""
+
+import gc
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.parallel import fetch_rows, send_rows
+from perfplast_fenicsx import Contact, Pressure, Problem, Support, VonMises, stacked_blocks
+from perfplast_fenicsx.io.results.output_fields import OutputFields
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
+from perfplast_fenicsx.parallel import drop_garbage, fetch_rows, lasting, send_rows
 
 
 @pytest.mark.mpi3
@@ -42,3 +47,57 @@ def test_rows_are_fetched_by_number(comm: MPI.Intracomm) -> None:
     fetched = fetch_rows(comm, rows, numbers)
     owners = np.repeat(np.arange(comm.size), [rank + 1 if rank else 0 for rank in range(comm.size)])
     assert (fetched == np.column_stack([numbers, owners[numbers]])).all()
+
+
+@pytest.mark.mpi3
+def test_problems_that_are_dropped_leave_no_communicator(comm: MPI.Intracomm) -> None:
+    """MPICH has 2048 of them: a sweep over meshes ended the program when PETSc kept some of each.
+
+    An attribute is copied whenever a communicator is duplicated, and deleted when that is freed.
+    """
+    living = 0
+
+    def copied(*_: object) -> bool:
+        nonlocal living
+        living += 1
+        return True
+
+    def deleted(*_: object) -> None:
+        nonlocal living
+        living -= 1
+
+    def solve() -> None:
+        supports = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
+        materials = dict.fromkeys(("lower", "upper"), VonMises(2e5, 0.3, 300.0))
+        loads, contacts = [Pressure("top", 1.0)], [Contact("lower_top", "upper_bottom")]
+        given = (materials, supports, loads, contacts)
+        problem = Problem(stacked_blocks(comm, 1), *given, degree=2)
+        interior_point(problem, 1e-2)
+        OutputFields(problem)
+
+    key = MPI.Comm.Create_keyval(copied, deleted)
+    MPI.COMM_WORLD.Set_attr(key, True)
+    try:
+        left = []
+        for _ in range(3):
+            solve()
+            gc.collect()
+            comm.barrier()
+            drop_garbage(comm)
+            left.append(living)
+    finally:
+        MPI.COMM_WORLD.Delete_attr(key)
+    assert left[1:] == left[:1] * 2
+
+
+@pytest.mark.mpi2
+def test_a_communicator_lasts_for_each_group_of_ranks(comm: MPI.Intracomm) -> None:
+    twin, reversed_ = comm.Dup(), comm.Split(0, -comm.rank)
+    try:
+        assert lasting(twin) == MPI.COMM_WORLD
+        assert lasting(MPI.COMM_SELF).size == 1
+        assert lasting(reversed_).rank == reversed_.rank
+        assert lasting(reversed_) == lasting(reversed_)
+    finally:
+        twin.Free()
+        reversed_.Free()

@@ -34,6 +34,7 @@ from perfplast_fenicsx.mesh.body_names import body_names
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
 from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import drop_garbage, lasting
 from perfplast_fenicsx.problem.assembled.declared_loads import declared_loads
 from perfplast_fenicsx.problem.assembled.given_motion import GivenMotion, given_motion
 from perfplast_fenicsx.problem.assembled.glued_rows import glued_rows
@@ -128,6 +129,7 @@ class Problem:
             InputError: If names, materials, loads, contact surfaces or supports do not fit.
         """
         self.tagged_mesh = tagged_mesh
+        drop_garbage(self.comm)
         tagged_mesh.check_tagged()
         given = Given(materials, supports, loads, contacts, obstacles, degree, initial, ties, rigid)
         given.check(tagged_mesh)
@@ -180,8 +182,8 @@ class Problem:
 
     @property
     def comm(self) -> MPI.Intracomm:
-        """The ranks that share the mesh."""
-        return self.tagged_mesh.mesh.comm
+        """Return the ranks that share the mesh, as a communicator that outlives it."""
+        return lasting(self.tagged_mesh.mesh.comm)
 
     @property
     def kinematics(self) -> Kinematics:

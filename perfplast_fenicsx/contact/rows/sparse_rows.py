@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -10,6 +11,7 @@ from dolfinx import fem
 from scipy.sparse import coo_array
 
 from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.parallel import lasting
 
 Sizes = tuple[int, int]
 """How many rows, or columns, this rank owns, and how many there are on all ranks."""
@@ -19,7 +21,7 @@ Entries = tuple[npt.NDArray[np.integer], npt.NDArray[np.integer], Floats]
 
 
 def matrix_of_entries(
-    comm: PETSc.Comm,
+    comm: MPI.Intracomm | PETSc.Comm,
     rows: Sizes,
     columns: Sizes,
     entries: Sequence[Entries],
@@ -40,7 +42,7 @@ def matrix_of_entries(
     place = (row[kept].astype(np.int64), column[kept].astype(np.int64))
     A = coo_array((value[kept], place), shape=(rows[0], columns[1])).tocsr()
     csr = (A.indptr.astype(PETSc.IntType), A.indices.astype(PETSc.IntType), A.data)
-    return PETSc.Mat().createAIJ((rows, columns), bsize=block_size, csr=csr, comm=comm)
+    return PETSc.Mat().createAIJ((rows, columns), bsize=block_size, csr=csr, comm=lasting(comm))
 
 
 def entries_of(A: PETSc.Mat) -> tuple[Longs, Longs, Floats]:

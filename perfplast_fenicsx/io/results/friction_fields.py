@@ -2,9 +2,9 @@
 
 import numpy as np
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.compat import interpolation_matrix
 from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_entries
 from perfplast_fenicsx.problem.judged.certificate import friction_forces
 from perfplast_fenicsx.problem.judged.slip import slipped
@@ -35,8 +35,7 @@ class FrictionFields:
         names = ("slip", "friction_stress")
         self.fields = {name: fem.Function(space, name=name) for name in names}
         self._nodes = fem.functionspace(mesh, ("P", problem.degree))
-        self._to_nodes = fem_petsc.interpolation_matrix(vertices, self._nodes)
-        self._to_nodes.assemble()
+        self._to_nodes = interpolation_matrix(vertices, self._nodes)
         shares = problem.constraints.shares
         row, column, value = entries_of(shares)
         rows, columns = shares.getSizes()

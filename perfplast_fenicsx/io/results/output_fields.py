@@ -4,10 +4,9 @@ import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import fem, la
-from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.compat import evaluate, interpolation_points
+from perfplast_fenicsx.compat import evaluate, interpolation_matrix, interpolation_points
 from perfplast_fenicsx.io.results.friction_fields import FrictionFields
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.materials.mandel import tensor
@@ -73,8 +72,7 @@ class OutputFields:
         laws, Q = problem.laws, problem.Q
         self._plastic = LawExpression(laws, Q, lambda on: on.law.plastic(e, on.old))
         self._ratio = LawExpression(laws, Q, lambda on: on.law.yields.gauge(s))
-        self._to_nodes = fem_petsc.interpolation_matrix(vertices, self._nodes)
-        self._to_nodes.assemble()
+        self._to_nodes = interpolation_matrix(vertices, self._nodes)
         self._areas = self._contact_areas(vertices)
         self._friction = FrictionFields(problem, vertices) if problem.friction.count else None
         if self._friction is not None:

@@ -10,10 +10,9 @@ from petsc4py import PETSc
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.compat import evaluate, interpolation_points
+from perfplast_fenicsx.compat import create_vector, evaluate, interpolation_points
 from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
 from perfplast_fenicsx.problem.assembled.integrals import assemble_force
 from perfplast_fenicsx.problem.problem import Problem
@@ -92,7 +91,8 @@ class PointStrains:
 
 def weights_of_points(problem: Problem) -> Floats:
     """Volume that each point of this rank stands for, shape (count,). Collective."""
-    vector = fem_petsc.assemble_vector(fem.form(ufl.TestFunction(problem.Q) * problem.dx))
+    vector = create_vector(problem.Q)
+    assemble_force(vector, fem.form(ufl.TestFunction(problem.Q) * problem.dx), [])
     weights: Floats = vector.array_r[: problem.Q.dofmap.index_map.size_local].copy()
     vector.destroy()
     return weights

@@ -14,6 +14,7 @@ import numpy as np
 from dolfinx.mesh import Mesh
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.parallel import lasting
 
 
 @dataclass(frozen=True)
@@ -106,9 +107,10 @@ class FacetVelocities:
         self._hosts = np.flatnonzero(twins >= 0)
         needed = np.concatenate([self.numbers, twins[self._hosts], followers.leads])
         needed = needed.astype(PETSc.IntType)
-        self.vector = PETSc.Vec().createMPI((self.count, None), comm=mesh.comm)
+        comm = lasting(mesh.comm)
+        self.vector = PETSc.Vec().createMPI((self.count, None), comm=comm)
         self._local = PETSc.Vec().createSeq(len(needed))
-        there = PETSc.IS().createGeneral(needed, comm=mesh.comm)
+        there = PETSc.IS().createGeneral(needed, comm=comm)
         self._scatter = PETSc.Scatter().create(self.vector, there, self._local, None)
         there.destroy()
 

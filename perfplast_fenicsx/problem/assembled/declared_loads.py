@@ -7,11 +7,11 @@ from petsc4py import PETSc
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.compat import create_vector
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.assembled.integrals import assemble_force
 from perfplast_fenicsx.problem.assembled.load_case import LoadCase
 from perfplast_fenicsx.problem.assembled.rigid_rows import find_leaders
 from perfplast_fenicsx.problem.assembled.work_form import work_form
@@ -83,12 +83,10 @@ def declared_loads(
 def work_vector(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> PETSc.Vec:
     """L(v) of some loads as a vector, at supported unknowns too. Collective."""
     spread = [load for load in loads if isinstance(load, SpreadLoad)]
+    work = create_vector(V)
     if spread:
-        form = work_form(tagged_mesh, spread, ufl.TestFunction(V))
-        work = fem_petsc.assemble_vector(fem.form(form))
-        work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    else:
-        work = create_vector(V)
+        form = fem.form(work_form(tagged_mesh, spread, ufl.TestFunction(V)))
+        assemble_force(work, form, [])
     for load in loads:
         if isinstance(load, Force):
             _add(V, tagged_mesh, load, work)

@@ -9,9 +9,9 @@ from petsc4py import PETSc
 import basix.ufl
 import numpy as np
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.compat import interpolation_matrix
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -30,8 +30,7 @@ class LinearElements:
         V = fem.functionspace(mesh, basix.ufl.element("P", mesh.basix_cell(), 1, shape=(gdim,)))
         owned = V.dofmap.index_map.size_local
         self.nodes: Floats = V.tabulate_dof_coordinates()[:owned, :gdim]
-        self.interpolation = fem_petsc.interpolation_matrix(V, problem.V)
-        self.interpolation.assemble()
+        self.interpolation = interpolation_matrix(V, problem.V)
         self._at_vertices = _vertex_rows(self.interpolation)
         coarse, fine = self.interpolation.createVecs()
         fine.array[:] = ~problem.fixed[: problem.V.dofmap.index_map.size_local].ravel()
