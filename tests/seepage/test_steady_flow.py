@@ -191,6 +191,31 @@ def test_space_is_as_the_plane() -> None:
     assert flow.imbalance < 1e-10
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_random_ground(seed: int) -> None:
+    """Two anisotropic layers of any conductivities: no water is lost, and none enters from air."""
+    random = np.random.default_rng(seed)
+    rows = int(random.integers(8, 24))
+    y = steps(0, 10, rows)
+    low, high = sorted(float(one) for one in random.choice(y[1:], 2, replace=False))
+    width = float(random.uniform(2, 30))
+    sides = {"left": at(0, 0.0), "right": at(0, width), "top": at(1, 10.0)}
+    mesh = grid(steps(0, width, int(random.integers(8, 24))), y, sides, seam=float(y[rows // 2]))
+    heads = [Head("left", high), Head("right", low)]
+    each = [[float(k) for k in 10.0 ** random.uniform(-6, -2, 2)] for _ in range(2)]
+    ground = Seepage(9.81, {"below": each[0], "above": each[1]}, heads, outlet=["top"])
+    flow = steady_flow(mesh, ground)
+    assert flow.discharges["left"] > 0
+    assert flow.imbalance < 1e-8
+    largest = np.abs(flow.outflow).max()
+    air = np.isclose(flow.points[:, 1], 10.0) & (flow.points[:, 0] > 0)
+    assert (flow.outflow[air] > -1e-9 * largest).all()
+    assert (flow.pressure_heads >= 0).all()
+    wet = flow.pressure_heads > 1e-6
+    assert flow.heads[wet].max() < high + 1e-6
+    assert (flow.saturation[wet] == 1.0).all()
+
+
 def small(**given: object) -> SteadyFlow:
     """Return the flow through a square of 4, in which some things are given otherwise."""
     names = ("left", "right", "base", "top")
