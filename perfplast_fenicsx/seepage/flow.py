@@ -426,7 +426,7 @@ def solve_flow(network: Network, lower: Floats, upper: Floats, start: Floats) ->
         before, now = norms[-1], sizes[-1]
         norms.append(now)
         gains = 0.5  # part of the norm before, above which a step has gained nothing
-        if now <= network.rounding and now >= gains * before or not now:
+        if (now <= network.rounding and now >= gains * before) or not now:
             return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS)
         return None
 
