@@ -314,6 +314,14 @@ def test_sheets_in_plane_stress(tmp_path: Path) -> None:
         model(tmp_path, PLANE + other + loads)
 
 
+def test_beams_do_not_keep_solids_from_being_read(tmp_path: Path) -> None:
+    """Lines of elements that are left out may have another number of nodes."""
+    beams = "*ELEMENT, TYPE=B31, ELSET=BEAMS\n20,9,10\n21,10\n"
+    found = model(tmp_path, HEAD + ONE_BODY + beams + REST)
+    assert found.bodies == ["eall"]
+    assert any("B31" in remark and "left out" in remark for remark in found.remarks)
+
+
 def test_a_step_that_supports_drive(tmp_path: Path) -> None:
     """The case moves the supports, and asks for no load that the file does not have."""
     found = model(tmp_path, PLANE + SHEET + "*BOUNDARY\nTOP,2,2,-0.01\n")
