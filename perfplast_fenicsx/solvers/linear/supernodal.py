@@ -11,6 +11,7 @@ import logging
 from petsc4py import PETSc
 
 from perfplast_fenicsx.solvers.linear.mumps_memory import Analysis
+from perfplast_fenicsx.solvers.linear.petsc_options import own_prefix
 
 log = logging.getLogger(__name__)
 
@@ -39,6 +40,8 @@ class SupernodalFactors:
             return
         self._ksp = PETSc.KSP().create(ksp.comm)
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
+        quiet = {"mat_cholmod_print": 0}  # it writes to the terminal of matrices it cannot take
+        self._ksp.setOptionsPrefix(own_prefix(self, prefix, quiet, heed=False))
         pc = self._ksp.getPC()
         pc.setType(PETSc.PC.Type.CHOLESKY)
         pc.setFactorSolverType("cholmod")

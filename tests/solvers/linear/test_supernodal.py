@@ -38,8 +38,10 @@ def solved(sprung: SprungMatrix, matrix: PETSc.Mat, values: Floats) -> float:
     return left
 
 
-def test_what_is_not_positive_definite_is_factorised_by_mumps() -> None:
-    """Once it has been met, for ever."""
+def test_what_is_not_positive_definite_is_factorised_by_mumps(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Once it has been met, for ever, and without a line of CHOLMOD on the terminal."""
     values = dense(700)
     matrix = PETSc.Mat().createAIJ((700, 700), nnz=700, comm=MPI.COMM_SELF)
     indefinite = values.copy()
@@ -54,6 +56,7 @@ def test_what_is_not_positive_definite_is_factorised_by_mumps() -> None:
     assert sprung.uses == "mumps"
     assert sprung.factorisations == 3
     sprung.destroy()
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize(("per_entry", "asked"), [(100.0, False), (1000.0, True)])
