@@ -40,7 +40,7 @@ BELOW: dict[str, set[str]] = {
     "limit_analysis.statements": {"materials", "problem"},
     "limit_analysis.conic": {"limit_analysis.statements", "solvers.linear"},
     "limit_analysis.discrete": {
-        *("contact", "materials", "problem", "solvers.linear"),
+        *("contact", "materials", "mesh", "problem", "solvers.linear"),
         *("limit_analysis.conic", "limit_analysis.statements"),
     },
     "limit_analysis.path": {"contact", "materials", "problem", "solvers"},

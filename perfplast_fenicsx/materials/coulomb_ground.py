@@ -17,6 +17,7 @@ from perfplast_fenicsx.materials.nonassociated_flow import (
     reduced,
 )
 from perfplast_fenicsx.materials.tension_cut_off import CutOffLaw
+from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,8 @@ class Tresca:
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        cohesion: Largest shear stress (stress), positive; half of the uniaxial yield stress.
+        cohesion: Largest shear stress (stress), positive, a number or a field; half of the
+            uniaxial yield stress.
         expansion: Strain of a change of temperature by one degree (1/temperature).
         tensile_strength: Largest tension f in any direction (stress), positive; None for no limit.
         reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
@@ -37,7 +39,7 @@ class Tresca:
 
     young: float
     poisson: float
-    cohesion: float
+    cohesion: Strength
     expansion: float = 0.0
     tensile_strength: float | None = None
     reduced: bool = True
@@ -71,10 +73,10 @@ class Tresca:
         tension = divided(self.tensile_strength, factor)
         return replace(self, cohesion=self.cohesion / factor, tensile_strength=tension)
 
-    def parameters(self) -> dict[str, float]:
+    def parameters(self) -> dict[str, Strength]:
         """κ, μ, s and b of :class:`TrescaLaw`, and f if there is one."""
-        numbers = {"bulk": self.bulk, "shear": self.shear, "sine": 0.0}
-        return numbers | {"strength": 2 * self.cohesion} | of_tension(self.tensile_strength)
+        numbers: dict[str, Strength] = {"bulk": self.bulk, "shear": self.shear, "sine": 0.0}
+        return {**numbers, "strength": 2 * self.cohesion, **of_tension(self.tensile_strength)}
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class MohrCoulomb:
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        cohesion: Stress, zero of clean sand.
+        cohesion: Stress, zero of clean sand; a number, or a field that is positive everywhere.
         friction_angle: Degrees, between 0 and 90.
         expansion: Strain of a change of temperature by one degree (1/temperature).
         dilatancy_angle: Degrees, between 0 and that of friction, which it is where it is left out.
@@ -101,7 +103,7 @@ class MohrCoulomb:
 
     young: float
     poisson: float
-    cohesion: float
+    cohesion: Strength
     friction_angle: float
     expansion: float = 0.0
     dilatancy_angle: float | None = None
@@ -134,9 +136,11 @@ class MohrCoulomb:
     @property
     def _tension(self) -> float | None:
         """F, None where the apex is no higher."""
-        apex = self.cohesion / math.tan(math.radians(self.friction_angle))
         given = self.tensile_strength
-        return given if given is not None and given < apex else None
+        if given is None or isinstance(self.cohesion, SpatialField):
+            return None
+        apex = self.cohesion / math.tan(math.radians(self.friction_angle))
+        return given if given < apex else None
 
     @property
     def bulk(self) -> float:
@@ -157,7 +161,7 @@ class MohrCoulomb:
         ground: MohrCoulomb = reduced(self, factor)
         return replace(ground, tensile_strength=divided(self.tensile_strength, factor))
 
-    def parameters(self) -> dict[str, float]:
+    def parameters(self) -> dict[str, Strength]:
         """κ, μ, s and b of :class:`MohrCoulombLaw`, and f if there is one."""
         ground = associated(self)
         phi = math.radians(ground.friction_angle)
@@ -171,13 +175,20 @@ class MohrCoulomb:
         }
 
 
-def check_tension(tension: float | None, cohesion: float) -> None:
-    """Refuse tensile strengths that are not positive.
+def check_tension(tension: float | None, cohesion: Strength) -> None:
+    """Refuse tensile strengths that are not positive, or beside a cohesion that varies.
 
     Raises:
         InputError: If one is not.
     """
-    if tension is not None and not (tension > 0 and math.isfinite(tension)):
+    if tension is None:
+        return
+    if isinstance(cohesion, SpatialField):
+        raise InputError(
+            f"tensile_strength = {tension:g} beside a cohesion that varies in space is not known;"
+            " leave it out, or give each body a cohesion that is a number."
+        )
+    if not (tension > 0 and math.isfinite(tension)):
         raise InputError(
             f"tensile_strength = {tension} is no positive stress; give a small one, such as"
             f" {1e-3 * cohesion or 1e-3:g}, for ground that bears no tension, or leave it out."

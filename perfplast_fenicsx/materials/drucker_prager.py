@@ -34,6 +34,7 @@ from perfplast_fenicsx.materials.nonassociated_flow import (
 )
 from perfplast_fenicsx.materials.yield_set import Cone, axial_cone
 from perfplast_fenicsx.rounding import TINY
+from perfplast_fenicsx.spatial_fields import Strength
 
 Match = Literal["plane-strain", "compression", "extension"]
 """Where the cone has the strength of Mohr and Coulomb: limit loads in plane strain, or triaxial
@@ -192,7 +193,8 @@ class DruckerPrager:
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        cohesion: Of Mohr and Coulomb (stress), zero of clean sand.
+        cohesion: Of Mohr and Coulomb (stress), zero of clean sand; a number, or a field that is
+            positive everywhere.
         friction_angle: Of Mohr and Coulomb (degrees), between 0 and 90.
         match: In which states of stress the cone has the strength of Mohr and Coulomb.
         expansion: Strain of a change of temperature by one degree (1/temperature).
@@ -210,7 +212,7 @@ class DruckerPrager:
 
     young: float
     poisson: float
-    cohesion: float
+    cohesion: Strength
     friction_angle: float
     match: Match
     expansion: float = 0.0
@@ -241,7 +243,7 @@ class DruckerPrager:
         return Elastic(self.young, self.poisson).shear
 
     @property
-    def cone(self) -> tuple[float, float]:
+    def cone(self) -> tuple[float, Strength]:
         """η, and c (stress) in pure shear.
 
         The cone goes through the pyramid's edges of triaxial compression or extension; or it is
@@ -264,7 +266,7 @@ class DruckerPrager:
         """
         return reduced(self, factor)
 
-    def parameters(self) -> dict[str, float]:
+    def parameters(self) -> dict[str, Strength]:
         """κ, μ, η and c of :class:`DruckerPragerLaw`."""
         slope, strength = associated(self).cone
         return {"bulk": self.bulk, "shear": self.shear, "slope": slope, "strength": strength}

@@ -13,6 +13,7 @@ from perfplast_fenicsx.materials.law import Elasticity, Law, Old
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.materials.sheet_elasticity import SheetElasticity
 from perfplast_fenicsx.materials.yield_set import NeverYields
+from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 
 @dataclass(frozen=True)
@@ -177,23 +178,31 @@ def check_deforms(materials: Mapping[str, object]) -> None:
             )
 
 
-def require_not_negative(field: str, value: float) -> None:
+def require_not_negative(field: str, value: Strength) -> None:
     """Refuse a number of a material that is negative.
+
+    What varies in space is checked on the mesh (:mod:`law_on_cells`).
 
     Raises:
         InputError: Naming the field and the value.
     """
+    if isinstance(value, SpatialField):
+        return
     if not (value >= 0 and math.isfinite(value)):
         raise InputError(f"{field} = {value} is negative or no number; give zero or more.")
     check_magnitude(field, value)
 
 
-def require_positive(field: str, value: float) -> None:
+def require_positive(field: str, value: Strength) -> None:
     """Refuse a number of a material that is not positive.
+
+    What varies in space is checked on the mesh (:mod:`law_on_cells`).
 
     Raises:
         InputError: Naming the field and the value.
     """
+    if isinstance(value, SpatialField):
+        return
     if not (value > 0 and math.isfinite(value)):
         raise InputError(f"{field} = {value} is not a positive number; give it in stress units.")
     check_magnitude(field, value)

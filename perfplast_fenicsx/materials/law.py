@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.materials.yield_set import YieldSet
+from perfplast_fenicsx.spatial_fields import Strength
 
 Old = Mapping[str, Expr]
 """The history at a point by name, as it was after the last accepted level; {} where a law has
@@ -136,8 +137,8 @@ class Material(Protocol):
         """The class."""
         ...
 
-    def parameters(self) -> Mapping[str, float]:
-        """Numbers of the law, by the names of its arguments."""
+    def parameters(self) -> Mapping[str, Strength]:
+        """Return the numbers of the law, or fields, by the names of its arguments."""
         ...
 
 

@@ -22,6 +22,7 @@ from typing import Any, ClassVar, Literal, Protocol, TypeGuard, TypeVar
 
 from perfplast_fenicsx.errors import InputError, check_choice
 from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.spatial_fields import Strength
 
 Stand = Literal["radenkovic", "davis-a", "davis-b", "davis-c"]
 """Ways to treat ground that dilates less than it rubs."""
@@ -40,8 +41,8 @@ class Ground(Material, Protocol):
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
-    def cohesion(self) -> float:
-        """Stress."""
+    def cohesion(self) -> Strength:
+        """Stress, or a field."""
         ...
 
     @property
@@ -220,7 +221,7 @@ def _dilatancy(ground: Ground) -> float:
     return ground.friction_angle if psi is None else psi
 
 
-def _ground(ground: AnyGround, cohesion: float, phi: float) -> AnyGround:
+def _ground(ground: AnyGround, cohesion: Strength, phi: float) -> AnyGround:
     """Associated ground with c (stress) and φ (radians)."""
     return replace(
         ground,

@@ -26,6 +26,7 @@ from perfplast_fenicsx.materials.law import Elasticity, Law, Material, Old
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.materials.plane_stress import thin
 from perfplast_fenicsx.materials.yield_set import YieldSet
+from perfplast_fenicsx.spatial_fields import Strength
 
 STRAIN, ACCUMULATED = "plastic_strain", "accumulated_plastic_strain"
 """The history: p as a Mandel vector, and p̄ = ∫√⅔‖dp‖, which in uniaxial stress of a metal is
@@ -153,7 +154,7 @@ class Flow:
         """Strain of a change of temperature by one degree (1/temperature)."""
         return float(getattr(self.body, "expansion", 0.0))
 
-    def parameters(self) -> Mapping[str, float]:
+    def parameters(self) -> Mapping[str, Strength]:
         """Those of the body."""
         return self.body.parameters()
 

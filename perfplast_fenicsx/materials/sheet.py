@@ -19,6 +19,7 @@ from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.materials.quadratic_law import QuadraticLaw
 from perfplast_fenicsx.materials.sheet_elasticity import SheetElasticity
 from perfplast_fenicsx.materials.yield_set import Cone
+from perfplast_fenicsx.spatial_fields import Strength
 
 
 @dataclass(frozen=True)
@@ -176,10 +177,10 @@ class Sheet:
 
     bulk: float
     shear: float
-    strength: float
+    strength: Strength
     form: Floats
 
-    def parameters(self) -> dict[str, float]:
+    def parameters(self) -> dict[str, Strength]:
         """κ, μ, Y and the form of :class:`SheetLaw`."""
         even = 9 * self.bulk / (3 * self.bulk + 4 * self.shear)  # of ½(xx + yy), over 2μ
         half = math.sqrt(0.5)
@@ -187,6 +188,6 @@ class Sheet:
         first = np.array(columns).T * [math.sqrt(even), 1.0, 1.0]
         values, turn = np.linalg.eigh(first.T @ self.form @ first)
         B = first @ turn[:, ::-1]
-        numbers = {f"h{i}": float(h) for i, h in enumerate(values[::-1])}
+        numbers: dict[str, Strength] = {f"h{i}": float(h) for i, h in enumerate(values[::-1])}
         numbers |= {f"b{i}{j}": float(B[i, j]) for i in range(3) for j in range(3)}
         return {"bulk": self.bulk, "shear": self.shear, "strength": self.strength, **numbers}

@@ -24,6 +24,7 @@ from perfplast_fenicsx.materials.law import Law, Old
 from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
 from perfplast_fenicsx.materials.sheet import Sheet
 from perfplast_fenicsx.materials.yield_set import Cone, axial_cone
+from perfplast_fenicsx.spatial_fields import Strength
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,7 @@ class VonMises:
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        yield_stress: Uniaxial yield stress σ_y > 0.
+        yield_stress: Uniaxial yield stress σ_y > 0, a number or a field.
         expansion: Strain of a change of temperature by one degree (1/temperature).
         reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
@@ -164,7 +165,7 @@ class VonMises:
 
     young: float
     poisson: float
-    yield_stress: float
+    yield_stress: Strength
     expansion: float = 0.0
     reduced: bool = True
 
@@ -183,7 +184,7 @@ class VonMises:
         return Elastic(self.young, self.poisson).shear
 
     @property
-    def yield_radius(self) -> float:
+    def yield_radius(self) -> Strength:
         """γ = √(2/3) σ_y."""
         return math.sqrt(2 / 3) * self.yield_stress
 
@@ -200,6 +201,6 @@ class VonMises:
         form = np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 1.5]])
         return Sheet(self.bulk, self.shear, self.yield_stress, form)
 
-    def parameters(self) -> dict[str, float]:
+    def parameters(self) -> dict[str, Strength]:
         """κ, μ and γ of :class:`VonMisesLaw`."""
         return {"bulk": self.bulk, "shear": self.shear, "yield_radius": self.yield_radius}

@@ -12,7 +12,7 @@ from perfplast_fenicsx.proof.cell_shapes import check_cells, check_sections, in_
 from perfplast_fenicsx.proof.cones import Cones
 from perfplast_fenicsx.proof.guided import with_guided
 from perfplast_fenicsx.proof.load_kinds import EVERY, KINDS, NAMES, Loads, with_all
-from perfplast_fenicsx.proof.plain_arrays import ProofError, checked, equal
+from perfplast_fenicsx.proof.plain_arrays import ProofError, check_sizes, checked, equal
 from perfplast_fenicsx.proof.rigid_arrays import with_rigid
 from perfplast_fenicsx.proof.rubbing import OF as RUBBING
 from perfplast_fenicsx.proof.rubbing import fault_of, with_rubbing
@@ -38,6 +38,8 @@ class Body:
         cone_sine: s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, which has q = 0
             and M = 0, NaN of others; shape (num_cones,).
         cone_tension: f of each σ₁ ≤ f beside it, NaN without one; the same.
+        cell_strength: What c of its cone is multiplied by at the vertices of each cell, positive
+            and linear between them, shape (num_cells, d + 1); 1 where a strength does not vary.
         sought: Loads of λ = 1.
         constant: Loads that stay as they are.
         others: Loads that may have any factor, of factor 1.
@@ -66,6 +68,7 @@ class Body:
     cone_matrix: Floats
     cone_sine: Floats
     cone_tension: Floats
+    cell_strength: Floats
     sought: Loads
     constant: Loads
     others: Loads
@@ -91,6 +94,7 @@ class Body:
         shapes = {
             "cells": (c, d + 1),
             "cone": (c,),
+            "cell_strength": (c, d + 1),
             "facets": (f, d),
             "surface": (f,),
             "revolved": (),
@@ -124,6 +128,7 @@ class Body:
         self.cones.check(self.components)
         if not ((self.cone >= -1) & (self.cone < len(self.cone_bound))).all():
             raise ProofError("cone names cones that there are not.")
+        self._check_strength()
         units = np.append(self.obstacle_normals, self.guided[self.guided.any(axis=1)], axis=0)
         if not (np.abs(np.linalg.norm(units, axis=1) - 1) <= 1e-12).all():
             raise ProofError("a normal of an obstacle or a guide is no unit vector.")
@@ -188,6 +193,11 @@ class Body:
         """Cells that can yield."""
         return self.cone >= 0
 
+    def varies_by(self, number: int) -> str:
+        """Return the factors by which the bound of a cone varies, in words; empty where none is."""
+        here = self.cell_strength[self.cone == number]
+        return f" times {here.min():.6g} to {here.max():.6g}" if (here != 1).any() else ""
+
     @property
     def loose(self) -> bool:
         """Whether any cell has a cone without a bound."""
@@ -202,7 +212,13 @@ class Body:
     @cached_property
     def yield_radius(self) -> Floats:
         """A stress that each cell bears, ∞ in elastic ones: what is left is relative to it."""
-        return np.append(self.cones.radius, np.inf)[self.cone]
+        weakest = self.cell_strength.min(axis=1)
+        return np.asarray(np.append(self.cones.radius, np.inf)[self.cone] * weakest)
+
+    @property
+    def varies(self) -> bool:
+        """Return whether the strength of any cell is another one than that of its cone."""
+        return bool((self.cell_strength != 1).any())
 
     @cached_property
     def gradients(self) -> Floats:
@@ -288,6 +304,20 @@ class Body:
         outer = self.sides[1]
         mine = self.cells[:, self.corners].reshape(-1, self.dim)[outer]
         return in_order_of(outer, mine, self.facets)
+
+    def _check_strength(self) -> None:
+        """Make sure that strengths that vary are positive, and of what is known to vary."""
+        strength = self.cell_strength
+        if not (np.isfinite(strength) & (strength > 0)).all():
+            raise ProofError("cell_strength is not positive and finite.")
+        if not self.varies:
+            return
+        changed = (strength != 1).any(axis=1)
+        if self.is_revolved or self.cones.is_cut[self.cone[changed & self.plastic]].any():
+            raise ProofError(
+                "cell_strength is of bodies of revolution, or of cones with a tensile strength."
+            )
+        check_sizes("a strength", self.cones.bound[self.cone, None] * strength)
 
     def _check_tags(self) -> None:
         """Make sure that contacts and obstacles are of surfaces that there are, each named once."""

@@ -12,12 +12,14 @@ Longs = npt.NDArray[np.int64]
 
 
 def with_kind(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Arrays with what says that cells are no sections of rings, where nothing does.
+    """Return arrays with what says that cells are no sections of rings, where nothing does.
 
-    And that no cone has a tensile strength.
+    And that no cone has a tensile strength, and no strength varies in a cell.
     """
     cuts = np.full(np.shape(arrays.get("cone_sine", ())), np.nan)
-    return {"revolved": np.zeros((), dtype=bool), "cone_tension": cuts, **arrays}
+    ones = np.ones(np.shape(arrays.get("cells", ())))
+    without = {"revolved": np.zeros((), dtype=bool), "cone_tension": cuts, "cell_strength": ones}
+    return {**without, **arrays}
 
 
 def check_cells(places: Floats, volumes: Floats, gradients: Callable[[], Floats]) -> None:

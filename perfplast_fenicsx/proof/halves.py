@@ -10,10 +10,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
-from perfplast_fenicsx.proof.cone_shapes import are_weaker, strengths_of
+from perfplast_fenicsx.proof.cone_shapes import Strengths, are_weaker, strengths_of
 from perfplast_fenicsx.proof.guided import differ
 from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.shared_cells import shared_cells
+from perfplast_fenicsx.proof.shared_cells import overlap_ends, shared_cells
 from perfplast_fenicsx.proof.shared_facets import shared_facets
 
 SAME = 1e-9
@@ -133,11 +133,14 @@ def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
             for k, one in enumerate(strong)
         ]
     )
-    if not wet and (rows == rows[0]).all():
+    varies = lower.varies or upper.varies
+    if not wet and not varies and (rows == rows[0]).all():
         return np.zeros((0, lower.dim)), np.zeros((0, lower.dim))
 
     def weaker(a: Longs, b: Longs) -> Flags:
-        return are_weaker(strong[0].of(a), strong[1].of(b))
+        if not varies:
+            return are_weaker(strong[0].of(a), strong[1].of(b))
+        return _weaker_somewhere((lower, upper), (strong[0].of(a), strong[1].of(b)), (a, b))
 
     def loaded(a: Longs, b: Longs) -> Flags:
         found = np.zeros(len(a), dtype=bool)
@@ -149,6 +152,33 @@ def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
     a, b = shared_cells(lower, upper, lambda a, b: weaker(a, b) | loaded(a, b))
     centres = lower.vertices[lower.cells[a]].mean(axis=1)
     return centres[weaker(a, b)], centres[loaded(a, b)]
+
+
+def _weaker_somewhere(
+    bodies: tuple[Body, Body], strong: tuple[Strengths, Strengths], pairs: tuple[Longs, Longs]
+) -> Flags:
+    """Return whether strengths that vary are not known to be more above where cells overlap.
+
+    Both are linear in their cells, so that the vertices of the overlap are enough. These are among
+    the ends of the edges of each cell that lie in the other one.
+    """
+    found = np.zeros(len(pairs[0]), dtype=bool)
+    at_once = 20_000  # pairs that are looked at together, for the memory they take
+    for some in np.array_split(np.arange(len(found)), len(found) // at_once + 1):
+        a, b = (of[some] for of in pairs)
+        x = [body.vertices[body.cells[of]] for body, of in zip(bodies, (a, b), strict=True)]
+        places, there = overlap_ends(*x)
+        factors = [
+            _linear(places, x[k], bodies[k].cell_strength[of][..., None])[..., 0]
+            for k, of in enumerate((a, b))
+        ]
+        which, _ = np.nonzero(there)
+        less, more = (
+            one.of(some[which])._replace(bound=one.bound[some[which]] * factor[there])
+            for one, factor in zip(strong, factors, strict=True)
+        )
+        np.logical_or.at(found, some[which], are_weaker(less, more))
+    return found
 
 
 def _pores_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:

@@ -6,7 +6,8 @@ the force b per volume of all loads at λ. Tractions are equal on both sides of 
 those of the loads on outer ones. Contact pushes with the pressure q and has no shear, or where it
 rubs one of ‖τ‖ ≤ c + μq at most. At each vertex ‖Mσ‖ ≤ c − q·σ with the cone of the cell
 (:mod:`cones`), and so everywhere, as these stresses are a convex set. With a pressure u in pores
-the cones bound effective stresses σ′, and σ = σ′ − uI. Another stress balances what is left of
+the cones bound effective stresses σ′, and σ = σ′ − uI. Where c varies it is linear
+in the cell, so that vertices are enough. Another stress balances what is left of
 equilibrium, and its size makes the bound smaller (:mod:`balance`). No such stress is known for
 rings, rigid surfaces and cones without a bound. There residuals are measured by what the weakest
 could bear of them, each row by itself and all together. Of bodies of revolution all this is said of
@@ -124,6 +125,8 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     plastic = body.plastic
     bounded = vector if body.is_revolved else vectors(effective)
     ratios_of_yield = body.cones.ratios(body.cone[plastic], bounded[plastic])
+    if body.varies:
+        ratios_of_yield = ratios_of_yield / body.cell_strength[plastic]
     if body.is_revolved:
         rho = coefficients_of_radius(radii_of(body))[plastic]
         ratios_of_yield = np.where(rho > 0, ratios_of_yield / np.where(rho > 0, rho, 1.0), 0.0)
@@ -160,7 +163,7 @@ def overstress(
     cones, at, bounded = body.cones, body.cone[plastic], vectors(stress[plastic])
     rounding = 128 * U * np.linalg.norm(bounded, axis=2)
     more = (cost.size[plastic, None] + rounding) * cones.weakness[at, None]
-    over = float((cones.ratios(at, bounded) + more).max())
+    over = float(((cones.ratios(at, bounded) + more) / body.cell_strength[plastic]).max())
     return (over if np.isfinite(over) else np.inf), cost.reason
 
 

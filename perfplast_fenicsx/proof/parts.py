@@ -31,11 +31,29 @@ def parts_of(dim: int, times: int) -> Floats:
 
 @lru_cache
 def halved(dim: int, times: int) -> tuple[Floats, Floats]:
-    """Points and shares of the vertex rule on these parts.
+    """Return points and shares of the vertex rule on these parts.
 
     Returns:
-        Barycentric coordinates, shape (num_points, dim + 1), and shares of the volume.
+        Barycentric coordinates, shape (num_points, dim + 1). Shares of the volume, the same shape:
+        the mean of the hat function of each point times each barycentric coordinate. Their sum over
+        the coordinates is the share of the point.
     """
-    every = parts_of(dim, times).reshape(-1, dim + 1)
-    points, inverse = np.unique(every, axis=0, return_inverse=True)
-    return points, np.bincount(inverse.ravel()) / inverse.size
+    parts = parts_of(dim, times)
+    points, inverse = np.unique(parts.reshape(-1, dim + 1), axis=0, return_inverse=True)
+    shares = np.zeros_like(points)
+    each = mean_shares(parts) / len(parts)
+    np.add.at(shares, inverse.reshape(-1, dim + 1), each)
+    return points, shares
+
+
+def mean_shares(values: Floats) -> Floats:
+    """Return the means of linear functions times each barycentric coordinate of simplices.
+
+    Args:
+        values: Of the functions at the vertices k, shape (..., dim + 1, n).
+
+    Returns:
+        ∫ λ_k f over the volume, the same shape: f_k and the sum of all, over (dim + 1)(dim + 2).
+    """
+    n = values.shape[-2]
+    return np.asarray((values + values.sum(axis=-2, keepdims=True)) / (n * (n + 1)))

@@ -11,7 +11,7 @@ from perfplast_fenicsx.proof.load_kinds import EVERY
 
 FLOATS = (
     *("vertices", "cone_bound", "cone_slope", "cone_matrix", "cone_sine", "cone_tension"),
-    *("obstacle_normals", "guided"),
+    *("cell_strength", "obstacle_normals", "guided"),
     *EVERY,
     *("contact_adhesion", "contact_friction", "obstacle_adhesion", "obstacle_friction"),
     *("stress", "velocity", "joint_force", "joint_traction"),

@@ -50,7 +50,10 @@ def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
     both = np.intersect1d(body.cone[cells & body.plastic], body.cone[~cells & body.plastic])
     if len(both):
         raise ProofError("cell_kept divides a strength in some cells and not in others.")
-    words = [_whole(body, number, factor) for number in np.unique(body.cone[body.plastic & ~cells])]
+    words = [
+        f"{_whole(body, number, factor)}{body.varies_by(number)}"
+        for number in np.unique(body.cone[body.plastic & ~cells])
+    ]
     words += _rubbing(body, kept, factor)
     less = f" and {len(words) - MOST} more" if len(words) > MOST else ""
     told = f"F = {factor:.9g} divides no strength."

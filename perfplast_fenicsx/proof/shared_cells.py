@@ -70,6 +70,41 @@ def have_common_volume(ones: Floats, others: Floats) -> Flags:
     return found
 
 
+def overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Flags]:
+    """Return places whose convex hull is the overlap of two simplices.
+
+    They are the ends of the part of each edge of the one that lies in the other, and the other way
+    round. Every vertex of the overlap is such an end.
+
+    Args:
+        ones: Vertices of simplices, shape (num_pairs, d + 1, d).
+        others: The same of those beside them.
+
+    Returns:
+        The places, shape (num_pairs, n, d), and which of them there are.
+    """
+    rounding = 1e-9  # of barycentric coordinates
+    found, there = [], []
+    for x, y in ((ones, others), (others, ones)):
+        ends = np.array(list(combinations(range(x.shape[1]), 2)))
+        start, along = x[:, ends[:, 0]], x[:, ends[:, 1]] - x[:, ends[:, 0]]
+        slopes = _facing(y)
+        slopes[:, 0] *= -1  # gradients of the barycentric coordinates of y
+        shares = np.einsum("pvi,pei->pev", slopes, start - y[:, :1])
+        shares[..., 0] += 1.0
+        rates = np.einsum("pvi,pei->pev", slopes, along)
+        enters, leaves = rates > rounding, rates < -rounding
+        cuts = np.divide(-shares, rates, out=np.zeros_like(rates), where=enters | leaves)
+        first = np.where(enters, cuts, 0.0).max(axis=2)
+        last = np.where(leaves, cuts, 1.0).min(axis=2)
+        first, last = np.maximum(first, 0.0), np.minimum(last, 1.0)
+        outside = (~enters & ~leaves & (shares < -rounding)).any(axis=2)
+        inside = (first <= last + rounding) & ~outside
+        found += [start + at[..., None] * along for at in (first, last)]
+        there += [inside, inside]
+    return np.concatenate(found, axis=1), np.concatenate(there, axis=1)
+
+
 def _edges(simplices: Floats) -> Floats:
     pairs = np.array(list(combinations(range(simplices.shape[1]), 2)))
     return np.asarray(simplices[:, pairs[:, 1]] - simplices[:, pairs[:, 0]])

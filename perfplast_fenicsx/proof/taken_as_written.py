@@ -57,7 +57,8 @@ def _strengths(body: Body) -> str:
     words = ["elastic cells"] if volumes[0] else []
     cones = {number: _cone(body, number) for number in np.flatnonzero(volumes[1:])}
     for number, cone in cones.items():
-        words.append(f"{cone} in a volume of {volumes[number + 1]:.6g}")
+        where = f"in a volume of {volumes[number + 1]:.6g}"
+        words.append(f"{cone}{body.varies_by(number)} {where}")
     what = "‖dev σ‖" + (", or ‖Mσ‖" if any("M" in cone for cone in cones.values()) else "")
     return f"yield radii (the largest {what}) {_listed(words)}"
 

@@ -7,9 +7,10 @@ cone leaves a stress free, that does no work, and in cells that grow there is en
 surfaces rub, ∫D has what slip dissipates (:mod:`entering`). ε(v) is linear in a cell, so that a
 rate that vanishes at the vertices does so everywhere, and what growth lacks, which is convex, is
 nowhere positive if it is not there. The integral of a convex D is at most that of its linear
-interpolation on any subdivision, and that of a linear one is the mean of the vertices (kinematic
-theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). Of bodies of revolution
-the velocity is v = ru (:mod:`rings`), and works are over 2π.
+interpolation on any subdivision, and that of a linear one is the mean of the vertices. A strength
+that is linear in the cell multiplies that interpolation, and the product is integrated exactly
+(kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). Of bodies of
+revolution the velocity is v = ru (:mod:`rings`), and works are over 2π.
 """
 
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from perfplast_fenicsx.proof.body import Body, Floats, Longs
 from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.entering import entering_of
 from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.parts import halved
+from perfplast_fenicsx.proof.parts import halved, mean_shares
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.rigid import Rigid, rigid_of, sums_of
 from perfplast_fenicsx.proof.rings import on_axis, ring_flow, speed_of
@@ -211,8 +212,8 @@ def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, f
     plastic, linear = body.plastic, np.zeros(len(rates), dtype=bool)
     wrong[plastic] = cones.lacking(body.cone[plastic], rates[plastic])
     linear[plastic] = cones.is_linear[body.cone[plastic]]
-    powers = cones.linear_power(body.cone[linear], rates[linear]).mean(axis=1)
-    total = float(powers @ body.volumes[linear])
+    powers = cones.linear_power(body.cone[linear], rates[linear])
+    total = float(_means(powers, body.cell_strength[linear]) @ body.volumes[linear])
     principal = np.append(cones.is_principal, False)[body.cone]
     some = np.flatnonzero(plastic & ~linear & ~principal)
     points, shares = halved(body.dim, subdivisions)
@@ -222,14 +223,26 @@ def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, f
         squares = np.zeros((len(cells), len(points)))
         for component in sizes.transpose(2, 0, 1):
             squares += (component @ points.T) ** 2
-        weights = body.volumes[cells]
-        total += float(weights @ np.sqrt(squares) @ shares + weights @ along.mean(axis=1))
+        strength = body.cell_strength[cells]
+        powers = np.einsum("cp,cp->c", np.sqrt(squares), strength @ shares.T)
+        total += float(body.volumes[cells] @ (powers + _means(along, strength)))
     some = np.flatnonzero(plastic & ~linear & principal)
     parts = -(-len(some) * len(points) // (100 * at_once))
     for cells in np.array_split(some, parts) if parts else []:
         powers = cones.principal_power(body.cone[cells], points @ rates[cells])
-        total += float(body.volumes[cells] @ powers @ shares)
+        weights = body.cell_strength[cells] @ shares.T
+        total += float(body.volumes[cells] @ np.einsum("cp,cp->c", powers, weights))
     return wrong, total
+
+
+def _means(values: Floats, strength: Floats) -> Floats:
+    """Return the means in cells of the products of two functions that are linear in them.
+
+    Args:
+        values: Of the one at the vertices, shape (num_cells, d + 1).
+        strength: Of the other.
+    """
+    return np.einsum("cv,cv->c", mean_shares(values[..., None])[..., 0], strength)
 
 
 def strain_rates(body: Body, v: Floats) -> Floats:

@@ -145,7 +145,9 @@ def test_the_rule_is_exact_for_linear_functions(tdim: int, n: int) -> None:
     assert (points >= 0).all()
     assert np.allclose(points.sum(axis=1), 1)
     assert (shares > 0).all()
-    assert np.allclose(shares @ points, 1 / (tdim + 1))
+    assert np.allclose(shares.sum(axis=1) @ points, 1 / (tdim + 1))
+    # And for products of two linear functions: ∫ λ_i λ_j = (1 + δ_ij)/((d + 1)(d + 2)).
+    assert np.allclose(shares.T @ points, (np.eye(tdim + 1) + 1) / ((tdim + 1) * (tdim + 2)))
 
 
 def test_the_work_of_a_footing_from_above(shared_tmp_path: Path) -> None:

@@ -276,6 +276,9 @@ def test_files_that_are_none(shared_tmp_path: Path) -> None:
 def test_the_rule_is_exact_for_linear_functions_and_from_above(dim: int) -> None:
     points, shares = halved(dim, 3)
     assert np.isclose(shares.sum(), 1)
+    # Products of two linear functions, too: ∫ λ_i λ_j = (1 + δ_ij)/((d + 1)(d + 2)).
+    assert np.allclose(shares.T @ points, (np.eye(dim + 1) + 1) / ((dim + 1) * (dim + 2)))
+    shares = shares.sum(axis=1)
     assert np.allclose(shares @ points, 1 / (dim + 1))
     exact = 2 / ((dim + 1) * (dim + 2))
     coarse = 1 / (dim + 1)

@@ -41,6 +41,7 @@ from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperatur
 from perfplast_fenicsx.problem.declared.stage import Stage
 from perfplast_fenicsx.seepage.declared import Head, Seepage
 from perfplast_fenicsx.solvers.methods import METHODS
+from perfplast_fenicsx.spatial_fields import SpatialField
 from perfplast_fenicsx.units import Units
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
@@ -53,6 +54,12 @@ _SCALARS: dict[Any, Schema] = {
     int: {"type": "integer"},
     str: {"type": "string"},
     bool: {"type": "boolean"},
+    SpatialField: {
+        "anyOf": [
+            {"type": "string"},
+            {"type": "array", "items": {"type": "array", "items": {"type": "number"}}},
+        ]
+    },
 }
 
 

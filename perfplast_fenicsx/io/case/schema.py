@@ -14,12 +14,14 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from perfplast_fenicsx.errors import InputError, check_magnitude, nearest
+from perfplast_fenicsx.spatial_fields import SpatialField, Strength, spatial_field
 
 T = TypeVar("T")
 Table = dict[str, Any]
 
 _WORDS: dict[Any, str] = {
     float: "a number",
+    SpatialField: "a formula or a table of [coordinate, value] pairs",
     int: "a whole number",
     str: "a string",
     bool: "true or false",
@@ -93,8 +95,11 @@ def shown(value: object) -> str:
 
 
 def _converted(value: object, key: str, hint: Any, place: str) -> Any:
+    if SpatialField in typing.get_args(hint) and isinstance(value, str | list):
+        with at(f"{place}: {key} = {shown(value)}"):
+            return spatial_field(value)
     try:
-        converted = msgspec.convert(value, type=hint)
+        converted = msgspec.convert(value, type=float if hint == Strength else hint)
     except msgspec.ValidationError as error:
         raise InputError(
             f"{place}: {key} = {shown(value)} cannot be used; give {described(hint, key)}."

@@ -12,6 +12,7 @@ from perfplast_fenicsx.materials.common import odd_numbers
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.materials.material_table import check_soil_units, check_units
 from perfplast_fenicsx.parallel import bounding_box
+from perfplast_fenicsx.spatial_fields import SpatialField
 from perfplast_fenicsx.units import Units
 
 
@@ -71,6 +72,8 @@ def read_units(table: Table, materials: Mapping[str, Material], name: str) -> Un
         for body, material in materials.items():
             if all(hasattr(material, key) for key in copied):
                 young, poisson, most = (getattr(material, key) for key in copied)
+                if isinstance(most, SpatialField):
+                    continue
                 with at(f"{name}, [material.{body}]"):
                     check(young, poisson, most, units.name)
     return units

@@ -9,15 +9,17 @@ import numpy.typing as npt
 from perfplast_fenicsx.io.results.global_ordering import Ordering
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import Side, profiles_of_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 
-def cones_on_file(problem: Problem, of_cells: Ordering) -> dict[str, Block]:
-    """The cones of the bodies, and which of them each cell has.
+def cones_on_file(problem: Problem, of_cells: Ordering, side: Side) -> dict[str, Block]:
+    """Return the cones of the bodies, which of them each cell has, and by what factor if it varies.
 
     Args:
         problem: The bodies.
         of_cells: Where cells are on file.
+        side: Where linear functions lie beside the profiles of strengths that vary.
     """
     found = body_cones(problem)
     tagged_mesh = problem.tagged_mesh
@@ -36,7 +38,10 @@ def cones_on_file(problem: Problem, of_cells: Ordering) -> dict[str, Block]:
             continue
         numbers[number] = len(rows) - 1
     bounds, slopes, forms, sines, cuts = zip(*rows, strict=True) if rows else ((),) * 5
+    profile = profiles_of_cells(problem, side)
+    varies = {} if profile is None else {"cell_strength": block(of_cells, profile)}
     return {
+        **varies,
         "cone": block(of_cells, numbers[found.of_cells]),
         "cone_bound": table_of(problem, bounds, (), np.float64),
         "cone_slope": table_of(problem, slopes, (m,), np.float64),

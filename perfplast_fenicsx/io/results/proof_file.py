@@ -380,7 +380,7 @@ def _body(proof: LowerProof | VelocityProof, follows: bool) -> Blocks:
         **({} if proof.divisor is None else {"cell_kept": _kept(problem, places.of_cells)}),
         "vertices": block(vertices, points[: topology.index_map(0).size_local]),
         "cells": block(places.of_cells, numbers[cells]),
-        **cones_on_file(problem, places.of_cells),
+        **cones_on_file(problem, places.of_cells, "above" if follows else "below"),
         "facets": block(places.of_facets, numbers[facets]),
         "surface": block(places.of_facets, surface),
         "held": block(places.of_facets, body.supported[outer].astype(np.uint8)),

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_in_words
 from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import pores_in_words
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.question import Question
@@ -81,7 +82,13 @@ def least_words(carried: float | None, none_below: float | None, lower: float | 
 def taken_as(problem: Problem) -> tuple[str, ...]:
     """Return clauses on how bodies and loads are idealised. Collective.
 
-    Ground that is associated, surfaces that are one polygon, pressures in pores with kinks.
+    Ground that is associated, surfaces that are one polygon, pressures in pores and strengths that
+    are not linear in each cell.
     """
-    told = flow_words(problem.given.materials), problem.tagged_mesh.taken, pores_in_words(problem)
+    told = (
+        flow_words(problem.given.materials),
+        problem.tagged_mesh.taken,
+        pores_in_words(problem),
+        profiles_in_words(problem),
+    )
     return tuple(clause for clauses in told for clause in clauses)

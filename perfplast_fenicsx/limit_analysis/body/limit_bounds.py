@@ -31,6 +31,7 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorSte
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import resisted
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import check_profiles
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
 from perfplast_fenicsx.limit_analysis.facets.contact_strength import any_loose
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import without_pores
@@ -132,6 +133,7 @@ def admitted(problem: Problem, rtol: float) -> Problem:
         problem = without_pores(problem, body_cones(above).dilates)
     check_loads(problem)
     check_cohesion(below)
+    check_profiles(below)
     check_flat_guides(problem)
     if are_blocks(problem):
         check_blocks(problem)

@@ -82,6 +82,10 @@ class PrincipalCones:
         bounds, tensions = (np.asarray(of / unit) for of in (self.bounds, self.tensions))
         return replace(self, bounds=bounds, tensions=tensions)
 
+    def scaled(self, factors: Floats) -> "PrincipalCones":
+        """Return the same with bounds b multiplied by factors at all points, shape (count,)."""
+        return replace(self, bounds=self.bounds * factors[self.at])
+
     def put(self, values: Floats, of_these: Floats) -> Floats:
         """Values at all points with those of these points in their places."""
         values[self.at] = of_these

@@ -1,7 +1,7 @@
 """The cones of a problem's bodies, as their laws say them, with the coordinates of each."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from perfplast_fenicsx.materials.yield_set import Cone, PrincipalCone
 from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import TINY
+from perfplast_fenicsx.spatial_fields import SpatialField
 
 OUT_OF_PLANE = 2
 """Number of the component of a Mandel vector that is in no equation in plane strain."""
@@ -41,12 +42,14 @@ class BodyCone:
         principal: Of principal stresses, in its place.
         standard: The same set in its coordinates; of principal stresses a cone around it.
         shadow: How the stress out of the plane follows, in plane strain.
+        profile: The field that the bound c is multiplied by; None where it does not vary.
     """
 
     plain: PlainCone | None
     standard: StandardCone
     shadow: Shadow | None
     principal: PlainPrincipal | None = None
+    profile: SpatialField | None = None
 
     def whole(self, stress: Floats) -> Floats:
         """Stresses with that out of the plane where it leaves the most room.
@@ -78,6 +81,32 @@ class BodyCones:
     cones: Sequence[BodyCone]
     of_cells: Longs
     normal: int
+
+    @property
+    def varies(self) -> bool:
+        """Return whether the bound of any varies in space."""
+        return any(cone.profile is not None for cone in self.cones)
+
+    def values(self, numbers: Longs, of: Callable[[SpatialField, Longs], Floats]) -> Floats | None:
+        """Return values of the profiles in cells or at points; None if no bound varies.
+
+        Args:
+            numbers: Number of the cone of each, shape (n,).
+            of: Values of a profile in those whose places are given, shape (m, ...) of (m,).
+
+        Returns:
+            Shape (n, ...), 1 where the bound does not vary.
+        """
+        found: Floats | None = None
+        for number, cone in enumerate(self.cones):
+            here = np.flatnonzero(numbers == number)
+            if cone.profile is None:
+                continue
+            values = of(cone.profile, here)
+            if found is None:
+                found = np.ones((len(numbers), *values.shape[1:]))
+            found[here] = values
+        return found
 
     @property
     def isotropic(self) -> bool:
@@ -182,13 +211,17 @@ def _components(problem: Problem) -> tuple[bool, int]:
 
 
 def _is_same(one: BodyCone, other: BodyCone) -> bool:
+    if one.profile != other.profile:
+        return False
     if one.plain is None or other.plain is None:
         return one.plain is other.plain and one.principal == other.principal
     return one.plain.is_same(other.plain)
 
 
 def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone | None:
-    """The cone of a body; None if that is not known.
+    """Return the cone of a body; None if that is not known.
+
+    A parameter that varies has its scale as its number, as if the profile were 1.
 
     Args:
         material: The body's.
@@ -196,8 +229,40 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
         flat: Whether that out of the plane is in no equation.
         thin: Whether that is zero then.
     """
-    numbers = {name: ufl.as_ufl(value) for name, value in material.parameters().items()}
-    law: Any = material.law(**numbers)
+    given = material.parameters()
+    profiles = {one.profile for one in given.values() if isinstance(one, SpatialField)}
+    plain = {k: v.scale if isinstance(v, SpatialField) else v for k, v in given.items()}
+    found = _of_numbers(material.law, plain, (size, flat, thin))
+    if not profiles or found is None:
+        return found
+    twice = {k: 2 * v if isinstance(given[k], SpatialField) else v for k, v in plain.items()}
+    larger = _of_numbers(material.law, twice, (size, flat, thin))
+    if len(profiles) > 1 or not _is_twice(larger, found):
+        raise InputError(
+            f"a number of {type(material).__name__} varies in space, and its yield set is not in"
+            " proportion to one such number; limit loads by the interior point method and strict"
+            " bounds need that. Give numbers, and a body to each layer."
+        )
+    return replace(found, profile=profiles.pop())
+
+
+def _is_twice(one: BodyCone | None, other: BodyCone) -> bool:
+    """Return whether a cone has the shape of another one and twice its bound."""
+    if one is None or (one.plain is None) != (other.plain is None):
+        return False
+    if one.plain is not None and other.plain is not None:
+        return one.plain.is_same(replace(other.plain, bound=2 * other.plain.bound))
+    if one.principal is not None and other.principal is not None:
+        return one.principal == replace(other.principal, bound=2 * other.principal.bound)
+    return one.principal is other.principal
+
+
+def _of_numbers(
+    kind: type[Any], given: Mapping[str, float], of: tuple[int, bool, bool]
+) -> BodyCone | None:
+    """Return the cone of a law with numbers; see :func:`_cone_of`."""
+    size, flat, thin = of
+    law: Any = kind(**{name: ufl.as_ufl(value) for name, value in given.items()})
     cones = None if law.carries_any_load else law.yields.cones(size)
     normal, n = (2, 3) if flat else (3, size)
     if cones is None or len(cones) > 1:

@@ -8,6 +8,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_at_points
 from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -17,6 +18,7 @@ class PointCoordinates:
 
     Attributes:
         radii: γ (stress) of the points of this rank, ∞ where nothing yields, shape (count,).
+        profile: What the strengths vary by, a factor of γ, shape (count,); None where none varies.
         slopes: α, shape (count,).
         tilts: t, shape (count, m); None where all are zero.
         principal: The points with sets of principal stresses.
@@ -28,7 +30,7 @@ class PointCoordinates:
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Ask the laws. Not collective.
+        """Ask the laws. Collective.
 
         Raises:
             InputError: If the method does not know a body's yield set.
@@ -46,6 +48,10 @@ class PointCoordinates:
         tilts = np.array([np.pad(it.tilt, (0, self._size - len(it.tilt))) for it in forms])
         self.tilts: Floats | None = tilts[numbers] if tilts.any() else None
         self.principal = cones.principal_at(numbers)
+        self.profile = profiles_at_points(problem, numbers)
+        if self.profile is not None:
+            self.radii = self.radii * self.profile
+            self.principal = self.principal.scaled(self.profile)
         self.frames = StressFrames(cones, numbers, self._size)
 
     def rates(self, e: Floats) -> tuple[Floats, Floats]:

@@ -5,6 +5,7 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_of_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 NOTICED = 1e-3
@@ -57,6 +58,9 @@ def _radii(problem: Problem) -> dict[str, float]:
     Sand without cohesion has none: its strength is that of its pressure.
     """
     found, (of_cells, *_) = {}, body_cones(problem).at_cells()
+    profile = profiles_of_cells(problem, "below")
+    if profile is not None:
+        of_cells = of_cells * profile.min(axis=1)
     for name in sorted(problem.tagged_mesh.volumes):
         cells = problem.tagged_mesh.cells(name)
         mine = float(of_cells[cells[cells < len(of_cells)]].min(initial=np.inf))

@@ -13,6 +13,7 @@ from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.nonassociated_flow import pair_of
 from perfplast_fenicsx.materials.plane_stress import in_plane_stress
+from perfplast_fenicsx.problem.assembled.law_on_cells import set_parameters
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
@@ -77,7 +78,7 @@ class Weakening:
         self._divided = flags[problem.constraints.surface[friction.pair]]
 
     def divide(self, factor: float) -> None:
-        """Divide the strengths that are given by a factor. Not collective.
+        """Divide the strengths that are given by a factor. Collective.
 
         Raises:
             InputError: If a body then has another law.
@@ -95,9 +96,7 @@ class Weakening:
                     f" divided by {factor:.6g}, and not before; give a smaller one, or leave it out"
                     " for this curve."
                 )
-            points = problem.Q.dofmap.list[mesh.cells(name)].ravel()
-            for key, number in material.parameters().items():
-                on.numbers[key].x.array[points] = number
+            set_parameters(mesh, {name: material}, on.numbers)
         friction = problem.friction
         by = np.where(self._divided, factor, 1.0)
         friction.adhesion[:] = self._adhesion / by

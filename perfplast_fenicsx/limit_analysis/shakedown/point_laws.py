@@ -19,6 +19,7 @@ from perfplast_fenicsx.materials.mandel import numbers_of
 from perfplast_fenicsx.materials.yield_set import Cone
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
+from perfplast_fenicsx.spatial_fields import SpatialField
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,11 @@ def _of_body(name: str, material: Material, size: int) -> tuple[PlainCone | None
     Raises:
         InputError: If its yield set is something else, or it hardens.
     """
+    if any(isinstance(one, SpatialField) for one in material.parameters().values()):
+        raise InputError(
+            f"a strength of '{name}' varies in space, and shakedown needs numbers; give a body to"
+            " each layer, or a limit load in place of shakedown."
+        )
     given: Mapping[str, Any] = {k: ufl.as_ufl(v) for k, v in material.parameters().items()}
     law: Any = material.law(**given)
     cones = None if law.carries_any_load else law.yields.cones(size)

@@ -9,6 +9,7 @@ from scipy import sparse
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.cone_functions import own_strengths
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_in
 from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.facets.ring_cells import (
@@ -75,6 +76,10 @@ class MultiplierStrains:
             on_axis = coefficients_of_radius(vertices).ravel() == 0
         self.radii[on_axis], self.slopes[on_axis] = np.inf, 0.0  # S is zero there
         self.principal = cones.principal_at(np.where(on_axis, -1, of_points))
+        profile = self._profile(cones, vertices)
+        if profile is not None:
+            self.radii = self.radii * profile
+            self.principal = self.principal.scaled(profile)
         self._frames = StressFrames(cones, of_points)
         self.size = self._frames.size
         self.tilts: Floats | None = None
@@ -90,6 +95,16 @@ class MultiplierStrains:
         on_axis_of_cells = on_axis.reshape(self.num_cells, points)
         few = self.idle.any(axis=1) | on_axis_of_cells.any(axis=1)
         self.few: npt.NDArray[np.bool_] = np.asarray(few)
+
+    def _profile(self, cones: BodyCones, vertices: Floats) -> Floats | None:
+        """Return the profiles of strengths from below at the points; None where none varies."""
+        if not cones.varies:
+            return None
+        places = np.concatenate([vertices, vertices.mean(axis=1, keepdims=True)], axis=1)
+        parts = places[:, self.layout.corners]
+        numbers = np.repeat(cones.of_cells, parts.shape[1])
+        found = profiles_in(cones, numbers, parts.reshape(-1, *parts.shape[2:]), "below")
+        return None if found is None else found.ravel()
 
     def _leave(self, bare: npt.NDArray[np.bool_]) -> None:
         """Make no unknowns of the stresses at bare vertices, and find what is idle then."""

@@ -2,7 +2,8 @@
 
 ‖·‖ is convex, so that its integral is at most that of its linear interpolation on any subdivision
 of the cell (the composite vertex rule), and so is Σ|ε_i| of the principal values. A body that
-dilates dissipates (γ/α) tr ε, which is linear.
+dilates dissipates (γ/α) tr ε, which is linear. A strength that varies is taken as a linear function
+that is nowhere below it; the product of that and a linear function is integrated exactly.
 """
 
 from collections.abc import Callable
@@ -79,9 +80,12 @@ def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[Princip
         rates: On its points.
 
     Returns:
-        The bounds, ``at`` being 0, 1, ...; numbers of the cells, owned by this rank.
+        The bounds, ``at`` being 0, 1, ..., without the profile of the strength; numbers of the
+        cells, owned by this rank.
     """
     first, given = points_of_cells(problem)[:, 0], rates.principal
+    if rates.profile is not None:
+        given = given.scaled(1 / rates.profile)
     at_points = np.full(rates.count, -1)
     at_points[given.at] = np.arange(given.count)
     numbers = at_points[first]
@@ -112,24 +116,41 @@ def dissipation_of_cells(
     """
     points = points_of_cells(problem)
     radii = np.where(np.isfinite(rates.radii), rates.radii, 0.0)
+    if rates.profile is not None:
+        radii = radii / rates.profile
     volumes = rates.weights[points].sum(axis=1)
     scaled = at_vertices(problem, rates.deviator * radii[:, None])
-    powers = work_of_cells(volumes, scaled, subdivisions)
+    powers = work_of_cells(volumes, scaled, subdivisions, rates.above)
     if rates.tilts is not None:
         along = (scaled * at_vertices(problem, rates.tilts)).sum(axis=2)
-        powers -= volumes * along.mean(axis=1)
+        powers -= volumes * _mean(along, rates.above)
     slopes = rates.slopes[points][:, 0]
     if (dilating := slopes > 0).any():
         growth = at_vertices(problem, rates.trace[:, None])[..., 0]
         growth += missing_growth(problem, rates)
-        linear = radii[points][:, 0] * volumes * growth.mean(axis=1)
+        linear = radii[points][:, 0] * volumes * _mean(growth, rates.above)
         powers[dilating] = linear[dilating] / slopes[dilating]
     cones, here = principal_of_cells(problem, rates)
     if cones.count:
-        missing = missing_growth(problem, rates)[here].mean(axis=1)
+        above = None if rates.above is None else rates.above[here]
+        missing = _mean(missing_growth(problem, rates)[here], above)
         powers[here] = _of_principal(problem, rates, cones, here, subdivisions)
         powers[here] += volumes[here] * sum(map(np.abs, cones.factors)) * missing
     return powers
+
+
+def _mean(values: Floats, profile: Floats | None) -> Floats:
+    """Return the means in cells of linear functions, times the profile of the strength if any.
+
+    Args:
+        values: At the vertices, shape (num_cells, d + 1).
+        profile: The same of the profile.
+    """
+    if profile is None:
+        return np.asarray(values.mean(axis=1))
+    n = values.shape[1]
+    sums = np.einsum("cv,cv->c", values, profile) + values.sum(axis=1) * profile.sum(axis=1)
+    return np.asarray(sums / (n * (n + 1)))
 
 
 def _of_principal(
@@ -147,10 +168,11 @@ def _of_principal(
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))[here]
     volumes = rates.weights[points_of_cells(problem)[here]].sum(axis=1)
     of_trace, of_sizes = cones.factors
-    found: Floats = of_trace * volumes * there[..., 0].mean(axis=1)
+    above = None if rates.above is None else rates.above[here]
+    found: Floats = of_trace * volumes * _mean(there[..., 0], above)
     if of_sizes.any():
         sizes = work_of_cells(
-            volumes, there, subdivisions, lambda some: cones.sizes(some[:, 0], some[:, 1:])
+            volumes, there, subdivisions, above, lambda some: cones.sizes(some[:, 0], some[:, 1:])
         )
         found += of_sizes * sizes
     return found
@@ -160,35 +182,39 @@ def work_of_cells(
     volumes: Floats,
     vertex_values: Floats,
     subdivisions: int,
+    profile: Floats | None = None,
     size: Callable[[Floats], Floats] = lambda values: np.linalg.norm(values, axis=1),
 ) -> Floats:
-    """∫ ‖s‖ of each cell from above, for s linear in it.
+    """Return ∫ f‖s‖ of each cell from above, for s and f linear in it.
 
     Args:
         volumes: Shape (num_cells,).
         vertex_values: s, shape (num_cells, d + 1, m).
         subdivisions: Parts of a cell's edge.
+        profile: f ≥ 0 at the vertices, shape (num_cells, d + 1); None for 1.
         size: ‖·‖, a convex function of s, shape (num_cells,) of (num_cells, m).
 
     Returns:
         Shape (num_cells,).
     """
     points, shares = composite_vertex_rule(vertex_values.shape[1] - 1, subdivisions)
+    weights = shares.sum(axis=1)[:, None] if profile is None else shares @ profile.T
     total: Floats = np.zeros(len(volumes))
-    for point, share in zip(points, shares, strict=True):
-        total += share * size(np.einsum("v,cvi->ci", point, vertex_values))
+    for point, weight in zip(points, weights, strict=True):
+        total += weight * size(np.einsum("v,cvi->ci", point, vertex_values))
     return total * volumes
 
 
 @lru_cache
 def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
-    """Points and shares of the vertex rule on n^tdim equal parts of a simplex.
+    """Return points and shares of the vertex rule on n^tdim equal parts of a simplex.
 
     The parts are those of Kuhn's division of cubes that lie in the simplex 1 ≥ x₁ ≥ x₂ ≥ ... ≥ 0.
 
     Returns:
-        Barycentric coordinates, shape (num_points, tdim + 1); shares of the volume, which add up
-        to 1.
+        Barycentric coordinates, shape (num_points, tdim + 1). Shares of the volume, the same shape:
+        the integral of the hat function of each point times each barycentric coordinate, over the
+        volume. They add up to 1.
     """
     corners = []
     for corner in product(range(n), repeat=tdim):
@@ -200,6 +226,11 @@ def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
             if (np.diff(simplex, axis=1) <= 0).all():
                 corners.append(simplex)
     grid, inverse = np.unique(np.concatenate(corners), axis=0, return_inverse=True)
-    shares = np.bincount(inverse.ravel()) / inverse.size
     ends = np.hstack([np.full((len(grid), 1), n), grid, np.zeros((len(grid), 1), dtype=int)])
-    return -np.diff(ends, axis=1) / n, shares
+    points = -np.diff(ends, axis=1) / n
+    parts = inverse.reshape(-1, tdim + 1)
+    of_parts = points[parts]  # ∫ λ_k λ_l of a part is (1 + δ_kl)/((d + 1)(d + 2)) of its volume
+    moments = of_parts + of_parts.sum(axis=1, keepdims=True)
+    shares = np.zeros_like(points)
+    np.add.at(shares, parts, moments / ((tdim + 1) * (tdim + 2) * len(parts)))
+    return points, shares

@@ -7,6 +7,8 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_of_cells
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -26,6 +28,10 @@ class MechanismRates:
         slopes: α, shape (count,).
         tilts: t, shape (count, m); None where all are zero.
         principal: The points whose principal stresses are bounded.
+        profile: The factor of γ, and of bounds of principal stresses, by which strengths vary in
+            space, shape (count,); None where none varies.
+        above: Linear functions that are nowhere below it, at the vertices of the cells that this
+            rank owns, shape (num_cells, d + 1); None where none varies or cells are curved.
     """
 
     trace: Floats
@@ -38,6 +44,8 @@ class MechanismRates:
     slopes: Floats
     tilts: Floats | None
     principal: PrincipalCones
+    profile: Floats | None = None
+    above: Floats | None = None
 
 
 def mechanism_rates(problem: Problem, mechanism: fem.Function) -> MechanismRates:
@@ -53,5 +61,8 @@ def mechanism_rates(problem: Problem, mechanism: fem.Function) -> MechanismRates
         powers = at.power_rates(mechanism)
     finally:
         at.destroy()
-    bounded = at.weights, at.radii, at.slopes, at.tilts, at.principal
+    above = None
+    if at.profile is not None and not has_curved_cells(problem.tagged_mesh.mesh):
+        above = profiles_of_cells(problem, "above")
+    bounded = at.weights, at.radii, at.slopes, at.tilts, at.principal, at.profile, above
     return MechanismRates(trace, deviator, powers, at.count, at.gdim, *bounded)

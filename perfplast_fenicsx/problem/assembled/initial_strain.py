@@ -9,17 +9,15 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import ufl
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawOnCells
-from perfplast_fenicsx.problem.assembled.spaces import Spaces
+from perfplast_fenicsx.problem.assembled.spaces import Spaces, coordinates_of_points
 from perfplast_fenicsx.problem.declared.initial import Initial, InitialStress, Temperature
 
 
@@ -45,7 +43,8 @@ def initial_strain(
     stress, strain = fem.Function(S), fem.Function(S)
     thermal: Floats = np.zeros((len(strain.x.array) // width, width))
     before = np.zeros_like(thermal)
-    x = _points(spaces)
+    x = coordinates_of_points(S)
+    x = np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
     message = None
     for one in given:
         points = np.unique(S.dofmap.list[tagged_mesh.cells(one.on)])
@@ -90,15 +89,3 @@ def _mandel(given: InitialStress, x: Floats, points: Ints, width: int) -> Floats
     values = np.column_stack([evaluate(value, x[points], place) for value in given.stress])
     values[:, 3:] *= math.sqrt(2)
     return values
-
-
-def _points(spaces: Spaces) -> Floats:
-    """Coordinates of the points, shape (num_points, 3)."""
-    S = spaces.S
-    mesh, places = S.mesh, interpolation_points(S.element)
-    gdim, num_cells = mesh.geometry.dim, len(S.dofmap.list)
-    coordinates = fem.Expression(ufl.SpatialCoordinate(mesh), places)
-    values = coordinates.eval(mesh, np.arange(num_cells, dtype=np.int32))
-    x = np.zeros((S.dofmap.list.max(initial=-1) + 1, 3))
-    x[S.dofmap.list.ravel(), :gdim] = np.asarray(values).reshape(-1, gdim)
-    return x

@@ -14,14 +14,20 @@ import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
 
-from perfplast_fenicsx.arrays import Ints
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import evaluate, interpolation_points
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.materials.law import Law, Material
 from perfplast_fenicsx.materials.mandel import Expr, mandel_size, numbers_of
 from perfplast_fenicsx.materials.plane_stress import in_plane_stress
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.assembled.spaces import Spaces, space_at_points
+from perfplast_fenicsx.problem.assembled.spaces import (
+    Spaces,
+    coordinates_of_points,
+    space_at_points,
+)
+from perfplast_fenicsx.spatial_fields import SpatialField
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +129,10 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
     for name, material in materials.items():
         what = f"the material of volume '{name}' ({type(material).__name__})"
         try:
-            numbers = {key: float(one) for key, one in material.parameters().items()}
+            numbers = {
+                key: one.scale if isinstance(one, SpatialField) else float(one)
+                for key, one in material.parameters().items()
+            }
         except ZeroDivisionError as error:
             raise InputError(
                 f"{what} divides by zero where it makes the numbers of its law, as with poisson ="
@@ -154,15 +163,84 @@ def _shown(numbers: Mapping[str, float]) -> str:
 def _parameters(
     tagged_mesh: TaggedMesh, spaces: Spaces, materials: Mapping[str, Material]
 ) -> dict[str, fem.Function]:
-    """Each parameter as a function, shared by the laws that have one by that name."""
+    """Return each parameter as a function, shared by the laws that have one by that name.
+
+    Collective.
+
+    Raises:
+        InputError: As :func:`set_parameters`.
+    """
     found: dict[str, fem.Function] = {}
     for name in sorted(materials):
-        points = spaces.Q.dofmap.list[tagged_mesh.cells(name)].ravel()
-        for key, number in materials[name].parameters().items():
+        for key in materials[name].parameters():
             if key not in found:
                 found[key] = fem.Function(spaces.Q, name=key)
-            found[key].x.array[points] = number
+    set_parameters(tagged_mesh, materials, found)
     return found
+
+
+def set_parameters(
+    tagged_mesh: TaggedMesh,
+    materials: Mapping[str, Material],
+    functions: Mapping[str, fem.Function],
+) -> None:
+    """Set the parameters of the materials at the points of their volumes.
+
+    Collective where a parameter varies in space.
+
+    Args:
+        tagged_mesh: The bodies.
+        materials: Of each volume.
+        functions: Of Q, by the names of the parameters.
+
+    Raises:
+        InputError: If a parameter that varies in space is not positive and finite at a point, or at
+            a vertex of the mesh.
+    """
+    x = message = None
+    for name in sorted(materials):
+        cells = tagged_mesh.cells(name)
+        for key, number in materials[name].parameters().items():
+            space = functions[key].function_space
+            points = space.dofmap.list[cells].ravel()
+            if not isinstance(number, SpatialField):
+                functions[key].x.array[points] = number
+                continue
+            if x is None:
+                x = coordinates_of_points(space)
+            try:
+                values = number.at(x[points], f"a strength of '{name}'")
+                every = np.concatenate([_vertices(tagged_mesh, cells), x[points]])
+                _check_positive(number, name, every)
+                functions[key].x.array[points] = values
+            except InputError as error:
+                message = message or str(error)
+    if x is not None:
+        raise_together(tagged_mesh.mesh.comm, message)
+
+
+def _vertices(tagged_mesh: TaggedMesh, cells: Ints) -> Floats:
+    """Return the vertices of the cells of a volume that this rank owns."""
+    vertices, places = corners(tagged_mesh.mesh)
+    return places[np.unique(vertices[cells[cells < len(vertices)]])]
+
+
+def _check_positive(number: SpatialField, name: str, x: Floats) -> None:
+    """Refuse a strength that is not positive at some places.
+
+    Raises:
+        InputError: Naming the first place.
+    """
+    values = number.profile.at(x, f"a strength of '{name}'")
+    wrong = ~(values > 0)
+    if wrong.any():
+        lowest = int(np.argmin(values))
+        where = ", ".join(f"{one:.6g}" for one in x[lowest])
+        raise InputError(
+            f"the strength of '{name}', {number.profile}, is {values[lowest]:.6g} at ({where}); a"
+            " strength that varies must be positive in the whole body, so give"
+            " it a small positive value there."
+        )
 
 
 def _history(law: Law, spaces: Spaces, known: dict[str, fem.Function]) -> dict[str, fem.Function]:

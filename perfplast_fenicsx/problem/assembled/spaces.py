@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import basix.ufl
+import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx.mesh import Mesh
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.mandel import mandel_size
 from perfplast_fenicsx.mesh.kinematics import Kinematics
@@ -72,6 +74,17 @@ def space_at_points(mesh: Mesh, degree: int, shape: tuple[int, ...]) -> fem.Func
 def _accuracy(degree: int) -> int:
     """Degree of the quadrature rule that integrates products of strains exactly."""
     return 2 * (degree - 1)
+
+
+def coordinates_of_points(space: fem.FunctionSpace) -> Floats:
+    """Return the coordinates of the points of S or Q, shape (num_points, gdim). Collective."""
+    mesh, places = space.mesh, interpolation_points(space.element)
+    gdim, num_cells = mesh.geometry.dim, len(space.dofmap.list)
+    coordinates = fem.Expression(ufl.SpatialCoordinate(mesh), places)
+    values = coordinates.eval(mesh, np.arange(num_cells, dtype=np.int32))
+    x = np.zeros((space.dofmap.list.max(initial=-1) + 1, gdim))
+    x[space.dofmap.list.ravel()] = np.asarray(values).reshape(-1, gdim)
+    return x
 
 
 def by_cell(function: fem.Function) -> Floats:

@@ -1,0 +1,156 @@
+"""Strengths that vary in space, as limit loads and bounds see them.
+
+The bound c of a cone, ‖Mσ‖ ≤ c − q·σ, is the product of a number and a profile. A lower bound takes
+a linear function that is nowhere above the profile in each cell. The left side is convex in the
+coordinates then, and the right one linear. So a linear stress is within yield in the whole cell if
+it is so at the vertices. An upper bound takes a linear function that is nowhere below the profile,
+so that no mechanism dissipates less. Both bounds are strict.
+"""
+
+from typing import Literal
+
+from mpi4py import MPI
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.enclosures import ROUNDING
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.problem.assembled.spaces import coordinates_of_points
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.spatial_fields import SpatialField, varying
+
+Side = Literal["below", "above"]
+"""Where a linear function lies beside a profile."""
+
+PLACE = "the strength of a body"
+"""Name of a profile in messages."""
+
+
+def profiles_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side) -> Floats | None:
+    """Return linear functions beside the profiles in simplices. Not collective.
+
+    Args:
+        cones: Of the bodies.
+        numbers: Number of the cone of each simplex, shape (n,).
+        simplices: Their vertices, shape (n, k, d).
+        side: Where the functions lie.
+
+    Returns:
+        Values at the vertices, shape (n, k), 1 where the bound does not vary; None where no bound
+        does.
+
+    Raises:
+        InputError: If no such function is known.
+    """
+
+    def of(profile: SpatialField, here: Longs) -> Floats:
+        return profile.between(simplices[here], PLACE)[side == "above"]
+
+    return cones.values(numbers, of)
+
+
+def profiles_of_cells(problem: Problem, side: Side) -> Floats | None:
+    """Return the same in the cells that this rank owns, shape (num_cells, d + 1).
+
+    Args:
+        problem: The bodies, on straight cells.
+        side: Where the functions lie.
+    """
+    vertices, places = corners(problem.tagged_mesh.mesh)
+    cones = body_cones(problem)
+    return profiles_in(cones, cones.of_cells, places[vertices], side)
+
+
+def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
+    """Return the profiles at the points of this rank, shape (num_points,). Collective.
+
+    Points at the vertices of cells (:mod:`vertex_points`) have (c_v + Σ c_w)/(d + 2), with a linear
+    function c that is nowhere below the profile. The mean over the vertices of that times a linear
+    function f is then the mean of c f in the cell.
+
+    Args:
+        problem: The bodies.
+        numbers: Number of the cone of each point.
+    """
+    cones = body_cones(problem)
+    if not cones.varies:
+        return None
+    reference = interpolation_points(problem.S.element)
+    places = np.hstack([1 - reference.sum(axis=1, keepdims=True), reference])
+    above = None
+    if places.shape[0] == places.shape[1] and np.allclose(places, np.eye(len(places))):
+        above = profiles_of_cells(problem, "above")
+    if above is not None:
+        found = np.ones(len(numbers))
+        means = (above + above.sum(axis=1, keepdims=True)) / (above.shape[1] + 1)
+        found[problem.Q.dofmap.list[: len(above)]] = means
+        return found
+    x = coordinates_of_points(problem.Q)[: len(numbers)]
+    return cones.values(numbers, lambda profile, here: profile.at(x[here], PLACE))
+
+
+def check_profiles(problem: Problem) -> None:
+    """Refuse strengths that vary in a way that strict bounds do not know. Collective.
+
+    Raises:
+        InputError: If bodies are of revolution, if no linear functions are known beside a profile
+            in each cell, or if the one below is not positive.
+    """
+    if not body_cones(problem).varies or has_curved_cells(problem.tagged_mesh.mesh):
+        return
+    if problem.tagged_mesh.axisymmetric:
+        name, fields = next(iter(varying_of(problem).items()))
+        raise InputError(
+            f"{' and '.join(fields)} of '{name}' varies in space, and strict bounds around an axis"
+            " need numbers; give a body to each layer, or control = 'work' with until = 'limit' for"
+            " an estimate of the limit load."
+        )
+    message = None
+    try:
+        low = profiles_of_cells(problem, "below")
+        if low is not None and (wrong := ~(low > 0).all(axis=1)).any():
+            vertices, places = corners(problem.tagged_mesh.mesh)
+            cell = int(np.argmax(wrong))
+            where = ", ".join(f"{one:.6g}" for one in places[vertices[cell]].mean(axis=0))
+            message = (
+                f"a strength varies so steeply in the cell at ({where}) that no positive linear"
+                " function below it is known there; refine the mesh there, or give it lines where"
+                " the slope of the strength changes."
+            )
+    except InputError as error:
+        message = str(error)
+    raise_together(problem.comm, message)
+
+
+def profiles_in_words(problem: Problem) -> tuple[str, ...]:
+    """Return what strengths that are not linear in each cell are taken as. Collective."""
+    if not body_cones(problem).varies or has_curved_cells(problem.tagged_mesh.mesh):
+        return ()
+    low, high = profiles_of_cells(problem, "below"), profiles_of_cells(problem, "above")
+    found = []
+    for name, fields in varying_of(problem).items():
+        cells = problem.tagged_mesh.cells(name)
+        apart = 0.0
+        if low is not None and high is not None:
+            mine = cells[cells < len(low)]
+            apart = float(((high[mine] - low[mine]) / high[mine]).max(initial=0.0))
+        apart = problem.comm.allreduce(apart, MPI.MAX)
+        if apart > ROUNDING:
+            found.append(
+                f"the {' and '.join(fields)} of '{name}' is not linear in each cell: the lower"
+                " bound takes a linear function below it, and the upper one a linear function"
+                f" above it, which differ by up to {apart:.2g} of the strength; so both are strict"
+            )
+    return tuple(found)
+
+
+def varying_of(problem: Problem) -> dict[str, dict[str, SpatialField]]:
+    """Return the fields of each volume whose material has some, by name."""
+    given = problem.given.materials
+    found = {name: varying(given[name]) for name in sorted(given)}
+    return {name: fields for name, fields in found.items() if fields}

@@ -1,0 +1,249 @@
+"""Numbers that vary in space: formulas, and tables over depth.
+
+A strength that varies is taken as it is where a value at a point is asked for. Strict bounds need
+linear functions in each cell, one that is nowhere above the field and one that is nowhere below it
+(:meth:`SpatialField.between`). Both are the field itself where that is linear in the cell.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.enclosures import ROUNDING, Pair, enclosed
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.formulas import check, evaluate
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialField:
+    """The base of numbers that vary in space: a profile times a number.
+
+    Args:
+        scale: The number that the profile is multiplied by.
+    """
+
+    scale: float = 1.0
+
+    @property
+    def profile(self) -> Self:
+        """Return the field whose scale is 1."""
+        return replace(self, scale=1.0)
+
+    def __mul__(self, factor: float) -> Self:
+        return replace(self, scale=self.scale * factor)
+
+    def __rmul__(self, factor: float) -> Self:
+        return self * factor
+
+    def __truediv__(self, divisor: float) -> Self:
+        return replace(self, scale=self.scale / divisor)
+
+    def __format__(self, spec: str) -> str:
+        words = self.in_words()
+        return words if self.scale == 1 else f"{self.scale:{spec or '.6g'}} times ({words})"
+
+    def at(self, x: Floats, place: str) -> Floats:
+        """Return the values at points. Not collective.
+
+        Args:
+            x: Coordinates, shape (n, d).
+            place: What has the field, for messages.
+
+        Returns:
+            Shape (n,).
+
+        Raises:
+            InputError: If the field has no finite value at a point.
+        """
+        return self.scale * self._at(x, place)
+
+    def between(self, corners: Floats, place: str) -> Pair:
+        """Return linear functions below and above the field in simplices. Not collective.
+
+        Args:
+            corners: Vertices of the simplices, shape (n, k, d).
+            place: What has the field, for messages.
+
+        Returns:
+            Values at the vertices of both functions, each of shape (n, k). The arrays are equal
+            where the field is linear in the simplex.
+
+        Raises:
+            InputError: If such functions are not known.
+        """
+        low, high = self._between(corners, place)
+        both = self.scale * low, self.scale * high
+        return both if self.scale >= 0 else (both[1], both[0])
+
+    def in_words(self) -> str:
+        """Return what the field is, in a few words."""
+        raise NotImplementedError
+
+    def _at(self, x: Floats, place: str) -> Floats:
+        raise NotImplementedError
+
+    def _between(self, corners: Floats, place: str) -> Pair:
+        raise NotImplementedError
+
+
+Strength = float | SpatialField
+"""A number of a material that may vary in space."""
+
+
+@dataclass(frozen=True)
+class Formula(SpatialField):
+    """A formula in the coordinates.
+
+    Args:
+        text: Such as ``"20 + 1.5*(12 - y)"``, with x, y, z, pi and NumPy's functions.
+        scale: The number that it is multiplied by.
+
+    Raises:
+        InputError: If the formula has anything else in it.
+    """
+
+    text: str
+
+    def __post_init__(self) -> None:
+        check(" ".join(self.text.split()), "the formula")
+
+    def in_words(self) -> str:
+        """Return the formula."""
+        return self.text
+
+    def _at(self, x: Floats, place: str) -> Floats:
+        return evaluate(self.text, np.pad(x, ((0, 0), (0, 3 - x.shape[1]))), place)
+
+    def _between(self, corners: Floats, place: str) -> Pair:
+        found = enclosed(self.text, corners, place)
+        if found is None:
+            raise InputError(
+                f"{place}: strict bounds need linear functions below and above the formula"
+                f" '{self.text}' in each cell. They are known of sums, products, abs, minimum,"
+                " maximum and where; give such a formula, or a table of [coordinate, value] pairs."
+            )
+        return found
+
+
+@dataclass(frozen=True)
+class DepthTable(SpatialField):
+    """Values at some heights, linear between them.
+
+    Args:
+        rows: Pairs of the vertical coordinate and the value, at least two. The coordinate is y in
+            the plane and z in space.
+        scale: The number that the values are multiplied by.
+
+    Raises:
+        InputError: If there are fewer than two pairs, a number is not finite, or two pairs have
+            the same coordinate.
+    """
+
+    rows: Sequence[tuple[float, float]]
+
+    def __post_init__(self) -> None:
+        table = np.array([list(row) for row in self.rows], dtype=np.float64)
+        if table.ndim != 2 or table.shape[0] < 2 or table.shape[1] != 2:
+            raise InputError(
+                "a table over depth needs at least two pairs of the vertical coordinate and the"
+                " value, such as [[0.0, 30.0], [10.0, 20.0]]."
+            )
+        if not np.isfinite(table).all():
+            raise InputError("a table over depth has an entry that is not finite; give numbers.")
+        table = table[np.argsort(table[:, 0], kind="stable")]
+        same = np.flatnonzero(np.diff(table[:, 0]) == 0)
+        if len(same):
+            raise InputError(
+                f"a table over depth has two values at the coordinate {table[same[0], 0]:g}; give"
+                " one there, or a body to each layer where the value jumps."
+            )
+        rows = tuple((float(height), float(value)) for height, value in table)
+        object.__setattr__(self, "rows", rows)
+
+    @property
+    def heights(self) -> Floats:
+        """Return the coordinates, sorted."""
+        return np.array(self.rows)[:, 0]
+
+    def in_words(self) -> str:
+        """Return how many values there are, and from where to where."""
+        (low, first), *_, (high, last) = self.rows
+        return f"table of {len(self.rows)} values, {first:g} at {low:g} to {last:g} at {high:g}"
+
+    def _at(self, x: Floats, place: str) -> Floats:
+        heights, values = np.array(self.rows).T
+        s, reach = x[:, -1], ROUNDING * np.abs(heights).max()
+        outside = (s < heights[0] - reach) | (s > heights[-1] + reach)
+        if outside.any():
+            where = ", ".join(f"{one:.6g}" for one in x[np.argmax(outside)])
+            raise InputError(
+                f"{place}: the table over depth goes from {heights[0]:g} to {heights[-1]:g}, and"
+                f" there is material at ({where}); give values for all of its depth."
+            )
+        return np.interp(s, heights, values)
+
+    def _between(self, corners: Floats, place: str) -> Pair:
+        s = corners[..., -1]
+        values = self._at(corners.reshape(-1, corners.shape[2]), place).reshape(s.shape)
+        first, last = s.min(axis=1), s.max(axis=1)
+        ends = [np.take_along_axis(values, at(s, axis=1)[:, None], 1)[:, 0] for at in _ENDS]
+        slope = (ends[1] - ends[0]) / (last - first)
+        kinks, at_kinks = np.array(self.rows).T
+        inside = (kinks > first[:, None]) & (kinks < last[:, None])
+        above = np.where(inside, at_kinks - ends[0][:, None], 0.0)
+        above -= np.where(inside, slope[:, None] * (kinks - first[:, None]), 0.0)
+        little = ROUNDING * np.abs(values).max(axis=1, keepdims=True)
+        above[np.abs(above) <= little] = 0.0
+        chord = np.where((above == 0).all(axis=1)[:, None], values, 0.0)
+        bent = (above != 0).any(axis=1)
+        chord[bent] = (ends[0][:, None] + slope[:, None] * (s - first[:, None]))[bent]
+        return (
+            chord + np.minimum(above.min(axis=1), 0.0)[:, None],
+            chord + np.maximum(above.max(axis=1), 0.0)[:, None],
+        )
+
+
+_ENDS = (np.argmin, np.argmax)
+
+
+def spatial_field(value: object) -> SpatialField:
+    """Return the field that a case file gives.
+
+    Args:
+        value: A formula, or a list of pairs.
+
+    Raises:
+        InputError: If it is neither, or not a field.
+    """
+    if isinstance(value, SpatialField):
+        return value
+    if isinstance(value, str):
+        return Formula(value)
+    if isinstance(value, Sequence) and all(_is_pair(row) for row in value):
+        return DepthTable(tuple((float(row[0]), float(row[1])) for row in value))
+    raise InputError(
+        'it is neither a number, nor a formula such as "20 + 1.5*(12 - y)", nor a table of'
+        " [coordinate, value] pairs such as [[0.0, 30.0], [10.0, 20.0]]; give one of them."
+    )
+
+
+def _is_pair(row: Any) -> bool:
+    numbers = isinstance(row, Sequence) and not isinstance(row, str) and len(row) == 2
+    return numbers and all(isinstance(it, int | float) and not isinstance(it, bool) for it in row)
+
+
+def varying(material: object) -> dict[str, SpatialField]:
+    """Return the fields of a material that vary in space, by name.
+
+    Args:
+        material: A dataclass, or a body of another class, which has none.
+    """
+    if not hasattr(material, "__dataclass_fields__"):
+        return {}
+    every: Any = material
+    found = {it.name: getattr(every, it.name) for it in fields(every)}
+    inner = varying(found["body"]) if "body" in found else {}
+    return inner | {name: it for name, it in found.items() if isinstance(it, SpatialField)}

@@ -1,0 +1,212 @@
+"""Strict bounds of bodies whose strength varies in space."""
+
+import math
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+
+from perfplast_fenicsx import (
+    DruckerPrager,
+    InputError,
+    Pressure,
+    Problem,
+    ResultFolder,
+    Support,
+    VonMises,
+)
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import weakened
+from perfplast_fenicsx.materials import Material, MohrCoulomb, Tresca
+from perfplast_fenicsx.proof import check
+from perfplast_fenicsx.proof.body import Body
+from perfplast_fenicsx.proof.checker import check_lower, check_upper
+from perfplast_fenicsx.proof.halves import differences
+from perfplast_fenicsx.proof.plain_arrays import ProofError
+from perfplast_fenicsx.spatial_fields import DepthTable, Formula, SpatialField, Strength
+from tests.limit_analysis.test_linear_tractions import SQUARE, cube
+from tests.limit_analysis.test_static_bound import rectangle
+
+PHI = 20.0
+N = math.tan(math.radians(45 + PHI / 2)) ** 2
+LINEAR = "10 + 6*x"
+BENT = "10 + 6*abs(x - 0.5)"
+
+
+def material(law: str, cohesion: Strength) -> Material:
+    """Return a body of a law by the name of case files."""
+    if law == "von-mises":
+        return VonMises(1e4, 0.3, math.sqrt(3) * cohesion)
+    if law == "tresca":
+        return Tresca(1e4, 0.3, cohesion)
+    if law == "drucker-prager":
+        return DruckerPrager(1e4, 0.3, cohesion, PHI, "plane-strain")
+    return MohrCoulomb(1e4, 0.3, cohesion, PHI)
+
+
+def square(
+    law: str, cohesion: Strength, pressure: float | str = LINEAR, n: int = 2, shake: float = 0.1
+) -> Problem:
+    """Return the unit square on rollers, pressed from above in proportion to its strength.
+
+    A stress σ_yy(x) is in equilibrium, and a uniform strain rate makes it flow everywhere.
+    """
+    halves = {"lower": lambda x: x[1] < 0.5, "upper": lambda x: x[1] > 0.5}
+    mesh = rectangle((n, n), (1.0, 1.0), halves, SQUARE, shake)
+    supports = [Support("left", "x"), Support("bottom", "y")]
+    materials = dict.fromkeys(halves, material(law, cohesion))
+    return Problem(mesh, materials, supports, [Pressure("top", pressure)], degree=2)
+
+
+def proven(problem: Problem, path: Path, rtol: float = 1e-6, name: str = "bounds") -> BodyBounds:
+    """Return bounds that are strict, and that the checker finds too. Collective."""
+    bounds = limit_bounds(problem, rtol)
+    assert bounds.strict, (bounds.lower.why_not, bounds.upper.why_not)
+    folder = ResultFolder(MPI.COMM_WORLD, path, force=True)
+    file = folder.file(f"{name}.h5")
+    write_proof(folder, file, *proofs(bounds, bounds))
+    checked = check(file)
+    assert set(checked) == {"lower", "upper"}
+    for half in checked.values():
+        assert not half.faults, half.faults
+    return bounds
+
+
+def values(bounds: BodyBounds) -> tuple[float, float]:
+    """Return both bounds."""
+    assert bounds.lower.value is not None and bounds.upper.value is not None
+    return bounds.lower.value, bounds.upper.value
+
+
+@pytest.mark.parametrize("law", ["von-mises", "tresca", "drucker-prager", "mohr-coulomb"])
+def test_a_block_of_linear_strength(shared_tmp_path: Path, law: str) -> None:
+    exact = 2.0 if law in ("von-mises", "tresca") else 2 * math.sqrt(N)
+    bounds = proven(square(law, Formula(LINEAR)), shared_tmp_path)
+    low, high = values(bounds)
+    assert exact * (1 - 1e-5) <= low <= exact <= high <= exact * (1 + 1e-5)
+
+
+@pytest.mark.parametrize("law", ["von-mises", "tresca", "drucker-prager", "mohr-coulomb"])
+def test_a_block_in_space(shared_tmp_path: Path, law: str) -> None:
+    """The cube on rollers, pressed along z by what its uniaxial strength is in proportion to."""
+    cohesion: Strength = Formula("10 + 6*x")
+    exact = {"von-mises": math.sqrt(3), "tresca": 2.0}.get(law, 2 * math.sqrt(N))
+    body = material(law, cohesion)
+    if law == "drucker-prager":
+        body = DruckerPrager(1e4, 0.3, cohesion, PHI, "compression")
+    supports = [Support(f"{axis}0", axis) for axis in "xyz"]
+    problem = Problem(cube(1), {"block": body}, supports, [Pressure("z1", LINEAR)], degree=2)
+    bounds = proven(problem, shared_tmp_path, 1e-5)
+    low, high = values(bounds)
+    assert exact * (1 - 1e-4) <= low <= exact <= high <= exact * (1 + 1e-4)
+
+
+@pytest.mark.mpi2
+@pytest.mark.parametrize("law", ["tresca", "mohr-coulomb"])
+def test_a_strength_with_a_kink_in_cells(shared_tmp_path: Path, law: str) -> None:
+    """Both bounds stay strict: the lower one takes less, and the upper one more."""
+    found = {
+        n: proven(square(law, Formula(BENT), 1.0, n, 0.0), shared_tmp_path, name=str(n))
+        for n in (3, 4, 6)
+    }
+    told = {n: any("not linear in each cell" in it for it in found[n].taken) for n in found}
+    assert told == {3: True, 4: False, 6: False}  # even numbers have a line at the kink
+    low, high = np.array([values(bounds) for bounds in found.values()]).T
+    assert low.max() <= high.min()
+    assert high[0] - low[0] > 2 * (high[1] - low[1])
+
+
+def test_the_checker_judges_a_strength_that_varies(shared_tmp_path: Path) -> None:
+    """It finds what is too strong for a weaker cell, and halves that are not of one body."""
+    problem = square("tresca", Formula(LINEAR))
+    proven(problem, shared_tmp_path)
+    if MPI.COMM_WORLD.rank:
+        return
+    with h5py.File(shared_tmp_path / "bounds.h5") as file:
+        halves = {
+            kind: {name: np.asarray(data) for name, data in file[kind].items()}
+            | {"bound": np.asarray(file[kind].attrs["bound"])}
+            for kind in ("lower", "upper")
+        }
+    strength = halves["lower"]["cell_strength"]
+    assert strength.min() == pytest.approx(10.0, rel=1e-12)
+    assert strength.max() == pytest.approx(16.0, rel=1e-12)
+    assert not check_lower(halves["lower"]).faults
+    weaker = {**halves["lower"], "cell_strength": strength.copy()}
+    weaker["cell_strength"][5, 1] *= 0.99
+    assert check_lower(weaker).faults
+    stronger = {**halves["upper"], "cell_strength": strength * 1.01}
+    assert check_upper(stronger).faults
+    lower, upper = (Body.of(halves[kind]) for kind in ("lower", "upper"))
+    assert not differences(lower, upper)
+    assert differences(lower, Body.of(weaker))
+    assert not differences(Body.of(weaker), upper)
+    for wrong in (0.0, -1.0, np.nan):
+        broken = {**halves["lower"], "cell_strength": np.where(strength > 15, wrong, strength)}
+        with pytest.raises(ProofError, match="cell_strength"):
+            check_lower(broken)
+
+
+@pytest.mark.mpi2
+def test_writings_of_one_field_agree() -> None:
+    """A formula and a table over depth give the same bounds to rounding."""
+    formula, table = Formula("16 - 6*y"), DepthTable([(1.0, 10.0), (0.0, 16.0)])
+    pressed = [limit_bounds(square("tresca", field, 1.0), 1e-6) for field in (formula, table)]
+    for side in ("lower", "upper"):
+        one, other = (getattr(bounds, side).value for bounds in pressed)
+        assert one == pytest.approx(other, rel=1e-12)
+
+
+@pytest.mark.mpi2
+@pytest.mark.parametrize(
+    ("field", "words"),
+    [
+        (Formula("10 - 12*x"), r"strength of 'lower', 10 - 12\*x, is -2 at \(1, "),
+        (DepthTable([(0.0, 1.0), (0.7, 1.0)]), r"goes from 0 to 0.7.*material at \("),
+        (Formula("10 + sqrt(y)"), "linear functions below and above"),
+    ],
+)
+def test_fields_that_are_refused(field: SpatialField, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        limit_bounds(square("tresca", field, 1.0))
+
+
+def test_tables_that_are_none() -> None:
+    with pytest.raises(InputError, match="two values at the coordinate 1;"):
+        DepthTable([(1.0, 10.0), (1.0, 16.0)])
+    with pytest.raises(InputError, match="at least two pairs"):
+        DepthTable([(1.0, 10.0)])
+    with pytest.raises(InputError, match="not finite"):
+        DepthTable([(1.0, 10.0), (2.0, math.nan)])
+    with pytest.raises(InputError, match="has the name 't'"):
+        Formula("10 + t")
+
+
+def test_linear_functions_beside_a_table() -> None:
+    """They enclose it in each triangle, and are it where no value lies inside."""
+    rng = np.random.default_rng(0)
+    field = 2.0 * DepthTable([(0.0, 3.0), (0.4, 1.0), (0.5, 4.0), (1.0, 5.0)])
+    corners = rng.random((200, 3, 2))
+    low, high = field.between(corners, "here")
+    shares = rng.dirichlet(np.ones(3), 50)
+    exact = np.stack([field.at(share @ corners, "here") for share in shares], axis=1)
+    assert (low @ shares.T <= exact + 1e-12).all()
+    assert (high @ shares.T >= exact - 1e-12).all()
+    y = corners[..., 1]
+    bent = np.zeros(len(y), dtype=bool)
+    for kink in (0.4, 0.5):
+        bent |= (y.min(axis=1) < kink) & (y.max(axis=1) > kink)
+    assert 0 < bent.sum() < len(bent)
+    assert np.array_equal(low[~bent], high[~bent])
+    assert (high[bent] > low[bent]).all()
+
+
+def test_a_factor_of_safety_divides_a_field() -> None:
+    """Strengths that are halved carry half."""
+    halved = weakened(square("tresca", Formula(LINEAR)), 2.0)
+    low, high = values(limit_bounds(halved, 1e-6))
+    assert 1 - 1e-5 <= low <= 1 <= high <= 1 + 1e-5
