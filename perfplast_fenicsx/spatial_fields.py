@@ -7,7 +7,7 @@ linear functions in each cell, one that is nowhere above the field and one that 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
 
@@ -89,7 +89,11 @@ class SpatialField:
         raise NotImplementedError
 
 
-Strength = float | SpatialField
+if TYPE_CHECKING:
+    # Arithmetic is alike for both kinds, and most users of a number know that it is one.
+    Strength: TypeAlias = Any
+else:
+    Strength = float | SpatialField
 """A number of a material that may vary in space."""
 
 

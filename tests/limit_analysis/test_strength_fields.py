@@ -20,6 +20,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import Side, profiles_of_cells
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import weakened
 from perfplast_fenicsx.materials import Material, MohrCoulomb, Tresca
 from perfplast_fenicsx.proof import check
@@ -153,12 +154,16 @@ def test_the_checker_judges_a_strength_that_varies(shared_tmp_path: Path) -> Non
 
 @pytest.mark.mpi2
 def test_writings_of_one_field_agree() -> None:
-    """A formula and a table over depth give the same bounds to rounding."""
-    formula, table = Formula("16 - 6*y"), DepthTable([(1.0, 10.0), (0.0, 16.0)])
-    pressed = [limit_bounds(square("tresca", field, 1.0), 1e-6) for field in (formula, table)]
-    for side in ("lower", "upper"):
-        one, other = (getattr(bounds, side).value for bounds in pressed)
-        assert one == pytest.approx(other, rel=1e-12)
+    """A formula and a table over depth are one strength to rounding, and give the same bounds."""
+    fields = Formula("16 - 6*y"), DepthTable([(1.0, 10.0), (0.0, 16.0)])
+    problems = [square("tresca", field, 1.0) for field in fields]
+    sides: tuple[Side, ...] = ("below", "above")
+    for side in sides:
+        one, other = (profiles_of_cells(problem, side) for problem in problems)
+        assert np.allclose(one, other, rtol=1e-12, atol=0.0)
+    rtol = 1e-6
+    one, other = (np.array(values(limit_bounds(problem, rtol))) for problem in problems)
+    assert np.allclose(one, other, rtol=rtol, atol=0.0)
 
 
 @pytest.mark.mpi2
