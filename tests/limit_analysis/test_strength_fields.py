@@ -160,6 +160,7 @@ def test_writings_of_one_field_agree() -> None:
     sides: tuple[Side, ...] = ("below", "above")
     for side in sides:
         one, other = (profiles_of_cells(problem, side) for problem in problems)
+        assert one is not None and other is not None
         assert np.allclose(one, other, rtol=1e-12, atol=0.0)
     rtol = 1e-6
     one, other = (np.array(values(limit_bounds(problem, rtol))) for problem in problems)
