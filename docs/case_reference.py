@@ -17,6 +17,7 @@ from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.controls import CONTROLS
+from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region, Stratum
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import support_tables, tables
@@ -25,6 +26,7 @@ from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.case.schema import described, shown
+from perfplast_fenicsx.io.case.water_table import WaterTable
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
@@ -140,6 +142,7 @@ def _mesh() -> Iterator[str]:
 
 def _geometry() -> Iterator[str]:
     yield f"{summary(GeometryFile)}\n"
+    yield "Beside `[[region]]` or `[[stratum]]` there is no `file`, and the other keys are the same.\n"
     meaning = arguments(GeometryFile)
     yield HEAD + row("file", "a string", "required", meaning["file"]) + rows(MeshingOptions)
     yield f"**`[[geometry.face]]`.** {summary(NamedFace)}\n\n{HEAD}{rows(NamedFace)}"
@@ -176,6 +179,9 @@ def _chosen(
 SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "mesh": ("[mesh]", _mesh),
     "geometry": ("[geometry]", _geometry),
+    "region": ("[[region]]", _single(Region)),
+    "stratum": ("[[stratum]]", _single(Stratum)),
+    "line": ("[[line]]", _single(DrawnLine)),
     "material": (
         "[material.NAME]",
         _chosen("law", MATERIALS, None, "The law of the body."),
@@ -183,6 +189,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "support": ("[[support]]", _single(support_tables.SupportTable)),
     "load": ("[[load]]", _single(load_table())),
     "gravity": ("[gravity]", _single(GravityTable)),
+    "water": ("[water]", _single(WaterTable)),
     "seepage": ("[seepage]", _seepage),
     "combination": ("[[combination]]", _single(Combination)),
     "design": ("[design]", _single(DesignTable)),

@@ -65,6 +65,26 @@ _FAILURES = (
 """Exceptions that Python's parser and NumPy raise for text that is not a formula."""
 
 
+class WordedFormula(str):
+    """A formula that the program has written, with words for it.
+
+    Attributes:
+        words: What a person reads in place of the formula, with its unit.
+    """
+
+    words: str
+
+    def __new__(cls, formula: str, words: str) -> "WordedFormula":
+        """Return the formula with its words."""
+        made = super().__new__(cls, formula)
+        made.words = words
+        return made
+
+    def __getnewargs__(self) -> tuple[str, str]:
+        """Return what a copy is made of."""
+        return str(self), self.words
+
+
 def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
     """Values of a formula in x, y, z at points.
 

@@ -10,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.load_words import load_in_words
@@ -103,6 +103,7 @@ class _Told:
         self._flat = problem.bodies.gdim == 2 and not problem.tagged_mesh.axisymmetric
         self.lines: list[str] = []
         self.marked: dict[str, Marked] = {}
+        self.glued: list[str] = []
 
     def loads(
         self, resultants: Sequence[tuple[LoadResultant, float]], volumes: dict[str, float]
@@ -210,7 +211,10 @@ class _Told:
             areas = " and ".join(_number(self.sides.area(name)) for name in both)
             told = "" if tie in self.case.ties else "; the drawing has one face for both"
             self.lines.append(f"  '{both[0]}' and '{both[1]}': areas {areas}{told}")
-            self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
+            if told:
+                self.glued += both
+            else:
+                self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
 
     def strengths(self) -> None:
         """Name the strengths that a factor of safety divides, and those that it does not."""
@@ -226,7 +230,7 @@ class _Told:
     def rest(self, volumes: dict[str, float]) -> None:
         """Print what the case does not name, and which bodies have no load or support."""
         areas, of_tags = self.sides.area_of_tags(), self.sides.names_of_tags()
-        used = self.problem.tagged_mesh.tags_of(self.marked)
+        used = self.problem.tagged_mesh.tags_of([*self.marked, *self.glued])
         free: dict[str, float] = {}
         for tag, name in of_tags.items():
             if tag not in used:
@@ -355,6 +359,40 @@ class _Told:
         return told
 
 
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Bodies in the plane, as a picture fills them.
+
+    Attributes:
+        cells: Corners of the cells, shape (n, 3, 2).
+        bodies: The number of the body of each cell, shape (n,).
+        names: Of the bodies.
+        water: The water table, shape (n, 2); no points without one.
+    """
+
+    cells: Floats = field(default_factory=lambda: np.zeros((0, 3, 2)))
+    bodies: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    names: tuple[str, ...] = ()
+    water: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+
+
+def _section(case: Case, problem: Problem) -> Section:
+    """Return the bodies in the plane, gathered on rank 0; no cells in space. Collective."""
+    tagged_mesh = problem.tagged_mesh
+    mesh, comm = tagged_mesh.mesh, problem.comm
+    if mesh.topology.dim != 2:
+        return Section()
+    owned = mesh.topology.index_map(2).size_local
+    corners = mesh.geometry.x[geometry_dofmap(mesh)[:owned, :3], :2]
+    body = np.zeros(owned, dtype=np.int32)
+    for number, name in enumerate(tagged_mesh.volumes):
+        own = tagged_mesh.cells(name)
+        body[own[own < owned]] = number
+    cells: Floats = np.concatenate(comm.gather(corners) or [corners])
+    bodies: Ints = np.concatenate(comm.gather(body) or [body])
+    return Section(cells, bodies, tuple(tagged_mesh.volumes), case.water.table)
+
+
 def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: Path) -> bool:
     """Draw what was understood, if the system can. Collective.
 
@@ -367,31 +405,28 @@ def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: P
     Returns:
         Whether it is drawn, on every rank alike; without a graphics system a warning is logged.
     """
-    comm, mesh = problem.comm, problem.tagged_mesh.mesh
-    cells: Floats = np.zeros((0, 3, 2))
-    if mesh.topology.dim == 2:
-        owned = mesh.topology.index_map(2).size_local
-        own = mesh.geometry.x[geometry_dofmap(mesh)[:owned, :3], :2]
-        cells = np.concatenate(comm.gather(own) or [own])
+    section = _section(case, problem)
 
     def draw() -> None:
         assert meant is not None  # on rank 0
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "case.npz"
-            save_arrays(file, case.title, meant, cells, problem.tagged_mesh.axisymmetric)
+            save_arrays(file, case.title, meant, section, problem.tagged_mesh.axisymmetric)
             drawing_process.draw_case(file, picture)
 
-    return drawing_process.drawn_on_rank0(comm, draw)
+    return drawing_process.drawn_on_rank0(problem.comm, draw)
 
 
-def save_arrays(file: Path, title: str, meant: Understood, cells: Floats, revolved: bool) -> None:
+def save_arrays(
+    file: Path, title: str, meant: Understood, section: Section, revolved: bool
+) -> None:
     """Write what the picture shows as an .npz file.
 
     Args:
         file: The file.
         title: Of the case.
         meant: What was understood.
-        cells: Corners of the cells of bodies in the plane, shape (n, 3, 2).
+        section: Bodies in the plane.
         revolved: Whether they are half a section of bodies of revolution.
     """
     sides, facets = meant.sides, meant.sides.facets
@@ -426,7 +461,10 @@ def save_arrays(file: Path, title: str, meant: Understood, cells: Floats, revolv
         places=np.array(places).reshape(-1, gdim),
         forces=np.array(forces).reshape(-1, gdim),
         of_force=np.array(of_force, dtype=np.int64),
-        cells=cells,
+        cells=section.cells,
+        bodies=section.bodies,
+        names=np.array(section.names, dtype=np.str_),
+        water=section.water,
         revolved=np.array(revolved),
     )
 

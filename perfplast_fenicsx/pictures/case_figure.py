@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.pictures.heading import heading, in_legend
@@ -29,6 +30,12 @@ HUES = {
     "contact": ("#5b8c3a", "#8fb339", "#3f6b2a", "#a3c585"),
 }
 """Colours of what is loaded, of what is held, and of what touches, in turn."""
+
+FILLED = ("#efe3c8", "#dfe8d2", "#e6d8cf", "#d9e2ea", "#f2ead9", "#dcd7e6")
+"""Colours of bodies in the plane, in turn, where there are several."""
+
+WATER = "#1874b8"
+"""Colour of the water table."""
 
 Arrays = dict[str, npt.NDArray[Any]]
 
@@ -53,6 +60,8 @@ def save_case(source: str | Path, output: Path) -> None:
         words = "beside it on the same side, and not covered"
         handles.append(Patch(facecolor=REST, hatch="///", edgecolor="#7f4f00", label=words))
     handles.append(Patch(color=FREE, label="free"))
+    if len(arrays["water"]):
+        handles.append(Patch(color=WATER, label="water table"))
     below = 0.35 + 0.23 * len(handles)  # inches
     above, high, wide = 0.7, 5.4, 7.0
     if flat:  # as wide as the bodies are
@@ -102,10 +111,8 @@ def _of_facets(arrays: Arrays, colours: list[str]) -> npt.NDArray[np.str_]:
 def _draw_plane(axes: Axes, arrays: Arrays, colours: list[str]) -> None:
     """Draw bodies in the plane: their cells, and their edges as thick lines."""
     axes.set_aspect("equal")
-    cells, x = arrays["cells"], np.asarray(arrays["x"], dtype=np.float64)
-    axes.add_collection(
-        PolyCollection(list(cells), facecolor="#f2f2f2", edgecolor="#dddddd", lw=0.3)
-    )
+    x = np.asarray(arrays["x"], dtype=np.float64)
+    _fill(axes, arrays)
     shown = _of_facets(arrays, colours)
     for colour, width in ((FREE, 2.0), (REST, 5.0), (None, 5.0)):
         some = (shown == colour) if colour else ~np.isin(shown, [FREE, REST])
@@ -116,6 +123,12 @@ def _draw_plane(axes: Axes, arrays: Arrays, colours: list[str]) -> None:
             edges.set_linestyle((0, (1.2, 0.6)))
         axes.add_collection(edges)
     low, high = x.reshape(-1, 2).min(axis=0), x.reshape(-1, 2).max(axis=0)
+    if len(water := np.asarray(arrays["water"], dtype=np.float64)):
+        along = np.unique(np.clip(water[:, 0], low[0], high[0]))
+        level = np.interp(along, *water.T)
+        axes.plot(along, level, color=WATER, lw=1.5, ls=(0, (6, 2)), zorder=4)
+        axes.plot(along[-1:] - 0.02 * np.ptp(along), level[-1:], marker=7, ms=7, color=WATER)
+        high[1] = max(high[1], level.max())
     size = float(np.linalg.norm(high - low))
     for place, force, number in _arrows(arrays):
         along = force / (np.linalg.norm(force) or 1.0)
@@ -131,6 +144,27 @@ def _draw_plane(axes: Axes, arrays: Arrays, colours: list[str]) -> None:
     margin = 0.03 * size
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
+
+
+def _fill(axes: Axes, arrays: Arrays) -> None:
+    """Draw the cells, those of each body in its colour, and the names of several bodies."""
+    cells, bodies, names = arrays["cells"], arrays["bodies"], arrays["names"]
+    several = len(names) > 1
+    ends = np.asarray(arrays["x"], dtype=np.float64)
+    edges = np.concatenate([ends[:, 0], ends[:, 1], ends.mean(axis=1)])
+    for number, name in enumerate(names):
+        own = cells[bodies == number]
+        if not len(own):
+            continue
+        colour = FILLED[number % len(FILLED)] if several else "#f2f2f2"
+        axes.add_collection(
+            PolyCollection(list(own), facecolor=colour, edgecolor="#dddddd", lw=0.3)
+        )
+        if several:
+            middles = own.mean(axis=1)
+            x, y = middles[np.argmax(cKDTree(edges).query(middles)[0])]  # where there is room
+            style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 9}
+            axes.text(x, y, str(name), color="#303030", parse_math=False, zorder=5, **style)
 
 
 def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uint8]:

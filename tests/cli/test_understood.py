@@ -16,7 +16,14 @@ import ufl
 from dolfinx.mesh import create_mesh, locate_entities, meshtags
 
 from perfplast_fenicsx import TaggedMesh
-from perfplast_fenicsx.cli.understood import PICTURE, Understood, draw_case, save_arrays, understood
+from perfplast_fenicsx.cli.understood import (
+    PICTURE,
+    Section,
+    Understood,
+    draw_case,
+    save_arrays,
+    understood,
+)
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import case_of
 from perfplast_fenicsx.io.case.toml_reader import parse
@@ -597,7 +604,7 @@ def test_case_is_told(
 
 def _check_marks(meant: Understood, told: Told, file: Path) -> None:
     """A picture marks each surface that is named, and what is beside a part of a side."""
-    save_arrays(file, "a case", meant, np.zeros((0, 3, 2)), False)
+    save_arrays(file, "a case", meant, Section(), False)
     with np.load(file) as arrays:
         shown = arrays["mark"]
         facets = meant.sides.facets

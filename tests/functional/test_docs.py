@@ -18,6 +18,7 @@ from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.controls import CONTROLS
+from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region, Stratum
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import support_tables
@@ -26,6 +27,7 @@ from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.results import field_series
+from perfplast_fenicsx.io.case.water_table import WaterTable
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.declared.bolt import Bolt
@@ -46,6 +48,10 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 TABLES = {
     "[mesh]": [schemas.MeshFile],
     "[geometry]": [MeshingOptions, NamedFace],
+    "[[region]]": [Region],
+    "[[stratum]]": [Stratum],
+    "[[line]]": [DrawnLine],
+    "[water]": [WaterTable],
     "[material.NAME]": [*MATERIALS.values()],
     "[[support]]": [support_tables.SupportTable],
     "[[load]]": [load_table()],

@@ -1,11 +1,11 @@
 """Case files: what is solved and how, as TOML.
 
-A case file holds the tables ``[mesh]`` or ``[geometry]``, ``[material.NAME]``, ``[[support]]``,
-``[[load]]``, ``[gravity]``, ``[[combination]]``, ``[design]``, ``[[contact]]``, ``[[obstacle]]``,
+A case file holds the bodies: ``[mesh]``, ``[geometry]``, or ``[[region]]``, ``[[stratum]]`` and
+``[[line]]`` of drawn ground. Other tables are ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
+``[gravity]``, ``[water]``, ``[[combination]]``, ``[design]``, ``[[contact]]``, ``[[obstacle]]``,
 ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``, ``[[initial_stress]]``, ``[[bolt]]``,
 ``[model]``, ``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``, ``[output]``, ``[report]``
-and ``[units]``; see ``demos/two_blocks.toml``. What may stand in a table is the dataclass it
-becomes.
+and ``[units]``; see ``demos/two_blocks.toml``. What may be in a table is the dataclass it becomes.
 """
 
 from collections.abc import Sequence
@@ -23,19 +23,18 @@ from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.io.case.combinations import (
     Combination,
 )
-from perfplast_fenicsx.io.case.geometry_table import GeometryFile
-from perfplast_fenicsx.io.case.mesh_table import load_mesh
+from perfplast_fenicsx.io.case.geometry_table import GeometryFile, GroundInCase
+from perfplast_fenicsx.io.case.mesh_table import CaseMesh, load_mesh
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.io.case.schema import Table, at
 from perfplast_fenicsx.io.case.seepage_table import with_flow
 from perfplast_fenicsx.io.case.tables import (
     ElementOptions,
-    MeshBuilder,
-    MeshFile,
     ModelOptions,
     OutputOptions,
     ReportHead,
 )
+from perfplast_fenicsx.io.case.water_table import Water
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
@@ -58,14 +57,15 @@ from perfplast_fenicsx.units import Units
 class Case:
     """A case file, read and checked as far as it can be without its mesh.
 
-    ``text`` is what it says, ``table`` the same as TOML; with ``trust`` scripts may be run.
+    ``text`` is what it says, ``table`` the same as TOML; with ``trust`` scripts may be run. The
+    loads of ``water`` are among all ``loads``.
     """
 
     path: Path
     text: str = field(repr=False)
     table: Table = field(repr=False)
     title: str
-    mesh: MeshFile | MeshBuilder | GeometryFile
+    mesh: CaseMesh
     adapt: Adaptation | None
     materials: dict[str, Material]
     supports: list[Support]
@@ -88,6 +88,7 @@ class Case:
     remarks: tuple[str, ...] = ()
     combination: str = ""
     trust: bool = False
+    water: Water = field(default_factory=Water)
 
     @property
     def scene(self) -> Scene:
@@ -149,7 +150,7 @@ class Case:
             InputError: If there is no such builder or file, its arguments or content are wrong, or
                 it cannot be adapted where that is wanted.
         """
-        made = isinstance(self.mesh, GeometryFile)
+        made = isinstance(self.mesh, GeometryFile | GroundInCase)
         with at(f"{self.path.name}, [{'geometry' if made else 'mesh'}]"):
             mesh = load_mesh(comm, self.mesh, self.path, self.contacts, self.trust)
             if self.adapt is not None:

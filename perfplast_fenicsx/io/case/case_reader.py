@@ -15,6 +15,7 @@ from perfplast_fenicsx.io.case.combinations import (
     read_combinations,
     reduced,
 )
+from perfplast_fenicsx.io.case.geometry_table import read_ground
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import read_load
 from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
@@ -36,6 +37,7 @@ from perfplast_fenicsx.io.case.tables import (
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
+from perfplast_fenicsx.io.case.water_table import read_water
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_all_divided
 from perfplast_fenicsx.materials.elastic import check_deforms
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
@@ -95,6 +97,9 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         weight = convert(top.gravity, GravityTable, place)
         with at(place):
             loads += weight.loads(materials)
+    ground = read_ground(top.region, top.stratum, top.line, name)
+    water = read_water(top, ground, materials, units, name)
+    loads += water.loads
     seepage = None
     if top.seepage is not None:
         place = f"{name}, [seepage]"
@@ -147,7 +152,9 @@ def case_of(path: Path, text: str, table: Table) -> Case:
             check_all_divided(materials, touching, obstacles)
         given = Given(loads, [*held, *rigid], obstacles, touching, strained, initial, materials)
         loading.check(given)
-    mesh = read_mesh(top.mesh, top.geometry, name)
+    if ground is not None:
+        ground = ground.with_kinks(water.kinks)
+    mesh = read_mesh(top.mesh, top.geometry, name, ground)
     model = convert(top.model, ModelOptions, f"{name}, [model]")
     return Case(
         path=path,
@@ -175,6 +182,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         initial=initial,
         combinations=combinations,
         remarks=(weaker,) if weaker else (),
+        water=water,
     )
 
 

@@ -18,6 +18,7 @@ from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.docstrings import arguments, summary
+from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region, Stratum
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
@@ -33,6 +34,7 @@ from perfplast_fenicsx.io.case.tables import (
     OutputOptions,
     ReportHead,
 )
+from perfplast_fenicsx.io.case.water_table import WaterTable
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
@@ -84,7 +86,7 @@ def case_schema() -> Schema:
         "additionalProperties": False,
         "required": ["material"],
         "allOf": [
-            {"anyOf": [{"required": ["mesh"]}, {"required": ["geometry"]}]},
+            {"anyOf": [{"required": [key]} for key in ("mesh", "geometry", "region", "stratum")]},
             {"oneOf": [{"required": ["loading"]}, {"required": ["stage"]}]},
         ],
     }
@@ -96,10 +98,14 @@ def _tables() -> dict[str, Schema]:
     return {
         "mesh": _mesh(),
         "geometry": _geometry(),
+        "region": _table(Region),
+        "stratum": _table(Stratum),
+        "line": _table(DrawnLine),
         "material": _choice("law", MATERIALS),
         "support": _table(SupportTable),
         "load": _table(load_table()),
         "gravity": _table(GravityTable),
+        "water": _table(WaterTable),
         "seepage": _seepage(),
         "combination": _table(Combination),
         "design": _table(DesignTable),
@@ -225,11 +231,11 @@ def _mesh() -> Schema:
 
 
 def _geometry() -> Schema:
-    """``[geometry]``: the file, how it is meshed, and faces with names."""
+    """``[geometry]``: the file (none of drawn ground), how it is meshed, and faces with names."""
     faces = {"face": {"type": "array", "items": _table(NamedFace)}}
     options = _table(MeshingOptions, faces)
     file = _told({"type": "string"}, "Its path, relative to the folder of the case file.")
-    return _object({"file": file} | options["properties"], ["file"])
+    return _object({"file": file} | options["properties"], [])
 
 
 def _seepage() -> Schema:

@@ -1,15 +1,18 @@
-"""``[geometry]`` of a case file: a CAD file that is meshed for the run."""
+"""``[geometry]`` of a case file: a CAD file, or ground drawn in the case, meshed for the run."""
 
+import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mpi4py import MPI
 
 from perfplast_fenicsx.errors import InputError, on_rank0
+from perfplast_fenicsx.geometry.drawn_ground import DrawnGround, DrawnLine, Region, Stratum
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.kept_mesh import glued_in, keep_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
-from perfplast_fenicsx.io.case.schema import Table, at, convert
+from perfplast_fenicsx.io.case.schema import T, Table, at, convert
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 
 
@@ -50,24 +53,111 @@ class GeometryFile:
         return replace(read_gmsh(comm, mesh), glued=tuple(glued))
 
 
-def read_geometry(table: Table, mesh: Table, place: str) -> GeometryFile:
+@dataclass(frozen=True)
+class GroundInCase:
+    """Ground that a case draws by ``[[region]]``, ``[[stratum]]`` and ``[[line]]``.
+
+    The mesh is kept beside the case file, as of a geometry file.
+
+    Args:
+        ground: What is drawn.
+        options: How it is meshed.
+        adapt: As for files.
+    """
+
+    ground: DrawnGround
+    options: MeshingOptions
+    adapt: Table | None = None
+
+    def mesh(self, comm: MPI.Intracomm, case: Path, trust: bool = False) -> TaggedMesh:
+        """Return the mesh of a case, which rank 0 makes unless it is there. Collective.
+
+        Args:
+            comm: The ranks.
+            case: The case file.
+            trust: Not needed: the script is the program's own.
+
+        Raises:
+            InputError: If the ground cannot be meshed.
+        """
+        mesh = case.with_suffix(".msh")
+        on_rank0(comm, lambda: self._keep(case, mesh))
+        glued = comm.bcast(on_rank0(comm, lambda: glued_in(mesh)))
+        found = read_gmsh(comm, mesh)
+        remarks = (*found.remarks, *self.ground.remarks())
+        return replace(found, glued=tuple(glued), remarks=remarks)
+
+    def _keep(self, case: Path, mesh: Path) -> None:
+        """Make the mesh unless it is there. Not collective."""
+        with tempfile.TemporaryDirectory() as folder:
+            script = Path(folder) / "ground.geo"
+            script.write_text(self.ground.script(), encoding="utf-8")
+            try:
+                keep_mesh(script, mesh, self.options, trust=True)
+            except InputError as error:
+                raise InputError(str(error).replace(str(script), case.name)) from error
+
+
+def read_ground(
+    regions: Sequence[Table], strata: Sequence[Table], lines: Sequence[Table], name: str
+) -> DrawnGround | None:
+    """Return the ground that a case draws; None if it draws none.
+
+    Args:
+        regions: Each ``[[region]]``.
+        strata: Each ``[[stratum]]``.
+        lines: Each ``[[line]]``.
+        name: Of the case file.
+
+    Raises:
+        InputError: If keys are wrong, or the ground cannot be what is drawn.
+    """
+    if not (regions or strata or lines):
+        return None
+    if not (regions or strata):
+        raise InputError(
+            f"{name}, [[line]]: there is no [[region]] and no [[stratum]], whose boundaries lines"
+            " name; draw the ground, or name faces of a file by [[geometry.face]]."
+        )
+
+    def read(key: str, kind: type[T], tables: Sequence[Table]) -> list[T]:
+        places = (f"{name}, [[{key}]] number {number}" for number in range(1, len(tables) + 1))
+        return [convert(table, kind, place) for table, place in zip(tables, places, strict=True)]
+
+    drawn = read("region", Region, regions), read("stratum", Stratum, strata)
+    named = read("line", DrawnLine, lines)
+    with at(name):
+        return DrawnGround(*drawn, named)
+
+
+def read_geometry(
+    table: Table, mesh: Table, place: str, ground: DrawnGround | None = None
+) -> GeometryFile | GroundInCase:
     """The geometry.
 
     Args:
         table: ``[geometry]``.
         mesh: ``[mesh]``, of which ``adapt`` alone may be there.
         place: Where the table is.
+        ground: What the case draws, if it does.
 
     Raises:
         InputError: If there is a mesh besides, or keys are wrong.
     """
+    if ground is not None and (mesh.keys() - {"adapt"} or "file" in table):
+        other = "[geometry] file" if "file" in table else "[mesh] file or builder"
+        raise InputError(
+            f"{place}: the case draws its ground by [[region]] or [[stratum]], and there is a"
+            f" {other} besides; leave out one of them."
+        )
     if mesh.keys() - {"adapt"}:
         raise InputError(
             f"{place}: there is a [mesh] besides; leave out one of them, since the bodies are"
             " meshed from the geometry file."
         )
     named = {key: table[key] for key in ("file", "face") if key in table}
-    top = convert(named | mesh, _Named, place)
+    file = {} if ground is None else {"file": ""}
+    top = convert(named | mesh | file, _Named, place)
     of_face = f"{place.removesuffix('[geometry]')}[[geometry.face]] number"
     faces = [
         convert(face, NamedFace, f"{of_face} {number}")
@@ -75,8 +165,10 @@ def read_geometry(table: Table, mesh: Table, place: str) -> GeometryFile:
     ]
     rest = {key: value for key, value in table.items() if key not in named}
     options = convert(rest, MeshingOptions, place)
-    with at(place):
-        return GeometryFile(top.file, replace(options, face=faces), top.adapt)
+    options = replace(options, face=faces)
+    if ground is not None:
+        return GroundInCase(ground, options, top.adapt)
+    return GeometryFile(top.file, options, top.adapt)
 
 
 @dataclass(frozen=True)

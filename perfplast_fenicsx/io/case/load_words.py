@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING, Any
 
-from perfplast_fenicsx.problem.declared.loads import FieldPores, Load, Traction, kind_of
+from perfplast_fenicsx.formulas import WordedFormula
+from perfplast_fenicsx.problem.declared.loads import FieldPores, ForceBelow, Load, Traction, kind_of
 from perfplast_fenicsx.units import Units
 
 if TYPE_CHECKING:  # what reads results for reports starts no MPI
@@ -23,13 +24,17 @@ def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
         value = getattr(load, field)
         if not hasattr(value, "__len__") or len(value):
             what = kind_of(load) if field == "value" else field
+            if isinstance(load, ForceBelow):
+                what = "body force"
             if isinstance(load, Traction) and load.total:
                 what, quantity = "force, spread evenly,", "force"
             if isinstance(load, FieldPores):
                 words.append(f"pore pressure of {load.value}")
                 continue
-            words.append(f"{what.replace('_', ' ')} {_value(value)} {table[quantity]}".rstrip())
-    return f"{' and '.join(words)} on '{load.on}'"
+            unit = "" if isinstance(value, WordedFormula) else table[quantity]
+            words.append(f"{what.replace('_', ' ')} {_value(value)} {unit}".rstrip())
+    below = f" where {_value(load.depth)}" if isinstance(load, ForceBelow) else ""
+    return f"{' and '.join(words)} on '{load.on}'{below}"
 
 
 def meaning(case: "Case", whole: bool = True) -> list[str]:
@@ -73,6 +78,8 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
 
 def _value(value: Any) -> str:
     """A number, a formula, or one a direction."""
+    if isinstance(value, WordedFormula):
+        return value.words
     if isinstance(value, str):
         return repr(value)
     if hasattr(value, "__len__"):

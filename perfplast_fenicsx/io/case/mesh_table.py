@@ -1,4 +1,4 @@
-"""``[mesh]`` or ``[geometry]`` of a case file, and how the mesh is adapted."""
+"""``[mesh]``, ``[geometry]`` or drawn ground of a case file, and how the mesh is adapted."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,7 +9,12 @@ from mpi4py import MPI
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.case.geometry_table import GeometryFile, read_geometry
+from perfplast_fenicsx.geometry.drawn_ground import DrawnGround
+from perfplast_fenicsx.io.case.geometry_table import (
+    GeometryFile,
+    GroundInCase,
+    read_geometry,
+)
 from perfplast_fenicsx.io.case.schema import Table, at, convert
 from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
@@ -17,28 +22,33 @@ from perfplast_fenicsx.mesh.overlapping_bodies import check_bodies
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 
+CaseMesh = MeshFile | MeshBuilder | GeometryFile | GroundInCase
+"""The mesh of a case, or what it is made of."""
+
 
 def read_mesh(
-    table: Table, geometry: Table | None, name: str
-) -> MeshFile | MeshBuilder | GeometryFile:
+    table: Table, geometry: Table | None, name: str, ground: DrawnGround | None = None
+) -> CaseMesh:
     """The mesh, or what it is made of.
 
     Args:
         table: ``[mesh]``.
         geometry: ``[geometry]``, if there is one.
         name: Of the case file.
+        ground: What the case draws, if it does.
 
     Raises:
         InputError: If there is not exactly one of a file and a builder, or keys are wrong.
     """
     place = f"{name}, [mesh]"
-    if geometry is not None:
-        return read_geometry(geometry, table, f"{name}, [geometry]")
+    if geometry is not None or ground is not None:
+        return read_geometry(geometry or {}, table, f"{name}, [geometry]", ground)
     if ("builder" in table) == ("file" in table):
         what = "both a builder and a file" if "builder" in table else "neither a builder nor a file"
         raise InputError(
             f"{place}: there is {what}; give either builder = 'two_blocks' or another builder"
-            " with its arguments, or file = 'assembly.msh', or a [geometry] instead."
+            " with its arguments, or file = 'assembly.msh', or a [geometry] instead, or draw"
+            " ground by [[region]]."
         )
     if "file" in table:
         return convert(table, MeshFile, place)
@@ -49,7 +59,7 @@ def read_mesh(
 
 def load_mesh(
     comm: MPI.Intracomm,
-    mesh: MeshFile | MeshBuilder | GeometryFile,
+    mesh: CaseMesh,
     case: Path,
     contacts: Sequence[Contact],
     trust: bool,
@@ -69,7 +79,7 @@ def load_mesh(
     """
     if isinstance(mesh, MeshBuilder):
         return build(comm, mesh.builder, **mesh.arguments)
-    if isinstance(mesh, GeometryFile):
+    if isinstance(mesh, GeometryFile | GroundInCase):
         found = mesh.mesh(comm, case, trust)
     else:
         found = read_gmsh(comm, case.parent / mesh.file)

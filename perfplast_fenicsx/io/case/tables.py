@@ -18,7 +18,10 @@ class Document:
 
     Args:
         mesh: The bodies; it is missing, or has ``adapt`` alone, where there is a geometry.
-        geometry: A CAD file that is meshed for the run.
+        geometry: A CAD file that is meshed for the run, or how drawn ground is meshed.
+        region: Ground that is drawn in the case, each piece as a polygon.
+        stratum: Ground that is drawn in the case as layers, from the surface downwards.
+        line: Lines of drawn ground that name pieces of its boundary, and that the mesh follows.
         material: The law of each body; NAME is that of its physical volume.
         load: What pushes and pulls, at least once unless control = "displacement". The load factor
             ζ multiplies all loads but those that are constant.
@@ -28,6 +31,7 @@ class Document:
         model: What the coordinates of a mesh in the plane mean.
         title: For people; the name of the file where it is missing.
         gravity: The weight of bodies, by their densities.
+        water: Water in the pores of ground and above it, by its table.
         seepage: Water that flows through the ground.
         combination: Loads that act together with factors, each solved by itself; a table of
             results, the worst one first.
@@ -50,12 +54,16 @@ class Document:
     material: dict[str, Table]
     mesh: Table = field(default_factory=dict)
     geometry: Table | None = None
+    region: list[Table] = field(default_factory=list)
+    stratum: list[Table] = field(default_factory=list)
+    line: list[Table] = field(default_factory=list)
     loading: Table | None = None
     stage: list[Table] = field(default_factory=list)
     model: Table = field(default_factory=dict)
     title: str = ""
     load: list[Table] = field(default_factory=list)
     gravity: Table | None = None
+    water: Table | None = None
     seepage: Table | None = None
     combination: list[Table] = field(default_factory=list)
     design: Table = field(default_factory=dict)

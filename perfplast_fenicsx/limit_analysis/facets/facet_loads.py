@@ -16,7 +16,13 @@ from perfplast_fenicsx.problem.assembled.linear_tractions import (
     linear_tractions,
 )
 from perfplast_fenicsx.problem.assembled.rigid_resultants import rigid_resultants
-from perfplast_fenicsx.problem.declared.loads import BodyForce, Force, Load, PorePressure
+from perfplast_fenicsx.problem.declared.loads import (
+    BodyForce,
+    Force,
+    ForceBelow,
+    Load,
+    PorePressure,
+)
 from perfplast_fenicsx.problem.problem import Problem
 
 BENT = "a formula that is not linear"
@@ -95,7 +101,10 @@ def loads_of(
     for number, load in enumerate(loads):
         if isinstance(load, BodyForce):
             cells = problem.tagged_mesh.cells(load.on)
-            forces[cells[cells < count]] += np.asarray(load.value, dtype=np.float64)
+            cells = cells[cells < count]
+            if isinstance(load, ForceBelow):
+                cells = cells[load.cells_below(facets.vertices[cells])]
+            forces[cells] += np.asarray(load.value, dtype=np.float64)
             continue
         if isinstance(load, PorePressure):
             cells = problem.tagged_mesh.cells(load.on)

@@ -7,7 +7,7 @@ import ufl
 from dolfinx import default_scalar_type, fem
 
 from perfplast_fenicsx.arrays import Ints
-from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.errors import InputError, on_all_ranks, raise_together
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.mesh.straight_geometry import corners
@@ -16,6 +16,7 @@ from perfplast_fenicsx.problem.assembled.linear_tractions import linear_pores
 from perfplast_fenicsx.problem.declared.loads import (
     EnclosedPores,
     FieldPores,
+    ForceBelow,
     Formula,
     SpreadLoad,
     kind_of,
@@ -55,12 +56,34 @@ def _value(tagged_mesh: TaggedMesh, load: SpreadLoad) -> Expr:
             f"the {_kind(load)} on '{load.on}' is {load.value}, where {expected} finite"
             f" number{'s are' if expected > 1 else ' is'} needed; correct its value."
         )
+    if isinstance(load, ForceBelow):
+        return ufl.as_vector(values) * _below(tagged_mesh, load)
     if len(numbers) == len(values):
         constant = fem.Constant(mesh, np.asarray(values, dtype=default_scalar_type))
         return constant[0] if scalar else constant
     tdim = mesh.topology.dim
     found = [_field(tagged_mesh, load, value, tdim - (not in_volume), entities) for value in values]
     return found[0] if scalar else ufl.as_vector(found)
+
+
+def _below(tagged_mesh: TaggedMesh, load: ForceBelow) -> fem.Function:
+    """Return 1 in the cells below the line of a load, 0 elsewhere. Collective.
+
+    Raises:
+        InputError: If the line divides a cell.
+    """
+    field = fem.Function(fem.functionspace(tagged_mesh.mesh, ("Discontinuous Lagrange", 0)))
+    vertices, points = corners(tagged_mesh.mesh)
+    cells = tagged_mesh.cells(load.on)
+    owned = cells[cells < len(vertices)]
+
+    def below() -> Ints:
+        return owned[load.cells_below(points[vertices[owned]])]
+
+    dofs = field.function_space.dofmap.list[on_all_ranks(tagged_mesh.mesh.comm, below)]
+    field.x.array[dofs] = 1.0
+    field.x.scatter_forward()
+    return field
 
 
 def _field(

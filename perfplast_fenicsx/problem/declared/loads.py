@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.enclosures import enclosed
@@ -109,6 +110,50 @@ class BodyForce(SpreadLoad):
         import ufl
 
         return ufl.inner(value, v)
+
+
+@dataclass(frozen=True)
+class ForceBelow(BodyForce):
+    """Force per volume in the cells of a volume that are below a line, such as a water table.
+
+    Args:
+        on: Physical volume.
+        value: The force per volume, a number a direction.
+        name: What messages call it.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        depth: A formula that is positive below the line, such as "8 + 0.2*x - y".
+    """
+
+    words: ClassVar[str] = "force per volume below a line"
+
+    depth: str = ""
+
+    def cells_below(self, corners: Floats) -> npt.NDArray[np.bool_]:
+        """Return which cells are below the line. Not collective.
+
+        Args:
+            corners: Vertices of the cells, shape (n, d + 1, d).
+
+        Raises:
+            InputError: If the line divides a cell.
+        """
+        found = enclosed(self.depth, corners, f"the load on '{self.on}'")
+        if found is None:
+            raise InputError(
+                f"the depth of the load on '{self.on}' is {self.depth!r}; give it by sums,"
+                " products, abs, minimum and maximum."
+            )
+        low, high = found
+        noticed = 1e-9 * np.abs(corners).max(initial=0.0)
+        divided = (low.min(axis=1) < -noticed) & (high.max(axis=1) > noticed)
+        if divided.any():
+            at = ", ".join(f"{x:.6g}" for x in corners[np.argmax(divided)].mean(axis=0))
+            raise InputError(
+                f"the line below which '{self.on}' has another weight divides cells, one at ({at});"
+                " give a mesh with edges along it, or draw the ground in the case by [[region]]."
+            )
+        below: npt.NDArray[np.bool_] = high.max(axis=1) > noticed
+        return below
 
 
 @dataclass(frozen=True)
@@ -320,20 +365,23 @@ LOADS: dict[str, type[Any]] = {
 }
 """Kinds of loads by their name in case files."""
 
+KINDS: dict[str, type[Any]] = {**LOADS, "body_force_below": ForceBelow}
+"""Kinds of loads by their name in results."""
+
 ON_SURFACES = (Traction, Pressure, CosinePressure)
 """Loads whose tractions strict bounds and proofs know, where they are linear on facets."""
 
 
 def kind_of(load: Load) -> str:
-    """How case files call a load's kind; the name of its class where it is in no case file."""
+    """How files call a load's kind; the name of its class where it is in no file."""
     own = PorePressure if isinstance(load, FieldPores) else type(load)
-    known = (kind for kind, cls in LOADS.items() if cls is own)
+    known = (kind for kind, cls in KINDS.items() if cls is own)
     return next(known, type(load).__name__)
 
 
 def is_known(load: Load) -> bool:
     """Whether a load is of the program's own kinds, and none of a user's."""
-    return type(load) in (*LOADS.values(), *ON_SURFACES, FieldPores, EnclosedPores)
+    return type(load) in (*KINDS.values(), *ON_SURFACES, FieldPores, EnclosedPores)
 
 
 def is_uniform(load: Load) -> bool:
@@ -344,7 +392,7 @@ def is_uniform(load: Load) -> bool:
 def is_bounded(load: Load) -> bool:
     """Whether strict bounds know a load: all but forces per volume that are formulas."""
     return type(load) in (*ON_SURFACES, PorePressure, FieldPores, EnclosedPores, Force) or (
-        type(load) is BodyForce and is_uniform(load)
+        type(load) in (BodyForce, ForceBelow) and is_uniform(load)
     )
 
 

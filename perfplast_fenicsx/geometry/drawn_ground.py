@@ -1,0 +1,569 @@
+"""Ground that is drawn in a case by its coordinates: regions, strata and lines in the plane."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.errors import InputError, check_magnitude
+from perfplast_fenicsx.geometry.part_names import plain_name
+from perfplast_fenicsx.geometry.plane_arrangement import (
+    ROUNDING,
+    Arrangement,
+    arrange,
+    crossings,
+    within,
+)
+
+NEARLY = 1e-5
+"""A corner that is nearer to a side than this share of the ground's size is meant to be on it."""
+
+SIDES = ("left", "base", "right", "surface")
+"""Names of the pieces of the outline, against the clock from its top left corner."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A piece of ground, or of what is built in it: a body that is a polygon.
+
+    Regions that have a side in common, or a part of one, are glued there. ``[[contact]]`` between
+    ``A_joint_1`` and ``B_joint_1`` parts them, and so does a ``[[line]]`` with its name.
+
+    Args:
+        name: Of the body; small letters, digits and _.
+        points: Corners in turn, [x, y] each (length), in either direction.
+        opening: Whether it is cut out of the ground, as a tunnel is; its boundary then is a surface
+            with this name.
+    """
+
+    name: str
+    points: list[list[float]]
+    opening: bool = False
+
+
+@dataclass(frozen=True)
+class Stratum:
+    """A layer of ground: a body that reaches from its top down to the top of the next one.
+
+    Strata are given from the surface downwards. Where two tops coincide, the upper stratum has no
+    thickness and ends.
+
+    Args:
+        name: Of the body; small letters, digits and _.
+        top: Its upper boundary, points [x, y] from the left to the right end of the ground
+            (length). At a vertical step two points have the same x.
+        bottom: The lower boundary of the last stratum: a level (length), or points as for the top.
+    """
+
+    name: str
+    top: list[list[float]]
+    bottom: float | list[list[float]] | None = None
+
+
+@dataclass(frozen=True)
+class DrawnLine:
+    """A line that the mesh follows, and whose name is that of a piece of a boundary.
+
+    Along the boundary of the ground it is a surface, for loads, supports and contacts. Between
+    regions A and B it is a joint, whose sides are called ``A_NAME`` and ``B_NAME``. Inside of one
+    region it only divides cells.
+
+    Args:
+        name: Of the surface; small letters, digits and _.
+        points: Its corners in turn, [x, y] each (length).
+    """
+
+    name: str
+    points: list[list[float]]
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """A region or stratum as a closed polygon."""
+
+    name: str
+    corners: Floats
+    opening: bool = False
+
+
+@dataclass(frozen=True)
+class DrawnGround:
+    """All that is drawn, checked.
+
+    Args:
+        regions: At least one, if there are no strata.
+        strata: From the surface downwards.
+        lines: With names.
+        kinks: Further lines that the mesh follows, as loads have kinks there; what of them is
+            outside of the ground is left out.
+
+    Raises:
+        InputError: If names are missing or given twice, polygons cross themselves, have no area,
+            overlap or leave gaps, strata cross, or lines are outside of the ground.
+    """
+
+    regions: Sequence[Region] = ()
+    strata: Sequence[Stratum] = ()
+    lines: Sequence[DrawnLine] = ()
+    kinks: Sequence[Floats] = field(default=(), compare=False)
+
+    def __post_init__(self) -> None:
+        self._check_names()
+        _check_strata(self.strata)
+        shapes = self._shapes()
+        chains = [points_of(line.points, f"the line '{line.name}'") for line in self.lines]
+        _check_near([*((s.name, s.corners, True) for s in shapes), *self._named_chains(chains)])
+        _check_apart(shapes)
+        _check_lines(self, shapes)
+
+    @property
+    def shapes(self) -> list[tuple[str, Floats]]:
+        """Return name and corners of each body, shape (num_corners, 2)."""
+        return [(one.name, one.corners) for one in self._shapes() if not one.opening]
+
+    def with_kinks(self, kinks: Sequence[Floats]) -> "DrawnGround":
+        """Return the same ground with other lines that the mesh follows."""
+        return DrawnGround(self.regions, self.strata, self.lines, kinks)
+
+    def outline(self) -> "Outline":
+        """Return the ground divided by all its lines."""
+        return Outline.of(self._shapes(), self._all_chains())
+
+    def script(self) -> str:
+        """Return gmsh's script of the ground: what is drawn, and nothing that could do harm."""
+        return _script(self.outline(), [line.name for line in self.lines])
+
+    def remarks(self) -> list[str]:
+        """Return what a user should know, a sentence each."""
+        outline = self.outline()
+        told = [
+            f"the line '{line.name}' lies inside of '{outline.names[outline.body[k, 0]]}': cells"
+            " follow it, and it names no surface"
+            for number, line in enumerate(self.lines)
+            for k in np.flatnonzero(outline.plan.owners[:, outline.first_line + number])[:1]
+            if outline.body[k, 0] == outline.body[k, 1]
+        ]
+        return told + ([outline.unnamed] if outline.unnamed else [])
+
+    def _shapes(self) -> list[_Shape]:
+        shapes = [
+            _Shape(one.name, _polygon(one.points, f"the region '{one.name}'"), one.opening)
+            for one in self.regions
+        ]
+        tops = [points_of(one.top, f"the top of '{one.name}'") for one in self.strata]
+        if self.strata:
+            tops.append(_bottom(self.strata[-1], tops[0]))
+        below = tops[1:]
+        return shapes + [
+            _Shape(one.name, np.concatenate([upper, lower[::-1]]))
+            for one, upper, lower in zip(self.strata, tops[:-1], below, strict=True)
+        ]
+
+    def _named_chains(self, chains: Sequence[Floats]) -> list[tuple[str, Floats, bool]]:
+        named = zip(self.lines, chains, strict=True)
+        return [(line.name, chain, False) for line, chain in named]
+
+    def _all_chains(self) -> list[list[Floats]]:
+        lines = [[points_of(one.points, f"the line '{one.name}'")] for one in self.lines]
+        return [*lines, list(self.kinks)]
+
+    def _check_names(self) -> None:
+        bodies = [*(one.name for one in self.regions), *(one.name for one in self.strata)]
+        lines = [one.name for one in self.lines]
+        for name in [*bodies, *lines]:
+            if not name or plain_name(name) != name or name[0].isdigit():
+                better = plain_name(name) or "clay"
+                better = f"r_{better}" if better[0].isdigit() else better
+                raise InputError(
+                    f"name = '{name}' cannot be that of a body or surface; use small letters,"
+                    f" digits and _, such as '{better}'."
+                )
+            if [*bodies, *lines].count(name) > 1:
+                raise InputError(
+                    f"the name '{name}' is given {[*bodies, *lines].count(name)} times; give each"
+                    " region, stratum and line a name of its own."
+                )
+        for name in bodies:
+            if name in SIDES:
+                raise InputError(
+                    f"a body is called '{name}', which is the name of a side of the ground; give"
+                    " it another name."
+                )
+        if all(one.opening for one in self.regions) and not self.strata:
+            raise InputError("there is no ground: each region is an opening; draw the ground too.")
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The ground divided by all its lines.
+
+    Attributes:
+        plan: Edges and faces.
+        names: Of the bodies.
+        face_body: The body of each face, -1 for none.
+        body: The bodies on the left and right of each edge, shape (num_edges, 2), -1 for none.
+        openings: Edges around each opening, by its name.
+        sides: Edges of the whole sides, by their names.
+        unnamed: Why whole sides have no names; empty if they have.
+        first_line: Which owner of edges is the first line.
+    """
+
+    plan: Arrangement
+    names: list[str]
+    face_body: list[int]
+    body: Longs
+    openings: dict[str, list[int]]
+    sides: dict[str, list[int]]
+    unnamed: str
+    first_line: int
+
+    @staticmethod
+    def of(shapes: Sequence[_Shape], chains: Sequence[Sequence[Floats]]) -> "Outline":
+        """Return the outline of shapes that neither overlap nor leave gaps.
+
+        Args:
+            shapes: Bodies and openings.
+            chains: Polylines of each line, and at the end those of all kinks.
+        """
+        parts, owner = _segments(shapes)
+        for number, some in enumerate(chains, start=len(shapes)):
+            for chain in some:
+                parts.append(np.stack([chain[:-1], chain[1:]], axis=1))
+                owner += [number] * (len(chain) - 1)
+        plan = arrange(np.concatenate(parts), owner)
+        missing = len(shapes) + len(chains) - plan.owners.shape[1]
+        owners = np.pad(plan.owners, ((0, 0), (0, missing)))
+        plan = Arrangement(plan.points, plan.edges, owners, plan.faces, plan.sides, plan.outer)
+        solid = [k for k, one in enumerate(shapes) if not one.opening]
+        inside = _inside(shapes, plan)
+        cut = [inside[k] for k, one in enumerate(shapes) if one.opening]
+        free = ~np.any(cut, axis=0) if cut else np.ones(len(plan.faces), dtype=bool)
+        of_face = [-1] * len(plan.faces) + [-1]  # the last is that of the face -1
+        for number, k in enumerate(solid):
+            for face in np.flatnonzero(inside[k] & free):
+                of_face[face] = number
+        body = np.array(of_face)[plan.sides]
+        hollow = [k for k, one in enumerate(shapes) if one.opening]
+        around: dict[str, list[int]] = {}
+        opening = np.zeros(len(plan.edges), dtype=bool)
+        for k in hollow:
+            within_it = np.append(inside[k], False)[plan.sides]
+            edges = np.flatnonzero((within_it.sum(axis=1) == 1) & ((body >= 0).sum(axis=1) == 1))
+            around[shapes[k].name] = [int(e) for e in edges]
+            opening[edges] = True
+        sides, unnamed = _sides(plan, body, opening)
+        names = [shapes[k].name for k in solid]
+        return Outline(plan, names, of_face[:-1], body, around, sides, unnamed, len(shapes))
+
+
+def points_of(given: Sequence[Sequence[float]], what: str, least: int = 2) -> Floats:
+    """Return points as an array, shape (n, 2).
+
+    Args:
+        given: [x, y] each.
+        what: What has them, for messages.
+        least: How many there must be.
+
+    Raises:
+        InputError: If there are too few, one is not two finite numbers, or two in turn are equal.
+    """
+    for at in given:
+        if len(at) != 2 or not np.isfinite(at).all():
+            raise InputError(f"{what} has the point {list(at)}; give two numbers, [x, y].")
+        for value in at:
+            check_magnitude(f"a coordinate of {what}", value)
+    points = np.array(given, dtype=np.float64).reshape(-1, 2)
+    if len(points) < least:
+        raise InputError(f"{what} has {len(points)} points; give at least {least}.")
+    same = np.flatnonzero((points[1:] == points[:-1]).all(axis=1))
+    if same.size:
+        raise InputError(
+            f"{what} has the point {place_of(points[same[0]])} twice in turn; leave out one."
+        )
+    return points
+
+
+def _polygon(given: Sequence[Sequence[float]], what: str) -> Floats:
+    """Return the corners of a polygon without a last one that repeats the first.
+
+    Raises:
+        InputError: If it crosses or touches itself, or has no area.
+    """
+    points = points_of(given, what, 3)
+    if (points[0] == points[-1]).all():
+        points = points[:-1]
+    following = np.roll(points, -1, axis=0)
+    segments = np.stack([points, following], axis=1)
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    count = len(points)
+    for i, j, place in crossings(segments):
+        if j - i not in (1, count - 1):
+            raise InputError(
+                f"{what} crosses or touches itself at {place_of(place)}; correct its corners, or draw"
+                " two regions."
+            )
+    x, y = (points - points[0]).T
+    area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
+    if len(points) < 3 or area <= ROUNDING * size**2:
+        raise InputError(f"{what} has no area; give three corners or more that are not on a line.")
+    return points
+
+
+def place_of(point: Sequence[float] | Floats) -> str:
+    return f"({', '.join(f'{x:.6g}' for x in point)})"
+
+
+def _bottom(last: Stratum, top: Floats) -> Floats:
+    """Return the lower boundary of the last stratum."""
+    if last.bottom is None:
+        raise InputError(f"the last stratum, '{last.name}', has no bottom; give its level there.")
+    if isinstance(last.bottom, float | int):
+        level = float(last.bottom)
+        return points_of([[top[0, 0], level], [top[-1, 0], level]], f"the bottom of '{last.name}'")
+    return points_of(last.bottom, f"the bottom of '{last.name}'")
+
+
+def _check_strata(strata: Sequence[Stratum]) -> None:
+    """Refuse strata that are not one above the other.
+
+    Raises:
+        InputError: Naming two of them and a place.
+    """
+    if not strata:
+        return
+    for one in strata[:-1]:
+        if one.bottom is not None:
+            raise InputError(
+                f"the stratum '{one.name}' has a bottom, but it reaches down to '{strata[-1].name}'"
+                " or what is between; give bottom for the last stratum only."
+            )
+    named = [
+        (f"the top of '{one.name}'", points_of(one.top, f"the top of '{one.name}'"))
+        for one in strata
+    ]
+    named.append((f"the bottom of '{strata[-1].name}'", _bottom(strata[-1], named[0][1])))
+    first, ends = named[0][0], named[0][1][[0, -1], 0]
+    size = float(np.ptp(np.concatenate([chain for _, chain in named]), axis=0).max())
+    for what, chain in named:
+        back = np.flatnonzero(np.diff(chain[:, 0]) < 0)
+        if back.size:
+            raise InputError(
+                f"{what} goes back from {place_of(chain[back[0]])} to {place_of(chain[back[0] + 1])}; give"
+                " its points from left to right, or draw a [[region]]."
+            )
+        if np.abs(chain[[0, -1], 0] - ends).max() > ROUNDING * size:
+            raise InputError(
+                f"{what} goes from x = {chain[0, 0]:.6g} to {chain[-1, 0]:.6g}, but {first} from"
+                f" {ends[0]:.6g} to {ends[1]:.6g}; let each reach from end to end, along the next"
+                " one where a stratum has no thickness."
+            )
+    for (above, upper), (below, lower) in zip(named[:-1], named[1:], strict=True):
+        places = np.unique(np.concatenate([upper[:, 0], lower[:, 0]]))
+        left, width = places[:-1], np.diff(places)
+        thirds = left[:, None] + width[:, None] * np.array([1, 2]) / 3
+        gap = np.interp(thirds, *upper.T) - np.interp(thirds, *lower.T)
+        at_ends = np.stack([2 * gap[:, 0] - gap[:, 1], 2 * gap[:, 1] - gap[:, 0]], axis=1)
+        worst = np.unravel_index(np.argmin(at_ends), at_ends.shape)
+        if at_ends[worst] < -10 * ROUNDING * size:
+            x = places[worst[0] + worst[1]]
+            raise InputError(
+                f"{below} is {-at_ends[worst]:.6g} above {above} at x = {x:.6g}; strata are given"
+                " from the surface downwards and must not cross."
+            )
+        if at_ends.max() <= 10 * ROUNDING * size:
+            raise InputError(f"{above} and {below} are the same line; leave out that stratum.")
+
+
+def _segments(shapes: Sequence[_Shape]) -> tuple[list[Floats], list[int]]:
+    """Return the sides of shapes that have a length, and whose they are."""
+    parts, owner = list[Floats](), list[int]()
+    for number, one in enumerate(shapes):
+        sides = np.stack([one.corners, np.roll(one.corners, -1, axis=0)], axis=1)
+        sides = sides[(sides[:, 0] != sides[:, 1]).any(axis=1)]
+        parts.append(sides)
+        owner += [number] * len(sides)
+    return parts, owner
+
+
+def _inside(shapes: Sequence[_Shape], plan: Arrangement) -> npt.NDArray[np.bool_]:
+    """Return which faces lie in each shape, shape (num_shapes, num_faces)."""
+    points = np.array([face.point for face in plan.faces]).reshape(-1, 2)
+    return np.array([within(one.corners, points) for one in shapes])
+
+
+def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
+    """Refuse corners that are next to a side of another shape or line, and not on it.
+
+    Args:
+        chains: Name, points, and whether it is closed.
+
+    Raises:
+        InputError: Naming the two and the place.
+    """
+    size = float(np.linalg.norm(np.ptp(np.concatenate([c for _, c, _ in chains]), axis=0)))
+    for name, points, _ in chains:
+        for other, corners, closed in chains:
+            ends = np.roll(corners, -1, axis=0)
+            start, end = (corners, ends) if closed else (corners[:-1], corners[1:])
+            way = end - start
+            squares = np.maximum(np.einsum("si,si->s", way, way), np.finfo(float).tiny)
+            shares = np.einsum("psi,si->ps", points[:, None] - start, way) / squares
+            nearest = start + shares.clip(0, 1)[..., None] * way
+            apart = np.linalg.norm(points[:, None] - nearest, axis=2)
+            near = (apart > ROUNDING * size) & (apart < NEARLY * size)
+            if near.any():
+                p, s = np.argwhere(near)[0]
+                whose = "itself" if name == other else f"'{other}'"
+                raise InputError(
+                    f"'{name}' has the corner {place_of(points[p])}, which is {apart[p, s]:.3g} away"
+                    f" from {whose} at {place_of(nearest[p, s])}; give both the same coordinates."
+                )
+
+
+def _check_apart(shapes: Sequence[_Shape]) -> None:
+    """Refuse bodies that overlap or leave gaps between them.
+
+    Raises:
+        InputError: Naming the bodies, a place and an area.
+    """
+    parts, owner = _segments(shapes)
+    plan = arrange(np.concatenate(parts), owner)
+    inside = _inside(shapes, plan)
+    opening = np.array([one.opening for one in shapes])
+    for number, face in enumerate(plan.faces):
+        bodies = [shapes[k].name for k in np.flatnonzero(inside[:, number] & ~opening)]
+        if inside[opening, number].any():
+            continue
+        if len(bodies) > 1:
+            raise InputError(
+                f"'{bodies[0]}' and '{bodies[1]}' overlap in an area of {face.area:.4g} about"
+                f" {place_of(face.point)}; let them share a side, or cut one of them."
+            )
+        if not bodies:
+            around = sorted({abs(e) - 1 for loop in face.loops for e in loop})
+            names = [shapes[k].name for k in np.flatnonzero(plan.owners[around].any(axis=0))]
+            raise InputError(
+                f"there is a gap between {' and '.join(map(repr, names))}, with an area of"
+                f" {face.area:.4g}, about {place_of(face.point)}; close it, or draw it as a [[region]]"
+                " with opening = true."
+            )
+    of_shape = [
+        float(sum(f.area for f, at in zip(plan.faces, row, strict=True) if at)) for row in inside
+    ]
+    for one, row, area in zip(shapes, inside, of_shape, strict=True):
+        left = row & ~inside[opening].any(axis=0)
+        if not one.opening and not left.any():
+            raise InputError(
+                f"nothing is left of '{one.name}', as openings cut out its area of {area:.4g};"
+                " leave it out."
+            )
+
+
+def _check_lines(ground: DrawnGround, shapes: Sequence[_Shape]) -> None:
+    """Refuse lines that are outside of the ground, or partly on its boundary.
+
+    Raises:
+        InputError: Naming the line and a place.
+    """
+    if not ground.lines:
+        return
+    outline = ground.outline()
+    plan = outline.plan
+    for number, line in enumerate(ground.lines):
+        edges = np.flatnonzero(plan.owners[:, outline.first_line + number])
+        body = outline.body[edges]
+        kind = (body >= 0).sum(axis=1)
+        middles = plan.points[plan.edges[edges]].mean(axis=1)
+        if (kind == 0).any():
+            raise InputError(
+                f"the line '{line.name}' is outside of the ground at"
+                f" {place_of(middles[np.argmax(kind == 0)])}; let it lie on the boundary, between"
+                " regions or inside of one."
+            )
+        kind += (kind == 2) & (body[:, 0] == body[:, 1])
+        if len(np.unique(kind)) > 1:
+            kinds = ("", "on the boundary of the ground", "between two regions", "inside of one")
+            a, b = np.argmax(kind == kind.min()), np.argmax(kind == kind.max())
+            raise InputError(
+                f"the line '{line.name}' is {kinds[kind[a]]} at {place_of(middles[a])} and"
+                f" {kinds[kind[b]]} at {place_of(middles[b])}; draw one line for each."
+            )
+
+
+def _sides(
+    plan: Arrangement, body: Longs, opening: npt.NDArray[np.bool_]
+) -> tuple[dict[str, list[int]], str]:
+    """Return the edges of the whole sides, or why they have no names."""
+    outer = np.flatnonzero(((body >= 0).sum(axis=1) == 1) & ~opening)
+    leaving: dict[int, tuple[int, int]] = {}
+    for edge in outer:
+        a, b = plan.edges[edge] if body[edge, 0] >= 0 else plan.edges[edge][::-1]
+        if int(a) in leaving:
+            return {}, (
+                f"the sides of the ground have no names, as its outline touches itself at"
+                f" {place_of(plan.points[a])}"
+            )
+        leaving[int(a)] = (int(b), int(edge))
+    points = plan.points
+    start = min(leaving, key=lambda at: (points[at, 0], -points[at, 1]))
+    loop, edges, now = list[int](), list[int](), start
+    while not loop or now != start:
+        loop.append(now)
+        now, edge = leaving[now]
+        edges.append(edge)
+    if len(loop) < len(leaving):
+        return {}, "the sides of the ground have no names, as it consists of several parts"
+    x = points[loop, 0]
+    tolerance = ROUNDING * float(np.linalg.norm(np.ptp(points[loop], axis=0)))
+    at_left, at_right = (np.abs(x - end) <= tolerance for end in (x.min(), x.max()))
+    for word, on in (("left", at_left), ("right", at_right)):
+        if int((on & ~np.roll(on, 1)).sum()) > 1:
+            return {}, f"the sides of the ground have no names, as its {word} end has several parts"
+    down, up = int(at_left.sum()) - 1, int(at_right.sum()) - 1
+    to_right = int(np.argmax(at_right))
+    ends = (0, down, to_right, to_right + up, len(loop))
+    found = {
+        name: edges[a:b] for name, a, b in zip(SIDES, ends[:-1], ends[1:], strict=True) if b > a
+    }
+    return found, ""
+
+
+def _script(outline: Outline, lines: Sequence[str]) -> str:
+    """Return gmsh's script of an outline, for its built-in kernel."""
+    plan = outline.plan
+    solid = [k for k, of in enumerate(outline.face_body) if of >= 0]
+    used = {abs(e) - 1 for k in solid for loop in plan.faces[k].loops for e in loop}
+    used |= {e for k in solid for e in plan.faces[k].inside}
+    text, loops = list[str](), 0
+    for point in sorted({int(p) for e in used for p in plan.edges[e]}):
+        x, y = (repr(float(value)) for value in plan.points[point])
+        text.append(f"Point({point + 1}) = {{{x}, {y}, 0}};")
+    for edge in sorted(used):
+        a, b = plan.edges[edge] + 1
+        text.append(f"Line({edge + 1}) = {{{a}, {b}}};")
+    for k in solid:
+        own = []
+        for loop in plan.faces[k].loops:
+            loops += 1
+            own.append(str(loops))
+            text.append(f"Curve Loop({loops}) = {{{', '.join(map(str, loop))}}};")
+        text.append(f"Plane Surface({k + 1}) = {{{', '.join(own)}}};")
+    for k in solid:
+        if plan.faces[k].inside:
+            inside = ", ".join(str(e + 1) for e in plan.faces[k].inside)
+            text.append(f"Curve {{{inside}}} In Surface {{{k + 1}}};")
+    for number, name in enumerate(outline.names):
+        own = [str(k + 1) for k in solid if outline.face_body[k] == number]
+        text.append(f'Physical Surface("{name}") = {{{", ".join(own)}}};')
+    named = {side: edges for side, edges in outline.sides.items() if side not in lines}
+    named |= outline.openings
+    for number, line in enumerate(lines):
+        on = np.flatnonzero(plan.owners[:, outline.first_line + number])
+        named[line] = [int(e) for e in on if outline.body[e, 0] != outline.body[e, 1]]
+    for name, edges in named.items():
+        if edges:
+            curves = ", ".join(str(edge + 1) for edge in edges)
+            text.append(f'Physical Curve("{name}") = {{{curves}}};')
+    return "\n".join(text) + "\n"

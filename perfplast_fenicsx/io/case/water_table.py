@@ -1,0 +1,353 @@
+"""``[water]`` of a case file: water in the pores of ground, above it, and as a part of its weight."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.formulas import WordedFormula
+from perfplast_fenicsx.geometry.drawn_ground import DrawnGround, place_of, points_of
+from perfplast_fenicsx.io.case.gravity_table import GravityTable
+from perfplast_fenicsx.io.case.schema import at, convert
+from perfplast_fenicsx.io.case.tables import Document
+from perfplast_fenicsx.problem.declared.loads import ForceBelow, Load, PorePressure, Pressure
+from perfplast_fenicsx.units import Units
+
+NAME = "water"
+"""Name of all loads of water, for messages and stages."""
+
+NEWTONS = 9810.0
+"""Unit weight of water (N/m³)."""
+
+
+@dataclass(frozen=True)
+class WaterTable:
+    """Water in the pores of ground, and above it.
+
+    Below the table the pore pressure is the unit weight of water times the vertical depth, and
+    above it there is none. Where the table is above the surface of drawn ground, the water there
+    presses on it. The mesh of drawn ground has lines at the table and below its corners, so that
+    the pressure is linear in each cell. On other meshes both bounds stay strict, too.
+
+    Args:
+        table: The water table, points [x, y] from left to right (length), over all of the ground.
+        unit_weight: Of water (force per volume); without it that of 9.81 kN/m³ in the system of
+            [units].
+        piezometric: Lines of bodies whose pore pressure follows another level than the table, by
+            their names; such water does not press on the surface.
+        dry: Bodies without pore pressure.
+        saturated: Densities of bodies below the table, by their names; those of [gravity] hold
+            above it.
+        on: Surface on which water above the ground presses; that of drawn ground is "surface".
+    """
+
+    table: list[list[float]] = field(default_factory=list)
+    unit_weight: float | None = None
+    piezometric: dict[str, list[list[float]]] = field(default_factory=dict)
+    dry: list[str] = field(default_factory=list)
+    saturated: dict[str, float] = field(default_factory=dict)
+    on: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Water:
+    """Water as loads, and the lines that a mesh should follow for their sake.
+
+    Attributes:
+        loads: In the order of the bodies.
+        kinks: Polylines at which pore pressures have kinks, shape (n, 2) each.
+        table: The water table, for pictures, shape (n, 2); no points without one.
+    """
+
+    loads: list[Load] = field(default_factory=list)
+    kinks: list[Floats] = field(default_factory=list)
+    table: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+
+
+def read_water(
+    top: Document,
+    ground: DrawnGround | None,
+    bodies: Iterable[str],
+    units: Units,
+    name: str,
+) -> Water:
+    """Return the water of a case; without ``[water]`` there are no loads in it.
+
+    Args:
+        top: The case.
+        ground: What it draws, if it does.
+        bodies: Names of all bodies.
+        units: Of the numbers.
+        name: Of the case file.
+
+    Raises:
+        InputError: As :func:`water_of`.
+    """
+    if top.water is None:
+        return Water()
+    place = f"{name}, [water]"
+    if top.seepage is not None:
+        raise InputError(
+            f"{place}: there is [seepage] besides, which finds the pore pressures; leave out one of"
+            " them."
+        )
+    table = convert(top.water, WaterTable, place)
+    gravity = None
+    if top.gravity is not None:
+        gravity = convert(top.gravity, GravityTable, f"{name}, [gravity]")
+    with at(place):
+        return water_of(table, ground, gravity, list(bodies), units)
+
+
+def water_of(
+    table: WaterTable,
+    ground: DrawnGround | None,
+    gravity: GravityTable | None,
+    bodies: Sequence[str],
+    units: Units,
+) -> Water:
+    """Return the loads of water.
+
+    Args:
+        table: What the case says.
+        ground: What it draws, if it does.
+        gravity: The weight of the bodies, if they have any.
+        bodies: Their names.
+        units: Of the numbers.
+
+    Raises:
+        InputError: If lines are not over all of the ground or go back, a name is unknown or has two
+            pressures, or numbers are not those of water or ground.
+    """
+    given = _Given(table, ground, gravity, bodies, units)
+    given.check_names()
+    weight = given.weight_of_water()
+    lines = {body: given.line(body) for body in bodies}
+    loads = list[Load]()
+    for body, line in lines.items():
+        if line is not None and given.reaches(body, line):
+            loads.append(PorePressure(body, given.pressure(weight, body), NAME))
+    loads += given.on_surface(weight)
+    loads += given.extra_weight()
+    used = {id(line): line for line in lines.values() if line is not None}
+    kinks = [part for line in used.values() for part in given.kinks(line)]
+    return Water(loads, kinks, given.table)
+
+
+class _Given:
+    """The ``[water]`` of a case, with the ground and units that it refers to."""
+
+    def __init__(
+        self,
+        table: WaterTable,
+        ground: DrawnGround | None,
+        gravity: GravityTable | None,
+        bodies: Sequence[str],
+        units: Units,
+    ) -> None:
+        self.said, self.gravity, self.bodies, self.units = table, gravity, bodies, units
+        self.outline = None if ground is None else ground.outline()
+        self.shapes = {} if ground is None else dict(ground.shapes)
+        self.table: Floats = np.zeros((0, 2))
+        if table.table:
+            self.table = self._line(table.table, "table")
+        self.others = {
+            body: self._line(points, f"piezometric line of '{body}'")
+            for body, points in table.piezometric.items()
+        }
+
+    def check_names(self) -> None:
+        """Refuse unknown bodies, and several pressures in one."""
+        said = self.said
+        if not (len(self.table) or said.piezometric):
+            raise InputError("no water is given; give table = [[x, y], ...] or piezometric.")
+        kinds = {"piezometric": [*said.piezometric], "dry": said.dry}
+        for kind, names in {**kinds, "saturated": [*said.saturated]}.items():
+            for name in names:
+                if name not in self.bodies:
+                    raise InputError(
+                        f"{kind} names '{name}', no body; {nearest(name, self.bodies)}"
+                    )
+        for body in self.bodies:
+            own = [kind for kind, names in kinds.items() if body in names]
+            if len(own) > 1:
+                raise InputError(
+                    f"'{body}' is in {' and in '.join(own)}, which contradict each other; name it in"
+                    " one of them."
+                )
+        if said.saturated and not len(self.table):
+            raise InputError(
+                "saturated is of ground below a table, but there is no table; give it."
+            )
+
+    def weight_of_water(self) -> float:
+        """Return the unit weight of water."""
+        system, given = self.units.known, self.said.unit_weight
+        usual = None if system is None else NEWTONS * system.metres / system.pascals
+        if given is None:
+            if usual is None:
+                raise InputError(
+                    "unit_weight is missing; give that of water in the case's units, or [units]"
+                    ' with a system, such as system = "m-kN-kPa" (9.81 kN/m^3).'
+                )
+            return usual
+        if not (given > 0 and math.isfinite(given)):
+            raise InputError(
+                f"unit_weight = {given:g} is that of no water; give a positive number."
+            )
+        least, most = 0.9, 1.4  # of that of fresh water; mud has the most
+        if usual is not None and not least <= given / usual <= most:
+            unit = self.units.table()["force_density"]
+            raise InputError(
+                f"unit_weight = {given:g} {unit} is {given / usual:.3g} times that of water, which is"
+                f" {usual:.4g} {unit}; correct it, or [units]."
+            )
+        if usual is None and self.gravity is not None:
+            ground = max(self.gravity.density.values()) * math.hypot(*self.gravity.acceleration)
+            lightest, heaviest = 0.3, 20.0  # weights of ground and buildings, over that of water
+            if not lightest <= ground / given <= heaviest:
+                raise InputError(
+                    f"unit_weight = {given:g}, but the heaviest body weighs {ground:.4g} for each"
+                    f" volume, {ground / given:.3g} times as much; give both in the same units."
+                )
+        return given
+
+    def line(self, body: str) -> Floats | None:
+        """Return the level that the pore pressure of a body follows; None without one."""
+        if body in self.others:
+            return self.others[body]
+        if body in self.said.dry or not len(self.table):
+            return None
+        return self.table
+
+    def reaches(self, body: str, line: Floats) -> bool:
+        """Return whether some of a body is below a line, as far as it is drawn."""
+        return body not in self.shapes or _deepest(self.shapes[body], line, True)[0] > 0
+
+    def pressure(self, weight: float, body: str = "") -> WordedFormula:
+        """Return the pressure of water, below the line of a body or below the table."""
+        line = self.others.get(body, self.table)
+        unit = self.units.table()["force_density"]
+        what = "its piezometric line" if body in self.others else "the water table"
+        words = f"{weight:g} {unit}".rstrip() + f" times the depth below {what}"
+        return WordedFormula(f"{_number(weight)}*maximum({level(line)} - y, 0)", words)
+
+    def on_surface(self, weight: float) -> list[Load]:
+        """Return the pressure of water above the ground."""
+        if not len(self.table):
+            return []
+        if self.outline is not None and not self.said.on:
+            if self.outline.unnamed:
+                raise InputError(
+                    f"{self.outline.unnamed}, so that on must name the surface on which water above"
+                    " the ground presses; give a [[line]] along it a name."
+                )
+            plan = self.outline.plan
+            edges = plan.points[plan.edges[self.outline.sides["surface"]]]
+            if max(_deepest(ends, self.table, False)[0] for ends in edges) <= 0:
+                return []
+        elif not self.said.on:
+            return []
+        return [Pressure(self.said.on or "surface", self.pressure(weight), NAME, constant=True)]
+
+    def extra_weight(self) -> list[Load]:
+        """Return what saturated ground weighs more below the table."""
+        found = list[Load]()
+        for body, density in self.said.saturated.items():
+            if self.gravity is None or body not in self.gravity.density:
+                raise InputError(
+                    f"saturated has '{body}', which has no density in [gravity]; give that of the"
+                    " ground above the table there."
+                )
+            more = density - self.gravity.density[body]
+            if more < 0:
+                raise InputError(
+                    f"saturated has {density:g} for '{body}', less than its density"
+                    f" {self.gravity.density[body]:g} in [gravity]; exchange them."
+                )
+            if more > 0 and self.reaches(body, self.table):
+                force = tuple(more * g for g in self.gravity.acceleration)
+                depth = WordedFormula(f"{level(self.table)} - y", "it is below the water table")
+                told = (NAME, self.gravity.constant, depth)
+                found.append(ForceBelow(body, force, *told))
+        return found
+
+    def kinks(self, line: Floats) -> list[Floats]:
+        """Return the line and verticals below its corners, where it is known what is drawn."""
+        if self.outline is None:
+            return []
+        lowest = min(float(corners[:, 1].min()) for corners in self.shapes.values())
+        slopes = np.diff(line[:, 1]) / np.diff(line[:, 0])
+        bent = line[1:-1][slopes[1:] != slopes[:-1]]
+        down = [np.array([[x, y], [x, lowest]]) for x, y in bent if y > lowest]
+        return [line, *down]
+
+    def _line(self, given: Sequence[Sequence[float]], what: str) -> Floats:
+        """Return a polyline from left to right over all of the ground."""
+        line = points_of(given, what)
+        back = np.flatnonzero(np.diff(line[:, 0]) <= 0)
+        if back.size:
+            raise InputError(
+                f"{what} does not go to the right from {place_of(line[back[0]])} to"
+                f" {place_of(line[back[0] + 1])}; give its points from left to right."
+            )
+        if not self.shapes:
+            return line
+        x, y = np.concatenate(list(self.shapes.values())).T
+        little = 1e-9 * float(np.ptp(x))
+        if line[0, 0] > x.min() + little or line[-1, 0] < x.max() - little:
+            raise InputError(
+                f"{what} goes from x = {line[0, 0]:.6g} to {line[-1, 0]:.6g}, but the ground from"
+                f" {x.min():.6g} to {x.max():.6g}; let it reach over all of the ground."
+            )
+        if not any(_deepest(corners, line, True)[0] > 0 for corners in self.shapes.values()):
+            lowest = int(np.argmin(y))
+            raise InputError(
+                f"{what} is below all of the ground, whose lowest point is"
+                f" {place_of((x[lowest], y[lowest]))}; correct it."
+            )
+        return line
+
+
+def level(points: Floats) -> str:
+    """Return the height of a polyline over x as a formula.
+
+    Args:
+        points: From left to right, shape (n, 2).
+    """
+    (x, y), slopes = points.T, np.diff(points[:, 1]) / np.diff(points[:, 0])
+    text = _number(y[0])
+    bends = np.diff(slopes, prepend=0.0)
+    for number, (start, bend) in enumerate(zip(x[:-1], bends, strict=True)):
+        if bend:
+            along = f"x - {_number(start)}"
+            text += f" + {_number(bend)}*" + (f"maximum({along}, 0)" if number else f"({along})")
+    return text
+
+
+def _deepest(corners: Floats, line: Floats, closed: bool) -> tuple[float, Floats]:
+    """Return how deep a polygon or its side is below a line, and where; not positive if nowhere.
+
+    Args:
+        corners: Shape (n, 2).
+        line: From left to right.
+        closed: Whether the last corner is joined to the first.
+    """
+    ends = np.roll(corners, -1, axis=0)
+    start, end = (corners, ends) if closed else (corners[:-1], corners[1:])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = (line[:, 0] - start[:, :1]) / (end - start)[:, :1]
+    on = (shares > 0) & (shares < 1)
+    between = start[:, None] + np.where(on, shares, 0.0)[..., None] * (end - start)[:, None]
+    places = np.concatenate([start, end, between[on]])
+    depth = np.interp(places[:, 0], *line.T) - places[:, 1]
+    depth[np.abs(depth) < 1e-9 * np.abs(places).max()] = 0.0
+    deepest = int(np.argmax(depth))
+    return float(depth[deepest]), places[deepest]
+
+
+def _number(value: float) -> str:
+    return f"({float(value)!r})" if value < 0 else repr(float(value))

@@ -1,0 +1,202 @@
+"""Case files that draw their ground: bodies, names, joints, and what they come to."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.cli.understood import understood
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.case.case import Case
+from perfplast_fenicsx.io.case.case_reader import read_case
+from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.assembled.total_loads import area_of
+from perfplast_fenicsx.problem.variant import variant
+
+SOIL = '{{ law = "mohr-coulomb", young = 1e4, poisson = 0.3, cohesion = {}, friction_angle = {} }}'
+
+HEAD = """
+title = "Slope"
+geometry.size = 4.0
+mesh.adapt = {{ until = 0.3, cells = 400 }}
+loading.control = "strength"
+output.pictures = false
+gravity = {{ acceleration = [0.0, -1.0], density = {{ {density} }} }}
+support = [{{ on = "base" }}, {{ on = "left", components = "x" }},
+           {{ on = "right", components = "x" }}]
+
+[material]
+{materials}
+"""
+
+STRATA = """
+[[stratum]]
+name = "fill"
+top = [[20, 25], [30, 25], [50, 35], [70, 35]]
+
+[[stratum]]
+name = "clay"
+top = [[20, 25], [30, 25], [70, 31]]
+bottom = 20
+"""
+
+REGIONS = """
+[[region]]
+name = "fill"
+points = [[30, 25], [70, 31], [70, 35], [50, 35]]
+
+[[region]]
+name = "clay"
+points = [[20, 20], [70, 20], [70, 31], [30, 25], [20, 25]]
+"""
+
+WET = """
+[water]
+table = [[20, {0}], [70, {0}]]
+unit_weight = 9.81
+saturated = {{ fill = 19.0, clay = 19.0 }}
+"""
+
+LOADED = """
+[[line]]
+name = "road"
+points = [[55, 35], [65, 35]]
+
+[[line]]
+name = "seam"
+points = [[30, 25], [70, 31]]
+"""
+
+
+def case(tmp_path: Path, drawn: str, **strengths: tuple[float, float]) -> Case:
+    strengths = strengths or {"fill": (10.0, 30.0), "clay": (15.0, 20.0)}
+    head = HEAD.format(
+        density=", ".join(f"{name} = 19.0" for name in strengths),
+        materials="\n".join(f"{name} = {SOIL.format(*of)}" for name, of in strengths.items()),
+    )
+    path = tmp_path / "slope.toml"
+    if MPI.COMM_WORLD.rank == 0:
+        path.write_text(head + drawn, encoding="utf-8")
+    MPI.COMM_WORLD.barrier()
+    return read_case(path)
+
+
+def lengths(mesh: TaggedMesh) -> dict[str, float]:
+    return {name: area_of(mesh, name) for name in mesh.surfaces}
+
+
+@pytest.mark.mpi2("regions")
+@pytest.mark.parametrize("drawn", [STRATA, REGIONS], ids=["strata", "regions"])
+def test_bodies_sides_and_joints(shared_tmp_path: Path, drawn: str) -> None:
+    read = case(shared_tmp_path, drawn + LOADED)
+    mesh = read.tagged_mesh(MPI.COMM_WORLD)
+    assert sorted(mesh.volumes) == ["clay", "fill"]
+    found = lengths(mesh)
+    joint = float(np.hypot(40, 6))
+    wanted = {"base": 50, "left": 5, "right": 15, "surface": 30 + np.hypot(20, 10)}
+    wanted |= {"road": 10, "clay_seam": joint, "fill_seam": joint}
+    assert {name: found[name] for name in wanted} == pytest.approx(wanted)
+    (tie,) = read.problem(MPI.COMM_WORLD).given.ties
+    assert {tie.primary, tie.secondary} == {"clay_joint_1", "fill_joint_1"}
+
+
+@pytest.mark.serial
+def test_what_is_glued_moves_together(tmp_path: Path) -> None:
+    read = case(tmp_path, REGIONS)
+    meant = understood(read, read.problem(MPI.COMM_SELF))
+    assert meant is not None
+    lines = "\n".join(meant.lines)
+    assert "the drawing has one face for both" in lines and "all together" not in lines
+    assert not {"clay_joint_1", "fill_joint_1"} & {*meant.marked}
+
+
+@pytest.mark.serial
+def test_a_contact_by_the_name_of_a_line_parts_the_ground(tmp_path: Path) -> None:
+    contact = '[[contact]]\nprimary = "clay_seam"\nsecondary = "fill_seam"\n'
+    problem = case(tmp_path, REGIONS + LOADED + contact).problem(MPI.COMM_WORLD)
+    assert not problem.given.ties and len(problem.given.contacts) == 1
+
+
+@pytest.mark.serial
+def test_the_mesh_is_made_again_after_the_drawing_has_changed(tmp_path: Path) -> None:
+    case(tmp_path, REGIONS).tagged_mesh(MPI.COMM_SELF)
+    first = (tmp_path / "slope.msh").read_bytes()
+    mesh = case(tmp_path, REGIONS.replace("31", "30")).tagged_mesh(MPI.COMM_SELF)
+    assert (tmp_path / "slope.msh").read_bytes() != first
+    assert lengths(mesh)["right"] == pytest.approx(15)
+
+
+def factors(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> list[float]:
+    """The two factors of safety that a run prints."""
+    assert main(["run", str(case.path), "-o", str(tmp_path / "out"), "--force"]) == 0
+    printed = capsys.readouterr().out
+    (found,) = re.findall(r"stands with F = ([\d.]+).*falls at F = ([\d.]+)", printed)
+    return [float(text) for text in found]
+
+
+@pytest.mark.long
+@pytest.mark.serial
+def test_strata_and_regions_of_the_same_ground_have_the_same_factor(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    low, high = factors(case(tmp_path, STRATA), tmp_path, capsys)
+    assert low < high < 1.4 * low
+    other = factors(case(tmp_path, REGIONS), tmp_path, capsys)
+    assert other == pytest.approx([low, high], rel=1e-2)
+
+
+def bounds_at_one(case: Case) -> list[float]:
+    """Bounds of the factor of all loads on the first mesh."""
+    problem = case.problem(MPI.COMM_WORLD)
+    loads: list[Any] = list(problem.given.loads)
+    live = [replace(load, constant=False) for load in loads]
+    found = limit_bounds(variant(problem, loads=live))
+    assert found.lower.value is not None and found.upper.value is not None
+    return [found.lower.value, found.upper.value]
+
+
+@pytest.mark.serial
+def test_a_slope_under_water_has_the_factor_of_its_buoyant_weight(tmp_path: Path) -> None:
+    """However deep the water is: the pressures differ by those of water at rest."""
+    soil = {"fill": (10.0, 15.0), "clay": (15.0, 10.0)}
+    buoyant = case(tmp_path, REGIONS, **soil).text.replace("19.0", "9.19")
+    found = []
+    for text in (buoyant, *(WET.format(level) for level in (35.0, 50.0))):
+        head = buoyant.replace("9.19", "18.0") + text if text is not buoyant else buoyant
+        (tmp_path / "slope.toml").write_text(head, encoding="utf-8")
+        found.append(bounds_at_one(read_case(tmp_path / "slope.toml")))
+    assert found[0][0] < found[0][1] < 2 * found[0][0]
+    assert found[1] == pytest.approx(found[0], rel=1e-4)
+    assert found[2] == pytest.approx(found[0], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("drawn", "words"),
+    [
+        (LOADED, r"\[\[line\]\]: there is no \[\[region\]\]"),
+        (REGIONS + "[[region]]\nname = 'x'\n", r"\[\[region\]\] number 3: 'points' is missing"),
+        (REGIONS.replace("[70, 31], [70, 35]", "[70, 30], [70, 35]"), "'fill' and 'clay' overlap"),
+        (REGIONS + "[[stratum]]\nname = 'a'\ntop = 3\n", "top = 3 cannot be used"),
+        (REGIONS + WET.format(30.0) + "[seepage]\n", r"\[water\]: there is \[seepage\] besides"),
+    ],
+)
+@pytest.mark.serial
+def test_what_is_refused_before_it_is_meshed(tmp_path: Path, drawn: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        case(tmp_path, drawn)
+
+
+@pytest.mark.parametrize("other", ['mesh.file = "a.msh"', 'geometry.file = "a.step"'])
+@pytest.mark.serial
+def test_a_mesh_or_file_beside_drawn_ground_is_refused(tmp_path: Path, other: str) -> None:
+    text = case(tmp_path, REGIONS).text
+    (tmp_path / "slope.toml").write_text(f"{other}\n{text}", encoding="utf-8")
+    with pytest.raises(InputError, match=r"draws its ground .* besides; leave out one"):
+        read_case(tmp_path / "slope.toml")
