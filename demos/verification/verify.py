@@ -43,6 +43,7 @@ CASES = (
     "space_costs",
     "ring_bounds",
     "ground_bounds",
+    "safety_factors",
     "yield_laws",
     "wall_bounds",
     "ground_in_space",
