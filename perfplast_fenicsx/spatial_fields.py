@@ -1,15 +1,19 @@
-"""Numbers that vary in space: formulas, and tables over depth.
+"""Numbers that vary in space: formulas, tables over depth, and values at scattered points.
 
 A strength that varies is taken as it is where a value at a point is asked for. Strict bounds need
 linear functions in each cell, one that is nowhere above the field and one that is nowhere below it
 (:meth:`SpatialField.between`). Both are the field itself where that is linear in the cell.
 """
 
+import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import combinations
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.enclosures import ROUNDING, Pair, enclosed
@@ -213,11 +217,202 @@ class DepthTable(SpatialField):
 _ENDS = (np.argmin, np.argmax)
 
 
-def spatial_field(value: object) -> SpatialField:
+class Triangulation:
+    """Points of a file, the values there, and Delaunay's triangles or tetrahedra between them.
+
+    Attributes:
+        name: Of the file, for messages.
+        values: Shape (num_points,).
+    """
+
+    def __init__(self, name: str, points: Floats, values: Floats) -> None:
+        """Triangulate the points.
+
+        Args:
+            name: Of the file.
+            points: Shape (num_points, d), d = 2 or 3.
+            values: Shape (num_points,).
+
+        Raises:
+            InputError: If the points span no area, or two of them are the same.
+        """
+        from scipy.spatial import Delaunay, QhullError  # takes a while, and few cases need it
+
+        self.name, self.values = name, values
+        try:
+            self._net = Delaunay(points)
+        except (QhullError, ValueError) as error:
+            raise InputError(
+                f"the {len(points)} points of '{name}' span no area (in space no volume), so that"
+                " nothing is known between them; give points all around the body."
+            ) from error
+        if len(self._net.coplanar):
+            x = ", ".join(f"{one:.6g}" for one in points[self._net.coplanar[0, 0]])
+            raise InputError(f"'{name}' has the point ({x}) twice; give one value there.")
+        x = points[self._net.simplices]
+        thin = 1e-12  # of a flat simplex at the hull, relative to its size
+        size = np.ptp(x, axis=1).max(axis=1) ** points.shape[1]
+        kept = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) > thin * size
+        self.simplices = self._net.simplices[kept]
+        self.corners = x[kept]
+
+    def at(self, x: Floats, place: str) -> Floats:
+        """Return the values at places, linear between the points.
+
+        Raises:
+            InputError: If a place is outside of the points' convex hull.
+        """
+        outside_by = 1e-9  # in barycentric coordinates, which rounding may be
+        found = self._net.find_simplex(x, tol=outside_by)
+        if (outside := found < 0).any():
+            where = ", ".join(f"{one:.6g}" for one in x[np.argmax(outside)])
+            raise InputError(
+                f"{place}: there is material at ({where}), outside of the points of '{self.name}';"
+                " give points all around the body."
+            )
+        d = x.shape[1]
+        maps = self._net.transform[found]
+        shares = np.einsum("nij,nj->ni", maps[:, :d], x - maps[:, d])
+        shares = np.column_stack([shares, 1 - shares.sum(axis=1)])
+        return np.asarray(np.einsum("ni,ni->n", shares, self.values[self._net.simplices[found]]))
+
+    def deviations(self, corners: Floats, chords: Floats) -> Pair:
+        """Return by how much the values are below and above linear functions in simplices, at most.
+
+        Args:
+            corners: Vertices of the simplices, shape (n, d + 1, d).
+            chords: Values of the linear functions there, shape (n, d + 1).
+
+        Returns:
+            The least difference (zero or negative) and the largest one, each of shape (n,).
+        """
+        least, most = np.zeros((2, len(corners)))
+        boxes = [(x.min(axis=1), x.max(axis=1)) for x in (corners, self.corners)]
+        (low, high), (others_low, others_high) = boxes
+        at_once = 200  # simplices whose neighbours are looked for together, for the memory
+        for some in np.array_split(np.arange(len(corners)), len(corners) // at_once + 1):
+            apart = (low[some, None] > others_high).any(axis=2)
+            apart |= (high[some, None] < others_low).any(axis=2)
+            a, b = np.nonzero(~apart)
+            a = some[a]
+            first, second, there = _overlap_ends(corners[a], self.corners[b])
+            above = np.einsum("pev,pv->pe", second, self.values[self.simplices[b]])
+            above -= np.einsum("pev,pv->pe", first, chords[a])
+            above = np.where(there, above, 0.0)
+            np.minimum.at(least, a, above.min(axis=1))
+            np.maximum.at(most, a, above.max(axis=1))
+        return least, most
+
+
+def _overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+    """Return barycentric coordinates of places whose convex hull is the overlap of two simplices.
+
+    They are the ends of the part of each edge of the one that lies in the other, and the other way
+    round. Every vertex of the overlap is such an end.
+
+    Args:
+        ones: Vertices of simplices, shape (num_pairs, d + 1, d).
+        others: The same of those beside them.
+
+    Returns:
+        Coordinates in both simplices, each of shape (num_pairs, n, d + 1), and which places there
+        are.
+    """
+    rounding, count = 1e-9, ones.shape[1]  # of barycentric coordinates
+    pairs = np.array(list(combinations(range(count), 2)))
+    own = np.eye(count)
+    found: list[tuple[Floats, Floats]] = []
+    inside = []
+    for x, y, swapped in ((ones, others, False), (others, ones, True)):
+        inverse = np.linalg.inv(y[:, 1:] - y[:, :1])
+        shares = (x - y[:, :1]) @ inverse  # of the vertices of x in y
+        shares = np.concatenate([1 - shares.sum(axis=2, keepdims=True), shares], axis=2)
+        start, rates = shares[:, pairs[:, 0]], shares[:, pairs[:, 1]] - shares[:, pairs[:, 0]]
+        enters, leaves = rates > rounding, rates < -rounding
+        cuts = np.divide(-start, rates, out=np.zeros_like(rates), where=enters | leaves)
+        first = np.maximum(np.where(enters, cuts, 0.0).max(axis=2), 0.0)
+        last = np.minimum(np.where(leaves, cuts, 1.0).min(axis=2), 1.0)
+        beside = (~enters & ~leaves & (start < -rounding)).any(axis=2)
+        for at in (first, last):
+            here = own[pairs[:, 0]] + at[..., None] * (own[pairs[:, 1]] - own[pairs[:, 0]])
+            there = start + at[..., None] * rates
+            found.append((there, here) if swapped else (here, there))
+            inside.append((first <= last + rounding) & ~beside)
+    firsts, seconds = zip(*found, strict=True)
+    return np.hstack(firsts), np.hstack(seconds), np.hstack(inside)
+
+
+@dataclass(frozen=True)
+class PointValues(SpatialField):
+    """Values at scattered points, linear in Delaunay's triangles or tetrahedra between them.
+
+    Args:
+        net: The points and the values.
+        scale: The number that the values are multiplied by.
+    """
+
+    net: Triangulation
+
+    def in_words(self) -> str:
+        """Return the file, and how many values it has."""
+        return f"{len(self.net.values)} values of '{self.net.name}', linear between them"
+
+    def _at(self, x: Floats, place: str) -> Floats:
+        return self.net.at(x, place)
+
+    def _between(self, corners: Floats, place: str) -> Pair:
+        flat = self._at(corners.reshape(-1, corners.shape[2]), place)
+        chords = flat.reshape(corners.shape[:2])
+        least, most = self.net.deviations(corners, chords)
+        little = ROUNDING * np.abs(chords).max(axis=1)
+        least = np.where(-least <= little, 0.0, least)
+        most = np.where(most <= little, 0.0, most)
+        return chords + least[:, None], chords + most[:, None]
+
+
+def read_points(path: Path, column: str) -> PointValues:
+    """Return the field of a CSV file of points.
+
+    Args:
+        path: A file whose first line names its columns: x, y, in space z, and values.
+        column: Name of the column of the values.
+
+    Raises:
+        InputError: If the file cannot be read, a column is missing, or an entry is no number.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"'{path.name}' cannot be read ({error}); give a CSV file.") from error
+    rows = [[cell.strip() for cell in row] for row in csv.reader(lines) if row]
+    names = rows[0] if rows else []
+    for name in ("x", "y", column):
+        if name not in names:
+            raise InputError(
+                f"'{path.name}' has no column '{name}' in its first line; name the coordinates x"
+                " and y (and z in space) there, and the values as the case file does."
+            )
+    wanted = [*(name for name in "xyz" if name in names), column]
+    numbers = np.empty((len(rows) - 1, len(wanted)))
+    for line, row in enumerate(rows[1:]):
+        try:
+            numbers[line] = [float(row[names.index(name)]) for name in wanted]
+        except (ValueError, IndexError) as error:
+            raise InputError(
+                f"'{path.name}': row {line + 2} has no number in one of the columns"
+                f" {', '.join(wanted)}; give one in each."
+            ) from error
+    if not np.isfinite(numbers).all():
+        raise InputError(f"'{path.name}' has an entry that is not finite; give numbers.")
+    return PointValues(Triangulation(path.name, numbers[:, :-1], numbers[:, -1]))
+
+
+def spatial_field(value: object, folder: Path) -> SpatialField:
     """Return the field that a case file gives.
 
     Args:
-        value: A formula, or a list of pairs.
+        value: A formula, a list of pairs, or a table with a file and the column of its values.
+        folder: Where files are, if their paths are relative.
 
     Raises:
         InputError: If it is neither, or not a field.
@@ -226,11 +421,16 @@ def spatial_field(value: object) -> SpatialField:
         return value
     if isinstance(value, str):
         return Formula(value)
+    if isinstance(value, dict) and set(value) == {"file", "column"}:
+        file, column = value["file"], value["column"]
+        if isinstance(file, str) and isinstance(column, str):
+            return read_points(folder / file, column)
     if isinstance(value, Sequence) and all(_is_pair(row) for row in value):
         return DepthTable(tuple((float(row[0]), float(row[1])) for row in value))
     raise InputError(
-        'it is neither a number, nor a formula such as "20 + 1.5*(12 - y)", nor a table of'
-        " [coordinate, value] pairs such as [[0.0, 30.0], [10.0, 20.0]]; give one of them."
+        'it is no number, formula such as "20 + 1.5*(12 - y)", table of [coordinate, value] pairs'
+        ' such as [[0.0, 30.0], [10.0, 20.0]], or CSV file such as { file = "points.csv", column ='
+        ' "c" }; give one of them.'
     )
 
 

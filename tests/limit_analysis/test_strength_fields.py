@@ -1,6 +1,7 @@
 """Strict bounds of bodies whose strength varies in space."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 from mpi4py import MPI
@@ -18,6 +19,7 @@ from perfplast_fenicsx import (
     Support,
     VonMises,
 )
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import Side, profiles_of_cells
@@ -28,7 +30,13 @@ from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.checker import check_lower, check_upper
 from perfplast_fenicsx.proof.halves import differences
 from perfplast_fenicsx.proof.plain_arrays import ProofError
-from perfplast_fenicsx.spatial_fields import DepthTable, Formula, SpatialField, Strength
+from perfplast_fenicsx.spatial_fields import (
+    DepthTable,
+    Formula,
+    SpatialField,
+    Strength,
+    read_points,
+)
 from tests.limit_analysis.test_linear_tractions import SQUARE, cube
 from tests.limit_analysis.test_static_bound import rectangle
 
@@ -216,3 +224,74 @@ def test_a_factor_of_safety_divides_a_field() -> None:
     halved = weakened(square("tresca", Formula(LINEAR)), 2.0)
     low, high = values(limit_bounds(halved, 1e-6))
     assert 1 - 1e-5 <= low <= 1 <= high <= 1 + 1e-5
+
+
+def write_points(path: Path, n: int, seed: int, value: Callable[[Floats], Floats]) -> Path:
+    """Write values at the corners of the unit square, on its sides and at random places inside."""
+    rng = np.random.default_rng(seed)
+    sides = np.linspace(0.0, 1.0, 4)
+    around = [(a, b) for a in sides for b in sides if {a, b} & {0.0, 1.0}]
+    points = np.concatenate([np.array(around), rng.random((n, 2))])
+    table = np.column_stack([points, value(points)]).tolist()
+    rows = [f"{x!r},{y!r},{c!r}" for x, y, c in table]
+    path.write_text("\n".join(["x,y,c", *rows]), encoding="utf-8")
+    return path
+
+
+def test_a_linear_field_of_a_file(tmp_path: Path) -> None:
+    """It is the formula, whatever the points are."""
+    path = write_points(tmp_path / "points.csv", 40, 1, lambda x: 10 + 6 * x[:, 0])
+    given = [square("tresca", field, 1.0) for field in (Formula(LINEAR), read_points(path, "c"))]
+    sides: tuple[Side, ...] = ("below", "above")
+    for side in sides:
+        one, other = (profiles_of_cells(problem, side) for problem in given)
+        assert one is not None and other is not None
+        assert np.allclose(one, other, rtol=1e-12, atol=0.0)
+
+
+def test_linear_functions_beside_scattered_values(tmp_path: Path) -> None:
+    """They enclose the field in each triangle, and touch it from both sides."""
+    rng = np.random.default_rng(3)
+    path = tmp_path / "points.csv"
+    write_points(path, 30, 2, lambda x: rng.lognormal(1.0, 0.5, len(x)))
+    field = 3.0 * read_points(path, "c")
+    corners = rng.random((100, 3, 2))
+    low, high = field.between(corners, "here")
+    shares = rng.dirichlet(np.ones(3), 400)
+    exact = np.stack([field.at(share @ corners, "here") for share in shares], axis=1)
+    off = 1e-9 * exact.max()
+    assert (low @ shares.T <= exact + off).all()
+    assert (high @ shares.T >= exact - off).all()
+    touching = (exact - low @ shares.T).min(axis=1) / (high - low).max(axis=1)
+    assert np.median(touching) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x,y,d\n0,0,1", "has no column 'c'"),
+        ("x,y,c\n0,0,1\n1,0,a\n", "row 3 has no number"),
+        ("x,y,c\n0,0,1\n1,0,1\n2,0,1\n3,0,1\n", "span no area"),
+        ("x,y,c\n0,0,1\n1,0,1\n0,1,1\n1,0,1\n", "point .* twice"),
+        ("x,y,c\n0,0,1\n1,0,1\n0,1,nan\n", "not finite"),
+    ],
+)
+def test_files_that_are_no_field(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=words):
+        read_points(path, "c")
+
+
+@pytest.mark.mpi2
+def test_a_random_field_of_a_file(shared_tmp_path: Path) -> None:
+    """Log-normal values with their seed: strict bounds, and a proof in a file."""
+    rng = np.random.default_rng(7)
+    path = shared_tmp_path / "points.csv"
+    values_of = rng.lognormal(2.0, 0.3, 200)
+    if MPI.COMM_WORLD.rank == 0:
+        write_points(path, 40, 5, lambda x: values_of[: len(x)])
+    MPI.COMM_WORLD.barrier()
+    problem = square("tresca", read_points(path, "c"), 1.0, 4)
+    low, high = values(proven(problem, shared_tmp_path))
+    assert 2 * float(values_of.min()) <= low <= high

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, get_args, get_type_hints
 
 from mpi4py import MPI
 
@@ -21,7 +22,7 @@ from perfplast_fenicsx.io.case.load_table import read_load
 from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
 from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
 from perfplast_fenicsx.io.case.method_table import read_method
-from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
+from perfplast_fenicsx.io.case.schema import Table, at, choose, convert, shown
 from perfplast_fenicsx.io.case.seepage_table import read_seepage, water_loads
 from perfplast_fenicsx.io.case.support_tables import (
     RigidSurfaceTable,
@@ -46,6 +47,7 @@ from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import Initial, InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.stage import check_stages
+from perfplast_fenicsx.spatial_fields import SpatialField, spatial_field
 
 
 def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD, trust: bool = False) -> Case:
@@ -85,7 +87,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
     for body, properties in top.material.items():
         place = f"{name}, [material.{body}]"
         _, law, rest = choose(properties, "law", MATERIALS, place)
-        materials[body] = convert(rest, law, place)
+        materials[body] = convert(with_fields(rest, law, path.parent, place), law, place)
     units = read_units(top.units, materials, name)
     materials, weaker = reduced(materials, top.design, f"{name}, [design]")
     loads: list[Load] = []
@@ -184,6 +186,27 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         remarks=(weaker,) if weaker else (),
         water=water,
     )
+
+
+def with_fields(table: Table, law: type[Any], folder: Path, place: str) -> Table:
+    """Return a table of a material with fields in the place of what says them.
+
+    Args:
+        table: As TOML has it, without the law.
+        law: The dataclass of the material.
+        folder: That of the case file.
+        place: Where the table is, for messages.
+
+    Raises:
+        InputError: If something is no field.
+    """
+    hints, found = get_type_hints(law), dict(table)
+    for key, value in table.items():
+        varies = SpatialField in get_args(hints.get(key))
+        if varies and isinstance(value, str | list | dict):
+            with at(f"{place}: {key} = {shown(value)}"):
+                found[key] = spatial_field(value, folder)
+    return found
 
 
 def _numbered(tables: list[Table], place: str) -> list[tuple[str, Table]]:

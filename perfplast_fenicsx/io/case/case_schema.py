@@ -60,6 +60,12 @@ _SCALARS: dict[Any, Schema] = {
         "anyOf": [
             {"type": "string"},
             {"type": "array", "items": {"type": "array", "items": {"type": "number"}}},
+            {
+                "type": "object",
+                "properties": {"file": {"type": "string"}, "column": {"type": "string"}},
+                "required": ["file", "column"],
+                "additionalProperties": False,
+            },
         ]
     },
 }

@@ -14,14 +14,14 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from perfplast_fenicsx.errors import InputError, check_magnitude, nearest
-from perfplast_fenicsx.spatial_fields import SpatialField, Strength, spatial_field
+from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 T = TypeVar("T")
 Table = dict[str, Any]
 
 _WORDS: dict[Any, str] = {
     float: "a number",
-    SpatialField: "a formula or a table of [coordinate, value] pairs",
+    SpatialField: "a formula, a table of [coordinate, value] pairs or a CSV file",
     int: "a whole number",
     str: "a string",
     bool: "true or false",
@@ -95,9 +95,8 @@ def shown(value: object) -> str:
 
 
 def _converted(value: object, key: str, hint: Any, place: str) -> Any:
-    if SpatialField in typing.get_args(hint) and isinstance(value, str | list):
-        with at(f"{place}: {key} = {shown(value)}"):
-            return spatial_field(value)
+    if SpatialField in typing.get_args(hint) and isinstance(value, SpatialField):
+        return value
     try:
         converted = msgspec.convert(value, type=float if hint == Strength else hint)
     except msgspec.ValidationError as error:
