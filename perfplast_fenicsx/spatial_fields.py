@@ -247,9 +247,9 @@ class Triangulation:
                 " nothing is known between them; give points all around the body."
             ) from error
         if len(self._net.coplanar):
-            x = ", ".join(f"{one:.6g}" for one in points[self._net.coplanar[0, 0]])
-            raise InputError(f"'{name}' has the point ({x}) twice; give one value there.")
-        x = points[self._net.simplices]
+            where = ", ".join(f"{one:.6g}" for one in points[self._net.coplanar[0, 0]])
+            raise InputError(f"'{name}' has the point ({where}) twice; give one value there.")
+        x: Floats = points[self._net.simplices]
         thin = 1e-12  # of a flat simplex at the hull, relative to its size
         size = np.ptp(x, axis=1).max(axis=1) ** points.shape[1]
         kept = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) > thin * size

@@ -233,7 +233,7 @@ def write_points(path: Path, n: int, seed: int, value: Callable[[Floats], Floats
     around = [(a, b) for a in sides for b in sides if {a, b} & {0.0, 1.0}]
     points = np.concatenate([np.array(around), rng.random((n, 2))])
     table = np.column_stack([points, value(points)]).tolist()
-    rows = [f"{x!r},{y!r},{c!r}" for x, y, c in table]
+    rows = [",".join(map(repr, row)) for row in table]
     path.write_text("\n".join(["x,y,c", *rows]), encoding="utf-8")
     return path
 

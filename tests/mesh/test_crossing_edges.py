@@ -16,6 +16,7 @@ from dolfinx.mesh import (
 from perfplast_fenicsx import PorePressure, TaggedMesh
 from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import on_kinks
 from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
+from perfplast_fenicsx.spatial_fields import Formula
 
 SIZE = 4
 
@@ -83,3 +84,10 @@ def test_lines_at_which_the_slope_of_a_pore_pressure_changes_stay() -> None:
         crossed(1e-9), [PorePressure("below", "10*(x - y)"), PorePressure("below", 2)]
     )
     assert not smooth.any()
+
+
+def test_lines_at_which_the_slope_of_a_strength_changes_stay() -> None:
+    tagged_mesh = crossed(1e-9)
+    stays = on_kinks(tagged_mesh, [], [("below", Formula("2 + abs(x - y)"))])
+    assert bend_crossings(tagged_mesh, stays) == SIZE**2 - SIZE
+    assert not on_kinks(crossed(1e-9), [], [("below", Formula("2 + x - y"))]).any()

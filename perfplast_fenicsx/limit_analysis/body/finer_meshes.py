@@ -14,6 +14,7 @@ from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
 from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
 from perfplast_fenicsx.limit_analysis.body.wide_corners import wide_corners
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import varying_of
 from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import on_kinks
 from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
 from perfplast_fenicsx.mesh.refinement import fan, fan_around, refine, spread
@@ -141,7 +142,9 @@ def refined(
     points = singular_points(finer, given, valence, ends=not at_once)
     if problem.comm.allreduce(len(points)):
         finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
-    bend_crossings(finer, on_kinks(finer, given.loads))
+    fields = varying_of(problem)
+    strengths = [(name, field) for name, each in fields.items() for field in each.values()]
+    bend_crossings(finer, on_kinks(finer, given.loads, strengths))
     return finer
 
 

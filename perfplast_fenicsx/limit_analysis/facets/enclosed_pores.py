@@ -6,7 +6,7 @@ pressure does the work ∫ u tr ε, tr ε ≥ 0, and any smaller one does no mor
 the pressure from above, an upper one from below, and both are strict.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -29,6 +29,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.loads import EnclosedPores, FieldPores, Load, PorePressure
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.spatial_fields import SpatialField
 
 PRESSED = (Elastic, VonMises, Tresca, DruckerPrager, MohrCoulomb)
 """Laws whose stresses stay within yield when a pressure is added to them."""
@@ -60,23 +61,32 @@ def pores_in_words(problem: Problem) -> tuple[str, ...]:
     )
 
 
-def on_kinks(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> npt.NDArray[np.bool_]:
-    """Return at which local vertices the slope of a pressure in pores changes. Collective.
+def on_kinks(
+    tagged_mesh: TaggedMesh,
+    loads: Sequence[Load],
+    strengths: Sequence[tuple[str, SpatialField]] = (),
+) -> npt.NDArray[np.bool_]:
+    """Return at which local vertices the slope of a pressure or a strength changes. Collective.
 
     Args:
         tagged_mesh: Of straight cells.
-        loads: Of any kind.
+        loads: Of any kind; those that are pressures in pores count.
+        strengths: Fields of volumes, with the names of these.
     """
     mesh = tagged_mesh.mesh
     index_map = mesh.topology.index_map(0)
     count = index_map.size_local + index_map.num_ghosts
     found = np.zeros(count, dtype=bool)
+    known: list[tuple[str, Callable[[Floats], Floats | None]]] = []
     for load in loads:
-        if not isinstance(load, PorePressure) or not isinstance(load.value, str):
-            continue
-        cells, vertices, places = _cells(tagged_mesh, load.on)
-        linear = load if isinstance(load, FieldPores) else _enclosed(load, "below")
-        values = linear.at_corners(places)
+        if isinstance(load, PorePressure) and isinstance(load.value, str):
+            linear = load if isinstance(load, FieldPores) else _enclosed(load, "below")
+            known.append((load.on, linear.at_corners))
+    for name, field in strengths:
+        known.append((name, lambda x, field=field: field.between(x, "a strength")[0]))
+    for name, at_corners in known:
+        cells, vertices, places = _cells(tagged_mesh, name)
+        values = at_corners(places)
         if values is None:
             continue
         d = places.shape[2]
