@@ -8,6 +8,7 @@ the pressure from above, an upper one from below, and both are strict.
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -83,7 +84,7 @@ def on_kinks(
             linear = load if isinstance(load, FieldPores) else _enclosed(load, "below")
             known.append((load.on, linear.at_corners))
     for name, field in strengths:
-        known.append((name, lambda x, field=field: field.between(x, "a strength")[0]))
+        known.append((name, partial(_low, field)))
     for name, at_corners in known:
         cells, vertices, places = _cells(tagged_mesh, name)
         values = at_corners(places)
@@ -102,6 +103,11 @@ def on_kinks(
         noticed = 1e-6  # of the largest slope, far above what rounding leaves of small cells
         found |= (spread > (noticed * largest) ** 2 * table[:, :1] ** 2).any(axis=1)
     return found
+
+
+def _low(field: SpatialField, corners: Floats) -> Floats:
+    """Return a linear function below a strength at the vertices of cells."""
+    return field.between(corners, "a strength")[0]
 
 
 def _bent(problem: Problem) -> list[Load]:
