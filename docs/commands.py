@@ -131,10 +131,14 @@ def execute(folder: Path, command: Command) -> str:
 
 
 def same(shown: str, printed: str) -> bool:
-    """Whether the page shows what a command prints, apart from numbers, spaces, lists of files."""
+    """Return whether the page shows what a command prints.
+
+    Numbers, spaces, lists of files and the picture of ``check`` do not count.
+    """
 
     def plain(text: str) -> list[str]:
         text = re.sub(r"^(Results in \S+):.*", r"\1", text, flags=re.M)
+        text = re.sub(r"^Picture of what was understood: .*\n", "", text, flags=re.M)
         lines = [" ".join(NUMBER.sub("0", line).split()) for line in text.strip().splitlines()]
         return [line.replace("less than 0", "0") for line in lines]
 

@@ -9,13 +9,13 @@ REFUSED = 2
 
 
 def environment_apart() -> dict[str, str]:
-    """The environment of such a process: without what MPI's launchers set."""
+    """Return the environment of such a process: without what MPI's launchers set."""
     hidden = ("OMPI_", "PMIX_", "PRTE_", "PMI_", "MPI_", "HYDRA_")
     return {key: value for key, value in os.environ.items() if not key.startswith(hidden)}
 
 
 def environment_for_gmsh(home: Path) -> dict[str, str]:
-    """The same for a program that starts gmsh, which writes settings into the user's home.
+    """Return the same for a program that starts gmsh, which writes settings into the user's home.
 
     Args:
         home: A folder that serves as such.

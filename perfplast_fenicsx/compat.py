@@ -27,7 +27,7 @@ from perfplast_fenicsx.parallel import lasting
 
 
 def interpolation_points(element: Any) -> Floats:
-    """Points of the reference cell where an ``Expression`` for ``element`` is evaluated.
+    """Return points of the reference cell where an ``Expression`` for ``element`` is evaluated.
 
     Args:
         element: ``V.element`` of a function space.
@@ -50,7 +50,7 @@ def geometry_dofmap(mesh: Mesh) -> Ints:
 
 
 def coordinate_map(mesh: Mesh) -> Any:
-    """The coordinate element of the cells.
+    """Return the coordinate element of the cells.
 
     ``geometry.cmap`` up to 0.10; the first of the list ``geometry.cmaps`` in 0.11, as above.
     """
@@ -76,7 +76,7 @@ def entity_nodes(mesh: Mesh, dim: int, entities: Ints) -> Ints:
 
 
 def create_vector(V: fem.FunctionSpace) -> PETSc.Vec:
-    """A vector of zeros with room for the unknowns of a space. Collective.
+    """Return a vector of zeros with room for the unknowns of a space. Collective.
 
     ``dolfinx.la.create_petsc_vector`` in 0.9, ``dolfinx.la.petsc.create_vector`` from 0.10.
 
@@ -116,7 +116,7 @@ def evaluate(expression: fem.Expression, function: fem.Function, cells: Ints) ->
 
     Args:
         expression: Compiled at the interpolation points of the function's element.
-        function: Of a space on the expression's mesh.
+        function: Function of a space on the expression's mesh.
         cells: Local indices.
     """
     target = function._cpp_object
@@ -125,12 +125,12 @@ def evaluate(expression: fem.Expression, function: fem.Function, cells: Ints) ->
 
 
 def sent_to(ranks: Ints) -> Callable[..., Any]:
-    """A partitioner that sends cells to given ranks.
+    """Return a partitioner that sends cells to given ranks.
 
     What it returns is a C++ object: that of ``adjacencylist`` up to 0.9, a member of it later.
 
     Args:
-        ranks: Of the cells that this rank gives.
+        ranks: Ranks of the cells that this rank gives.
     """
     lists: Any = adjacencylist(ranks.astype(np.int32)[:, None])
     return lambda *_: getattr(lists, "_cpp_object", lists)

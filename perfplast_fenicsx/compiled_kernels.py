@@ -38,7 +38,7 @@ def compiled(comm: MPI.Intracomm, source: str) -> tuple[Any, FFI]:
 
 @mpi_jit_decorator
 def _load(source: str) -> Any:
-    """The module, from its file; that is made whole or not at all."""
+    """Return the module, from its file; that is made whole or not at all."""
     folder = Path(get_options()["cache_dir"])
     of = "\0".join([source, _processor(), sysconfig.get_config_var("SOABI") or ""])
     name = f"perfplast_kernels_{hashlib.sha1(of.encode()).hexdigest()}"

@@ -7,7 +7,7 @@ from typing import Any
 
 
 def csv_table(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Rows with the same keys as CSV: commas, points in numbers, all digits.
+    """Return rows with the same keys as CSV: commas, points in numbers, all digits.
 
     What is not known is empty, and so is a table without rows.
     """

@@ -5,7 +5,7 @@ import re
 
 
 def arguments(documented: object) -> dict[str, str]:
-    """The ``Args`` of a Google docstring: name to text, on one line.
+    """Return the ``Args`` of a Google docstring: name to text, on one line.
 
     Args:
         documented: A class or a function with a docstring.
@@ -28,6 +28,6 @@ def arguments(documented: object) -> dict[str, str]:
 
 
 def summary(documented: object) -> str:
-    """The text of a docstring before its first section."""
+    """Return the text of a docstring before its first section."""
     text = inspect.getdoc(documented) or ""
     return re.split(r"\n\n(?:Args|Raises|Returns|Attributes):", text)[0]

@@ -37,7 +37,7 @@ def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
     Args:
         formula: A number, or a formula in x, y and z.
         corners: Vertices of the simplices, shape (n, k, d).
-        place: What has the formula, for the message.
+        place: Place of the formula in the input, for messages.
 
     Returns:
         Values at the vertices, each of shape (n, k); None where the formula has parts other than

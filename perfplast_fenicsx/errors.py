@@ -37,7 +37,7 @@ class InputError(ValueError):
 
 
 def visible(text: str, lines: bool = False) -> str:
-    """A text with escapes in place of control characters, which a terminal would obey.
+    """Return a text with escapes in place of control characters, which a terminal would obey.
 
     Args:
         text: Any.
@@ -102,7 +102,7 @@ def raise_together(comm: "MPI.Intracomm", message: str | None) -> None:
 
     Args:
         comm: Communicator whose ranks decide together.
-        message: What this rank found, or None. Of several the lowest rank's is reported.
+        message: The fault that this rank found, or None. The lowest rank's fault is reported.
 
     Raises:
         InputError: With the same message on every rank.
@@ -117,13 +117,13 @@ def on_all_ranks(comm: "MPI.Intracomm", action: Callable[[], T]) -> T:
 
     Args:
         comm: The ranks.
-        action: What to do; it communicates with no other rank.
+        action: A function that communicates with no other rank.
 
     Returns:
         What it returned.
 
     Raises:
-        InputError: That of the action, on every rank; of several the lowest rank's.
+        InputError: The error of the action, on every rank; of several the lowest rank's.
     """
     fault = None
     try:
@@ -139,13 +139,13 @@ def on_rank0(comm: "MPI.Intracomm", action: Callable[[], T]) -> T | None:
 
     Args:
         comm: The ranks.
-        action: What to do; it communicates with no other rank.
+        action: A function that communicates with no other rank.
 
     Returns:
         What it returned on rank 0, None on the others.
 
     Raises:
-        InputError: That of the action, on every rank.
+        InputError: The error of the action, on every rank.
     """
 
     def alone() -> T | None:
@@ -155,7 +155,7 @@ def on_rank0(comm: "MPI.Intracomm", action: Callable[[], T]) -> T | None:
 
 
 def nearest(word: object, known: Iterable[str]) -> str:
-    """The remedy for an unknown word: the nearest known one, or all of them."""
+    """Return the remedy for an unknown word: the nearest known one, or all of them."""
     words = list(known)
     close = difflib.get_close_matches(str(word)[:100], words, n=1)
     return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(words)}."

@@ -86,7 +86,7 @@ class WordedFormula(str):
 
 
 def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
-    """Values of a formula in x, y, z at points.
+    """Return values of a formula in x, y, z at points.
 
     Not collective: a formula is refused on every rank alike, but a value that is not finite is seen
     only by the rank that has the point.
@@ -94,7 +94,7 @@ def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
     Args:
         formula: A number, or a formula such as ``"0.02*(x**2 + y**2)"``.
         x: Coordinates, shape (num_points, 3).
-        place: Where the formula is, for the message.
+        place: Place of the formula in the input, for messages.
 
     Returns:
         Shape (num_points,).
@@ -182,7 +182,7 @@ def _fault(node: ast.AST, called: bool) -> str | None:
 
 
 def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
-    """Value of a part of a formula that has been checked.
+    """Return the value of a part of a formula that has been checked.
 
     Whole numbers count as floats: 9**9**9 shall overflow at once, not occupy the machine.
     """

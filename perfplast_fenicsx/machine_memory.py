@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 
 def has_memory(comm: MPI.Intracomm, needed: float) -> tuple[bool, float, float]:
-    """Whether the machines have the memory that their ranks need. Collective.
+    """Return whether the machines have the memory that their ranks need. Collective.
 
     Args:
         comm: The ranks.

@@ -47,7 +47,7 @@ class MeshEstimate:
         return f"{self.estimate:.{digits - wide}g}"
 
     def in_words(self, zeta: str = "") -> str:
-        """The estimate and what it is worth: the rest of a sentence that names the mesh.
+        """Return the estimate and what it is worth: the rest of a sentence that names the mesh.
 
         Args:
             zeta: Text before loads, such as "ζ = ".
@@ -66,7 +66,7 @@ class MeshEstimate:
 
 
 def percent(share: float) -> str:
-    """A distance in percent, in two digits: "0.74 %", "430 %"."""
+    """Return a distance in percent, in two digits: "0.74 %", "430 %"."""
     touching = 1e-5  # distance of the sides, relative, below which its number means nothing
     if share < touching:
         return f"less than {100 * touching:g} %"

@@ -22,7 +22,7 @@ def lasting(comm: MPI.Intracomm | PETSc.Comm) -> MPI.Intracomm:
     most, so that a program with many meshes would end.
 
     Args:
-        comm: Of any ranks, such as a mesh's.
+        comm: Communicator of any ranks, such as a mesh's.
     """
     if isinstance(comm, PETSc.Comm):
         comm = comm.tompi4py()
@@ -37,7 +37,7 @@ def drop_garbage(comm: MPI.Intracomm) -> None:
     """Destroy the objects of PETSc that Python has dropped on all ranks. Collective.
 
     Args:
-        comm: Of any ranks; the objects are on its :func:`lasting` one.
+        comm: Communicator of any ranks; the objects are on its :func:`lasting` one.
     """
     if comm.size > 1:  # on one rank nothing waits
         PETSc.garbage_cleanup(lasting(comm))
@@ -77,7 +77,7 @@ class Exchange:
         comm.Alltoall(self._sent, self._received)
 
     def forward(self, rows: npt.NDArray) -> npt.NDArray:
-        """The rows that arrive here of what all ranks send. Collective."""
+        """Return the rows that arrive here of what all ranks send. Collective."""
         return exchange_rows(self._comm, rows[self._order], self._sent, self._received)
 
     def back(self, rows: npt.NDArray) -> npt.NDArray:
@@ -113,7 +113,7 @@ def exchange_rows(
 def fetch_rows(
     comm: MPI.Intracomm, rows: npt.NDArray, numbers: npt.NDArray[np.integer]
 ) -> npt.NDArray:
-    """Rows of an array that is distributed over the ranks, by their numbers. Collective.
+    """Return rows of an array that is distributed over the ranks, by their numbers. Collective.
 
     Args:
         comm: The ranks.
@@ -130,7 +130,7 @@ def fetch_rows(
 
 
 def _bytes(rows: npt.NDArray) -> npt.NDArray[np.uint8]:
-    """The same memory without the names of a structured type, which MPI knows nothing of."""
+    """Return the same memory without the names of a structured type, which MPI knows nothing of."""
     return rows.reshape(-1).view(np.uint8)
 
 

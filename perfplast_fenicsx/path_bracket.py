@@ -35,7 +35,7 @@ class PathBracket:
     refused: float | None
 
     def in_words(self, zeta: str = "") -> str:
-        """Where equilibrium is lost: the rest of a sentence that names the path.
+        """Return where equilibrium is lost: the rest of a sentence that names the path.
 
         Args:
             zeta: Text before loads, such as "ζ = ".

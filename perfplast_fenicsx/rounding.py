@@ -14,12 +14,12 @@ DIGITS = 6
 
 
 def rounded_up(value: float, digits: int = DIGITS) -> str:
-    """The value in some significant digits, not less than it is."""
+    """Return the value in some significant digits, not less than it is."""
     return _rounded(value, ROUND_CEILING, digits)
 
 
 def rounded_down(value: float, digits: int = DIGITS) -> str:
-    """The value in some significant digits, not more than it is."""
+    """Return the value in some significant digits, not more than it is."""
     return _rounded(value, ROUND_FLOOR, digits)
 
 

@@ -69,8 +69,8 @@ class Units:
     """The units of the numbers of a case; nothing is converted.
 
     Args:
-        length: Of the mesh, such as "mm"; known where there is a system.
-        stress: Of the materials and loads, such as "MPa"; known where there is a system.
+        length: Length of the mesh, such as "mm"; known where there is a system.
+        stress: Stress of the materials and loads, such as "MPa"; known where there is a system.
         system: A consistent system: lengths, forces and stresses. "in-lbf-psi", "in-kip-ksi",
             "ft-lbf-psf" and "ft-kip-ksf" are those with inches and feet.
     """
@@ -114,7 +114,7 @@ class Units:
         return SYSTEMS[self.name] if self.name else None
 
     def table(self, whole: bool = True) -> dict[str, str]:
-        """The unit of each quantity, as ``summary.json`` has it.
+        """Return the unit of each quantity, as ``summary.json`` has it.
 
         Args:
             whole: Whether bodies have an end in all directions; without it forces and works are

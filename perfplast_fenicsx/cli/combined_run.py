@@ -36,8 +36,8 @@ def run_combined(
         case: With combinations.
         output: Folder of their folders, and of ``combinations.csv``.
         force: Replace results in them.
-        terminal: What is shown.
-        log_level: As of :func:`run.run`.
+        terminal: The terminal that shows the run.
+        log_level: The least level of records, as in :func:`run.run`.
         restart: Leave out those that are solved there.
         report: Write ``report.html`` of each, with the table of all, also where a signal is what
             ends the run.
@@ -111,7 +111,7 @@ def _pages(folders: Sequence[ResultFolder], terminal: Terminal) -> None:
 
 
 def shown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The table as lines: combinations, bounds and verdicts."""
+    """Return the table as lines: combinations, bounds and verdicts."""
     cells = as_cells(rows)
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return [
@@ -131,7 +131,7 @@ def _limit(folder: str) -> dict[str, Any] | None:
 
 
 def _is_done(folder: str, case: Case) -> bool:
-    """Whether a combination of the same case is solved in a folder."""
+    """Return whether a combination of the same case is solved in a folder."""
     try:
         found = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -45,7 +45,7 @@ class Finding:
 
     Attributes:
         verdict: "ok", "none" of what is optional and not installed, or "FAULT".
-        text: What was found, or what is wrong and the remedy.
+        text: The finding, or the fault and its remedy.
     """
 
     verdict: str

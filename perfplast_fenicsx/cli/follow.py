@@ -40,8 +40,8 @@ class Follower:
     """Follows a run in its folder. Single-process.
 
     Attributes:
-        folder: Of the run; it need not exist yet.
-        terminal: What is shown.
+        folder: Folder of the run; it need not exist yet.
+        terminal: The terminal that shows the run.
         draw: Draws what there is; called after levels have come.
         wait: How long the folder may be without results (s).
     """
@@ -128,7 +128,7 @@ class Follower:
         return text.splitlines() or [""]
 
     def _end(self, summary: dict[str, Any]) -> str:
-        """How the run has ended, in words."""
+        """Return how the run has ended, in words."""
         *before, last = ["", *self._log()]
         count = len(summary["steps"])
         levels = f"{count} level{'' if count == 1 else 's'} on file"
@@ -150,5 +150,5 @@ class Follower:
 
 
 def _told(value: float | None, digits: str) -> str:
-    """A number; one that is not finite is null on file."""
+    """Return a number; one that is not finite is null on file."""
     return "none" if value is None else f"{value:{digits}}"

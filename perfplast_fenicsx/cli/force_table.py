@@ -15,7 +15,7 @@ def force_lines(
     axes: str,
     units: Mapping[str, str],
 ) -> list[str]:
-    """The table, a text for each line; nothing without loads.
+    """Return the table, a text for each line; nothing without loads.
 
     Args:
         loads: As for :func:`force_rows.force_rows`, and so the next three.
@@ -40,8 +40,8 @@ def bolt_lines(reports: Sequence[LevelReport], unit: str) -> list[str]:
     """The forces of bolts at each level that is solved, a text for each line; nothing without.
 
     Args:
-        reports: Of all levels.
-        unit: Of forces, if known.
+        reports: Reports of all levels.
+        unit: Unit of forces, if known.
     """
     solved = [(n, report) for n, report in enumerate(reports, 1) if report.converged]
     if not solved or not solved[0][1].bolts:

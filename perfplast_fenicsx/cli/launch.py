@@ -177,7 +177,7 @@ def _start(launcher: Launcher, ranks: int, arguments: Sequence[str]) -> NoReturn
 def _launcher_fault(wanted: int | None, family: str, rank: int, number: int) -> str | None:
     """Return a sentence if ranks do not know of each other, or are not as many as asked for."""
     if wanted is not None and wanted != number:
-        return f"-n {wanted} is said inside of mpirun -n {number}; leave out one of them."
+        return f"-n {wanted} is given inside mpirun -n {number}; leave out one of them."
     if number == 1:
         return None
     with warnings.catch_warnings():  # mpi4py's own, of the same, three lines on each process
@@ -188,6 +188,6 @@ def _launcher_fault(wanted: int | None, family: str, rank: int, number: int) -> 
         return None
     ours = MPI.get_vendor()[0]
     return (
-        f"mpirun of {family} has started {number} processes, and mpi4py, which uses {ours}, takes"
+        f"mpirun of {family} has started {number} processes, but mpi4py, which uses {ours}, takes"
         f" each for a run of its own; use perfplast run -n {number}, which finds the right mpirun."
     )

@@ -70,7 +70,7 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
         metavar="SHARE",
         type=float,
         default=1e-3,
-        help="of a body's volume by which another may overlap it (default: 0.001)",
+        help="largest share of a body's volume that another body may overlap (default: 0.001)",
     )
     mesh.add_argument(
         "--close-gaps",
@@ -80,18 +80,18 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
         help="let bodies touch whose faces are no farther apart (default: 0)",
     )
     mesh.add_argument(
-        "--material", metavar="NAME", help="of all bodies, from the table of perfplast materials"
+        "--material", metavar="NAME", help="material of all bodies (perfplast materials lists them)"
     )
     mesh.add_argument(
         "--patience",
         metavar="S",
         type=float,
         default=600.0,
-        help="longest time for it, in seconds (default: 600)",
+        help="longest time for meshing, in seconds (default: 600)",
     )
     glued = mesh.add_mutually_exclusive_group()
     glued.add_argument(
         "--glued", "--tied", dest="tied", action="store_true", help="glue bodies that touch"
     )
-    glued.add_argument("--bolted", action="store_true", help="glue bolts and their nuts alone")
+    glued.add_argument("--bolted", action="store_true", help="glue bolts to their nuts only")
     mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")

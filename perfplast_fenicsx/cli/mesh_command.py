@@ -54,8 +54,8 @@ def mesh(
         source: STEP, BREP, IGES or .geo.
         output: The folder.
         options: Sizes and degree of the elements.
-        material: Of all bodies, by its name in the table of ``perfplast materials``.
-        glued: What of that which touches.
+        material: Material of all bodies, by its name in the table of ``perfplast materials``.
+        glued: Which joints are glued.
         force: Replace a mesh and a case file.
         trust: Run a .geo script.
 
@@ -105,7 +105,7 @@ def meshing_options(chosen: argparse.Namespace) -> MeshingOptions:
 
 
 def _pairs(option: str, given: Sequence[str], wanted: str) -> dict[str, float]:
-    """Names with numbers."""
+    """Return names with numbers."""
     found = {}
     for text in given:
         name, equals, number = text.rpartition("=")
@@ -119,7 +119,7 @@ def _pairs(option: str, given: Sequence[str], wanted: str) -> dict[str, float]:
 
 
 def common_materials(system: Name) -> str:
-    """The tables of common materials and of soils in a system of units."""
+    """Return the tables of common materials and of soils in a system of units."""
     units = SYSTEMS[system]
     rows: list[tuple[str, ...]] = [("material", "young", "poisson", "yield_stress", "", "source")]
     for one in (material.in_system(system) for material in MATERIALS):
@@ -143,8 +143,8 @@ def describe(survey: Survey, glued: Glued = Glued.SHARED) -> str:
     """Return what there is in a geometry, as tables.
 
     Args:
-        survey: What there is.
-        glued: What of that which touches.
+        survey: Survey of bodies, joints and faces.
+        glued: Which joints are glued.
     """
     area = "area" if survey.dim == 3 else "length"
     what = "body" if len(survey.bodies) == 1 else "bodies"
@@ -257,7 +257,7 @@ def _face_row(face: Face, survey: Survey) -> FaceRow:
 
 
 def _known(measure: float | None) -> str:
-    """A volume or area of the CAD file."""
+    """Return a volume or area of the CAD file."""
     return "-" if measure is None else f"{measure:.5g}"
 
 

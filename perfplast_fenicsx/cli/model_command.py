@@ -40,7 +40,7 @@ log = logging.getLogger(__name__)
 
 
 def is_model(path: str) -> bool:
-    """Whether a file is a model by its name, with a mesh of its own."""
+    """Return whether a file is a model by its name, with a mesh of its own."""
     return Path(path).suffix.lower() in MODELS
 
 

@@ -61,9 +61,9 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     if petsc and chosen.command not in solving:
         raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
     if chosen.command in ("run", "sweep") and chosen.restart and chosen.force:
-        raise InputError("--restart goes on from results and --force replaces them; give one.")
+        raise InputError("--restart goes on from results, --force replaces them; give one.")
     if chosen.command == "run" and chosen.restart and chosen.refine:
-        raise InputError("--restart goes on with one run and --refine begins two; give one.")
+        raise InputError("--restart goes on with one run, --refine starts two; give one.")
     if chosen.command == "plot" and not chosen.wait >= 0:  # nor is NaN a time
         raise InputError(f"--wait must be a time of 0 s or more, not {chosen.wait:g}.")
     chosen.petsc = petsc
@@ -111,7 +111,7 @@ class _Parser(argparse.ArgumentParser):
     commands: Mapping[str, argparse.ArgumentParser]
 
     def options(self, command: str) -> list[str]:
-        """The names of the options of a command."""
+        """Return the names of the options of a command."""
         return list(self.commands[command]._option_string_actions)
 
     def error(self, message: str) -> NoReturn:
@@ -144,7 +144,7 @@ def _add_results(command: argparse.ArgumentParser) -> None:
         "--log-level",
         choices=LOG_LEVELS,
         default="warning",
-        help="show what is at least as serious on standard error; info shows every Newton step"
+        help="show messages of at least this level on standard error; info shows every Newton step"
         " (DIR/run.log always has them; default: warning)",
     )
     command.add_argument(
@@ -153,7 +153,7 @@ def _add_results(command: argparse.ArgumentParser) -> None:
 
 
 def make_parser() -> _Parser:
-    """The parser of all commands."""
+    """Return the parser of all commands."""
     parser = _Parser(
         prog="perfplast",
         description="Elastic-plastic bodies in contact, and the loads at which they collapse.",
@@ -167,7 +167,7 @@ def make_parser() -> _Parser:
     scripts.add_argument(
         "--trust",
         action="store_true",
-        help="run a .geo script, which may run any command: only where you know what is in it",
+        help="run a .geo script, which may run any command: only if you know what is in it",
     )
     parser.commands = commands.choices
 
@@ -292,13 +292,13 @@ def make_parser() -> _Parser:
         "materials",
         help="show numbers of common materials, with their sources",
         description="Show numbers of common steels, aluminium, concrete, clay and ground to start"
-        " from, with their sources. A design goes by its standard itself.",
+        " from, with their sources. Take the numbers of a design from its standard.",
     )
     materials.add_argument(
         "--units",
         choices=SYSTEMS,
         default=TABLE,
-        help=f"as [units] system of a case file has it (default: {TABLE})",
+        help=f"as system under [units] in a case file (default: {TABLE})",
     )
     template = commands.add_parser(
         "template",
@@ -310,7 +310,7 @@ def make_parser() -> _Parser:
     info = commands.add_parser(
         "info",
         parents=[scripts],
-        help="say what the numbers of a case mean; or show versions, for bug reports",
+        help="show what the numbers of a case mean; or show versions, for bug reports",
         description="Say what the load factor of a case multiplies and what its numbers are in."
         " Without a case, show versions, PETSc's packages, BLAS, ranks and threads, for bug"
         " reports.",
@@ -319,7 +319,7 @@ def make_parser() -> _Parser:
 
     commands.add_parser(
         "doctor",
-        help="try whatever a run needs, and say what is wrong",
+        help="try everything that a run needs, and say what is wrong",
         description="Try the C compiler, DOLFINx, two ranks, one factorisation, gmsh and pictures,"
         " each in a process of its own, and show a line each, with the remedy. Exit status: 0 if"
         " all that is installed works, 2 otherwise.",

@@ -37,20 +37,20 @@ class RunContext:
     """The objects that a run works with.
 
     Attributes:
-        case: What is solved.
-        problem: The same as a discrete problem.
-        method: What solves it, as results name it.
-        folder: Where the results go.
-        checkpoints: Those of the folder.
-        saved: What the run goes on from; nothing for a new run.
-        terminal: What is shown.
-        journal: What is logged.
+        case: The case that is solved.
+        problem: The discrete problem of the case.
+        method: Name of the method, as results have it.
+        folder: Folder for the results.
+        checkpoints: Checkpoints of the folder.
+        saved: State that the run goes on from; empty for a new run.
+        terminal: The terminal that shows the run.
+        journal: The log of the run.
         interrupts: Signals.
         began: When the run began, by ``time.perf_counter``.
         date: The same as date and time of day, with the zone.
         command: That has begun it, or a restart of it, as a shell has it; without PETSc options.
-        remarks: What was said of the problem.
-        warnings: What was warned of; grows as the run does.
+        remarks: Remarks on the problem.
+        warnings: Warnings so far; grows during the run.
     """
 
     case: Case
@@ -157,7 +157,7 @@ class Recorder:
 
         Args:
             level: The level.
-            search: What is known of the limit load, where one is looked for.
+            search: State of the search for a limit load, if there is one.
 
         Raises:
             InputError: On every rank, if the system refuses.
@@ -188,8 +188,8 @@ class Recorder:
         """Write and show the limit load, and what is proven of the body. Collective.
 
         Args:
-            limit: Of the mesh, of several that of the best bounds.
-            body: What is proven.
+            limit: Limit load of the mesh, of several that of the best bounds.
+            body: Proven bounds of the body.
             adaptive: The meshes, where there are several.
 
         Raises:

@@ -60,11 +60,11 @@ def run_refined(
 
 
 def compared(coarse: Mapping[str, Any], fine: Mapping[str, Any]) -> list[str]:
-    """Two runs side by side: sizes, cells, what was found, and time.
+    """Return two runs side by side: sizes, cells, what was found, and time.
 
     Args:
         coarse: ``summary.json`` of the case as it is.
-        fine: The same with half the size.
+        fine: The run with half the size.
     """
     limits = [summary["limit"] for summary in (coarse, fine)]
     row = _of_limit if all(limits) else _of_levels

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 
 def remaining(planned: int | None, seconds: Sequence[float]) -> str:
-    """The levels that are left and about how long they take, in words.
+    """Return the levels that are left and about how long they take, in words.
 
     Args:
         planned: Levels of the whole run; None where it chooses them as it goes.
-        seconds: What each level so far has taken.
+        seconds: Time of each level so far (s).
 
     Returns:
         Such as ``2 levels left, about 1:40``; without a time before the first level has ended, and
@@ -22,11 +22,11 @@ def remaining(planned: int | None, seconds: Sequence[float]) -> str:
 
 
 def next_level(planned: int | None, seconds: Sequence[float]) -> str:
-    """The level that is being solved, such as ``level 3/5, 1:40 left``.
+    """Return the level that is being solved, such as ``level 3/5, 1:40 left``.
 
     Args:
         planned: Levels of the whole run; None where it chooses them as it goes.
-        seconds: What each level so far has taken.
+        seconds: Time of each level so far (s).
     """
     number = len(seconds) + 1
     if planned is None or planned < number:
@@ -43,7 +43,7 @@ def _time_left(levels: int, seconds: Sequence[float]) -> str:
 
 
 def clock(seconds: float) -> str:
-    """A time as minutes and seconds, or hours too."""
+    """Return a time as minutes and seconds, or hours too."""
     minutes, rest = divmod(int(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

@@ -21,7 +21,7 @@ def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -
     Args:
         comm: The ranks; the others wait.
         results: Folder of the run.
-        output: Where the pictures go; by default to the results.
+        output: Folder for the pictures; by default that of the results.
         wait: Longest time for first results (s).
 
     Raises:
@@ -46,7 +46,7 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
         comm: The ranks; the others wait.
         command: "plot" or "animate".
         results: Folder of the results.
-        output: Where the pictures go, or the animation; by default to the results.
+        output: Folder for the pictures, or file for the animation; by default in the results.
 
     Raises:
         InputError: If there are no results, or nothing can be drawn.
@@ -69,7 +69,7 @@ def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> i
 
     Args:
         comm: The ranks; the others wait.
-        folders: Of the results, one or two.
+        folders: Folders of the results, one or two.
         output: The page; by default in the first of them.
 
     Raises:

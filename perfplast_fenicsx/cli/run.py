@@ -70,7 +70,7 @@ def run(
         path: Case file.
         output: Result folder.
         force: Replace results in it.
-        terminal: What is shown.
+        terminal: The terminal that shows the run.
         log_level: What is in ``run.log`` beside what always is (:class:`run_log.RunLog`).
         restart: Go on from the last level that is solved in the folder.
         report: Write ``report.html`` at the end, also where a signal is what ends the run.
@@ -167,9 +167,9 @@ def admitted_solver(case: Case, problem: Problem, method: str) -> Any:
     ``check`` and ``run`` both call it, so that a run refuses nothing later that could be known.
 
     Args:
-        case: What is asked.
-        problem: Of the case.
-        method: What solves it, as results name it.
+        case: The case.
+        problem: Problem of the case.
+        method: Name of the method, as results have it.
 
     Returns:
         The algorithm of ``[solve]``; None where the interior point method is to answer.

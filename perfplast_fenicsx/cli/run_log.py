@@ -64,7 +64,7 @@ class RunLog:
         """Open the file. Collective.
 
         Args:
-            folder: Where it is.
+            folder: Its folder.
             level: Also log what is as serious as this, if less than "info".
             first: Number of the first load level, where the run goes on from others.
 
@@ -112,7 +112,7 @@ class RunLog:
         """Say what runs on what. Collective.
 
         Args:
-            case: What is solved.
+            case: The case that is solved.
             descriptions: The discrete problem, and how its contacts were made, a line each.
         """
         log.info("%s", ", ".join(f"{name} {version}" for name, version in versions().items()))
@@ -179,7 +179,7 @@ class _Visible(logging.Formatter):
     """Writes control characters as escapes: logs are read on terminals."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line of a record, or lines."""
+        """Return the line of a record, or lines."""
         return visible(super().format(record), lines=True)
 
 
@@ -217,7 +217,7 @@ class _Once(logging.Filter):
         self._seen = set[str]()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether a record is new, or no warning."""
+        """Return whether a record is new, or no warning."""
         if record.levelno != logging.WARNING:
             return True
         text = record.getMessage()

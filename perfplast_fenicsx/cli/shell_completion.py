@@ -21,7 +21,7 @@ def complete(parser: argparse.ArgumentParser, **settings: Any) -> None:
     """Answer the shell and end the process, if it is the shell that asks; else do nothing.
 
     Args:
-        parser: Of all commands.
+        parser: Parser of all commands.
         settings: Of ``argcomplete.autocomplete``, for tests.
     """
     if "_ARGCOMPLETE" not in os.environ:
@@ -41,7 +41,7 @@ def complete(parser: argparse.ArgumentParser, **settings: Any) -> None:
 
 
 def _actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    """Those of the parser and of its commands."""
+    """Return those of the parser and of its commands."""
     found = list(parser._actions)
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):

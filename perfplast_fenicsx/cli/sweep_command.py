@@ -47,9 +47,9 @@ def sweep(
         path: Case file.
         output: Folder of the cases' folders, of :data:`TABLE` and :data:`PICTURE`.
         force: Replace results in them.
-        terminal: What is shown.
-        vary: What is varied, as :func:`variations.read_variation` takes it.
-        log_level: As of :func:`run.run`.
+        terminal: The terminal that shows the run.
+        vary: Varied keys and their values, as :func:`variations.read_variation` takes them.
+        log_level: The least level of records, as in :func:`run.run`.
         restart: Leave out what is solved there, and go on with what is begun.
         report: Write ``report.html`` of each.
         trust: Run a script that the mesh is made of.
@@ -97,7 +97,7 @@ def sweep(
 def sweep_cases(
     comm: MPI.Intracomm, path: str, variations: Sequence[Variation], trust: bool
 ) -> list[Case]:
-    """The cases of a sweep, each checked as far as it can be without its mesh. Collective.
+    """Return the cases of a sweep, each checked as far as it can be without its mesh. Collective.
 
     Raises:
         InputError: If a value does not fit, or the case has combinations.
@@ -131,7 +131,7 @@ ANEW, BEGUN, DONE = "anew", "begun", "done"
 
 
 def _state(folder: str, case: Case) -> str:
-    """How far a case is solved in a folder: not at all, in part, or to its end."""
+    """Return how far a case is solved in a folder: not at all, in part, or to its end."""
     try:
         found = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -181,7 +181,7 @@ def _written(
 
 
 def shown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The table as lines."""
+    """Return the table as lines."""
     cells = [list(rows[0])]
     cells += [["-" if v is None else _text(v) for v in row.values()] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]

@@ -34,7 +34,7 @@ PETSC_PACKAGES = ("mumps", "hypre", "superlu_dist", "ptscotch", "parmetis", "ml"
 
 
 def versions() -> dict[str, str]:
-    """Versions by name, in the order of interest; "none" of what is not installed."""
+    """Return versions by name, in the order of interest; "none" of what is not installed."""
     found = {
         "perfplast": __version__,
         "DOLFINx": dolfinx.__version__,
@@ -52,18 +52,18 @@ def versions() -> dict[str, str]:
 
 
 def petsc_packages() -> list[str]:
-    """Those of :data:`PETSC_PACKAGES` that PETSc has."""
+    """Return those of :data:`PETSC_PACKAGES` that PETSc has."""
     return [name for name in PETSC_PACKAGES if PETSc.Sys.hasExternalPackage(name)]
 
 
 def petsc_options() -> str:
-    """The options in PETSc's database, as a command line has them."""
+    """Return the options in PETSc's database, as a command line has them."""
     options = PETSc.Options().getAll()
     return " ".join(f"-{key} {options[key]}" for key in options)
 
 
 def blas() -> str:
-    """The BLAS libraries that this process has loaded, each with version and threads."""
+    """Return the BLAS libraries that this process has loaded, each with version and threads."""
     found = (
         f"{library['filepath']} ({library['internal_api']} {library['version']},"
         f" {library['num_threads']} threads)"
@@ -74,7 +74,7 @@ def blas() -> str:
 
 
 def threads() -> str:
-    """The number of cores that this process may use, and what limits its threads."""
+    """Return the number of cores that this process may use, and what limits its threads."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     # What sets the number of threads.
     variables = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
@@ -85,7 +85,7 @@ def threads() -> str:
 
 
 def ranks(comm: MPI.Intracomm) -> str:
-    """The number of ranks, and where they are. Collective."""
+    """Return the number of ranks, and where they are. Collective."""
     hosts = comm.allgather(MPI.Get_processor_name())
     counts: Longs
     names, counts = np.unique(hosts, return_counts=True)
@@ -93,7 +93,7 @@ def ranks(comm: MPI.Intracomm) -> str:
 
 
 def surroundings(comm: MPI.Intracomm) -> dict[str, str]:
-    """All but the versions, in words by name. Collective."""
+    """Return all but the versions, in words by name. Collective."""
     return {
         "PETSc packages": ", ".join(petsc_packages()) or "none",
         "PETSc scalars": f"{np.dtype(PETSc.ScalarType)}, indices {np.dtype(PETSc.IntType)}",

@@ -55,7 +55,7 @@ class Terminal:
 
         Args:
             comm: The ranks of the run.
-            stream: Where to; standard output by default.
+            stream: Stream to write to; by default standard output.
             live: Show a live line; by default if the output goes to a terminal.
             quiet: Write nothing at all.
         """
@@ -180,7 +180,7 @@ class Terminal:
         """Say what is known of the limit load of the mesh, the last one of several if so.
 
         Args:
-            limit: What is known.
+            limit: The limit load.
             last: Whether it is that of the last of several meshes.
             associated: Whether slip follows the normal of friction's cone, as of Coulomb's it need
                 not.
@@ -212,9 +212,9 @@ class Terminal:
         """Say what loads, supports, obstacles and contacts exert on the bodies, a line each.
 
         Args:
-            report: Of the level.
+            report: Report of the level.
             problem: Whose it is.
-            units: Of its numbers.
+            units: Units of its numbers.
         """
         width = max(map(len, report.reactions), default=0)
         factors = "".join(f", {name} = {factor:.6g}" for name, factor in report.factors.items())
@@ -236,7 +236,7 @@ class Terminal:
         """Say where the results are and which there are.
 
         Args:
-            folder: Where.
+            folder: Folder of the results.
             goes_on: Whether there are levels from which ``--restart`` goes on; otherwise
                 checkpoints have nothing for anybody.
         """
@@ -246,7 +246,7 @@ class Terminal:
 
 
 def describe(title: str, method: str, problem: Problem, options: object = None) -> str:
-    """The problem in a line. Collective."""
+    """Return the problem in a line. Collective."""
     mesh, comm = problem.tagged_mesh.mesh, problem.comm
     bodies = ", ".join(sorted(problem.tagged_mesh.volumes))
     cells = mesh.topology.index_map(mesh.topology.dim).size_global
@@ -273,7 +273,7 @@ def effort(limit: LimitLoad) -> str:
 
 
 def shows(stream: TextIO) -> bool:
-    """Whether someone watches a stream.
+    """Return whether someone watches a stream.
 
     Some launchers give each rank a terminal of its own, whatever their own output is; there the
     launcher's output counts.

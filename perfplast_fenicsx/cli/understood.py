@@ -47,7 +47,7 @@ class Marked:
 
     Attributes:
         roles: What the case says of it: "load", "support", "contact", "tie", "obstacle", "rigid".
-        words: Of the legend, without what it is of a side.
+        words: Words of the legend, without what it is of a side.
         part: What it is of the sides that it covers in part; "" where it covers them as a whole.
         force: Resultants of loads on it (force), each shape (gdim,).
     """
@@ -366,7 +366,7 @@ class Section:
     Attributes:
         cells: Corners of the cells, shape (n, 3, 2).
         bodies: The number of the body of each cell, shape (n,).
-        names: Of the bodies.
+        names: Names of the bodies.
         water: The water table, shape (n, 2); no points without one.
     """
 
@@ -399,7 +399,7 @@ def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: P
     Args:
         case: Its title heads the picture.
         problem: The bodies.
-        meant: What :func:`understood` has returned.
+        meant: The result of :func:`understood`.
         picture: A PNG file.
 
     Returns:
@@ -424,8 +424,8 @@ def save_arrays(
 
     Args:
         file: The file.
-        title: Of the case.
-        meant: What was understood.
+        title: Title of the case.
+        meant: The understood case.
         section: Bodies in the plane.
         revolved: Whether they are half a section of bodies of revolution.
     """

@@ -89,17 +89,17 @@ class Run:
     """The objects that a control works with.
 
     Attributes:
-        problem: What is solved.
+        problem: The problem that is solved.
         solver: The algorithm of ``[solve]``; None where the interior point method is to answer.
-        record: Where results go.
+        record: Receives the results.
         adapt: How the mesh is adapted; None where it is not.
-        history: What leads the problem through stages; None without them.
+        history: The loading history; None without stages.
         start: The state that the run goes on from; None for a new run.
         before: The state of the level before that, where there is one.
         done: Levels that are on file.
-        search: What is known of a limit load from these.
+        search: State of the search for a limit load.
         reached: How far a loading by chosen steps has come with these.
-        directions: What is on file of an envelope.
+        directions: Directions of an envelope that are on file.
     """
 
     problem: Problem
@@ -152,10 +152,10 @@ class Control(Protocol):
         """Load factor of the design load, if given."""
 
     def in_turn(self) -> Sequence[Stage]:
-        """The stages of a loading history; none elsewhere."""
+        """Return the stages of a loading history; none elsewhere."""
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """Which motions follow the loading."""
+        """Return which motions follow the loading."""
 
     def check(self, given: Given) -> None:
         """Refuse what does not go with it.
@@ -243,5 +243,5 @@ def none_moved(name: str, on: str) -> bool:
 
 
 def all_moved(name: str, on: str) -> bool:
-    """All that moves follows the loading."""
+    """Return all that moves follows the loading."""
     return True

@@ -18,13 +18,13 @@ class Given:
     """Loads and motions of a case.
 
     Attributes:
-        loads: What acts.
-        supports: What holds or moves the bodies.
-        obstacles: What surfaces cannot penetrate.
+        loads: The loads.
+        supports: Supports that hold or move the bodies.
+        obstacles: Rigid obstacles.
         contacts: Some of which may overlap more and more.
         strained: Whether bodies are strained at first, or overlap so.
-        initial: What strains them.
-        materials: Of the bodies by name.
+        initial: Initial strains and stresses.
+        materials: Materials of the bodies by name.
     """
 
     loads: Sequence[Load]

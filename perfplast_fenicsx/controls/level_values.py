@@ -15,7 +15,7 @@ def check_values(
     """Refuse values that are not finite, or neither rise nor fall.
 
     Args:
-        values: Of the levels.
+        values: Values of the levels.
         what: They are called so in messages.
         falling: When they may fall.
 
@@ -63,8 +63,8 @@ def follow(run: Run, values: Sequence[float]) -> None:
     """Solve for each value that is not on file. Collective.
 
     Args:
-        run: What is solved.
-        values: Of all levels.
+        run: The run.
+        values: Values of all levels.
     """
     rests = rests_first(run.solver, values)
     run.record.plan(len(values) + rests)

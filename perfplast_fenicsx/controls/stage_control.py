@@ -25,7 +25,7 @@ class StageControl(OfLevels):
     stages: list[Stage]
 
     def in_turn(self) -> Sequence[Stage]:
-        """The stages."""
+        """Return the stages."""
         return self.stages
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:

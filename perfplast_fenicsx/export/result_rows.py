@@ -15,7 +15,7 @@ Row = dict[str, Any]
 
 
 def level_rows(reader: ResultReader) -> list[Row]:
-    """A row for each level.
+    """Return a row for each level.
 
     Args:
         reader: The results.
@@ -60,7 +60,7 @@ def bound_rows(reader: ResultReader) -> list[Row]:
 
 
 def resultant_rows(reader: ResultReader) -> list[Row]:
-    """A row for each force or moment on the bodies, as far as it is on file.
+    """Return a row for each force or moment on the bodies, as far as it is on file.
 
     Args:
         reader: The results.

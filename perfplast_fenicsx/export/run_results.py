@@ -42,7 +42,7 @@ class RunResults:
         return f"RunResults({str(self.folder)!r}: {self._reader.scene.title}; {self.verdict})"
 
     def _repr_html_(self) -> str:
-        """The report, in a frame of its own that may do nothing but run its programs."""
+        """Return the report, in a frame of its own that may do nothing but run its programs."""
         reader = self._reader
         check_summary(reader)
         page = escape(page_of(reader, view_data(reader)))
@@ -84,7 +84,7 @@ class RunResults:
 
 
 def _frame(rows: list[Row]) -> Any:
-    """The rows as a data frame.
+    """Return the rows as a data frame.
 
     Raises:
         InputError: If pandas is not installed.

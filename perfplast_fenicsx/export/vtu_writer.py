@@ -30,7 +30,7 @@ FOOTER = "</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
 
 
 def vtu_of(path: Path) -> bytes:
-    """A file of fields, with its mesh, as a ``.vtu`` file.
+    """Return a file of fields, with its mesh, as a ``.vtu`` file.
 
     Args:
         path: A VTKHDF file of :class:`vtkhdf.FieldWriter`; the mesh it is linked to is beside it.
@@ -68,7 +68,7 @@ def _group(kind: str, arrays: Mapping[str, Any], fields: bool = False) -> str:
 
 
 def _array(name: str, values: npt.NDArray[Any], field: bool) -> str:
-    """Numbers of one kind, or texts, each with a zero after it."""
+    """Return numbers of one kind, or texts, each with a zero after it."""
     count = f' NumberOfTuples="{len(values)}"' if field else ""
     if values.dtype.kind in "OS":
         content = b"".join(bytes(text) + b"\0" for text in values)

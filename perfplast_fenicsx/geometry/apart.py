@@ -6,7 +6,7 @@ from perfplast_fenicsx.geometry.survey import Joint
 
 
 def groups_of(bodies: Sequence[str], joints: Sequence[Joint]) -> list[list[str]]:
-    """Bodies that touch, directly or by way of others, in the order of the bodies."""
+    """Return bodies that touch, directly or by way of others, in the order of the bodies."""
     group = {body: [body] for body in bodies}
     for joint in joints:
         one, other = (group[body] for body in joint.bodies)

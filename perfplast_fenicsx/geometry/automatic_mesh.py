@@ -109,5 +109,5 @@ def _usual_size(sizes: Sizes, options: MeshingOptions, most: int) -> float:
 
 
 def _count(dim: int, parts: Sequence[Part]) -> int:
-    """Elements of the mesh."""
+    """Return elements of the mesh."""
     return sum(elements(dim, part).size for part in parts)

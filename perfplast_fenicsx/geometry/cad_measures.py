@@ -23,7 +23,7 @@ def mesh_measure(dim: int, tag: int) -> float:
 
 
 def mesh_centre(dim: int, tags: Sequence[int]) -> Floats:
-    """Centroid of the elements of entities, shape (3,); curved ones too."""
+    """Return the centroid of the elements of entities, shape (3,); curved ones too."""
     found = [_quadrature(dim, tag) for tag in tags]
     points, weights = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
     return np.asarray(weights @ points / weights.sum())

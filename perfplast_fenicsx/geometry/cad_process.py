@@ -91,6 +91,6 @@ def _cause(source: str, status: int, complaints: str) -> str:
         return complaints.strip().splitlines()[-1]
     how = (signal.strsignal(-status) or f"signal {-status}").lower()
     return (
-        f"gmsh broke down over '{source}' ({how}); heal the geometry in the CAD system and export"
-        " it again, or give another size."
+        f"gmsh crashed while meshing '{source}' ({how}); heal the geometry in the CAD system and"
+        " export it again, or give another size."
     )

@@ -19,7 +19,7 @@ def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
 
     Args:
         parts: Bodies in space.
-        seams: Where they touch.
+        seams: Places where they touch.
 
     Raises:
         InputError: If elements are folded by that.

@@ -15,19 +15,21 @@ class NamedFace:
     A face keeps the names that it has besides, and may have several.
 
     Args:
-        name: What the faces are called, for supports, loads and contacts.
+        name: Name of the faces, for supports, loads and contacts.
         plane: A coordinate and its value (length), such as {z = 40.0}: all flat faces in this
             plane.
         point: A point on the face (length; 2 or 3 numbers): the one face in which it lies.
         angle: With a point (degrees, below 90): also the faces that are reached from its face
             across edges with a smaller angle between tangents. Two halves of a bore are an example.
-        radius: Of cylindrical faces (in the plane, of round curves): all that have it (length).
+        radius: Radius of cylindrical faces (in the plane, of round curves): all that have it
+            (length).
         about: With a radius: a point on the axis of the cylinder (length; 2 or 3 numbers), where
             several have the same radius.
         number: As ``perfplast mesh`` lists faces and sets of faces, and as in its picture.
-        colour: Of faces of a STEP file that have another colour than most of their body: a word
-            such as "red", or as perfplast mesh lists it, such as "#dd5228".
-        label: Of faces of a STEP file that have labels of their own, as perfplast mesh lists it.
+        colour: Colour of faces of a STEP file that have another colour than most of their body: a
+            word such as "red", or as perfplast mesh lists it, such as "#dd5228".
+        label: Label of faces of a STEP file that have labels of their own, as perfplast mesh lists
+            it.
         box: Two opposite corners (length; 2 or 3 numbers each): all faces that lie within.
         faces: Names of faces or of sets of faces, as perfplast mesh lists them or as they are given
             before.
@@ -69,7 +71,7 @@ class NamedFace:
         for what, place in places.items():
             if place is not None and not (len(place) in (2, 3) and all(map(math.isfinite, place))):
                 raise InputError(
-                    f"{what} = {place} of '{self.name}' is no point; give 2 or 3 numbers."
+                    f"{what} = {place} of '{self.name}' is not a point; give 2 or 3 numbers."
                 )
         if self.box is not None and len(self.box) != 2:
             raise InputError(
@@ -97,6 +99,6 @@ def check_planes(what: str, planes: dict[str, float]) -> None:
     """
     for axis, value in planes.items():
         if axis not in tuple(AXES):
-            raise InputError(f"{what}: '{axis}' is no coordinate; {nearest(axis, AXES)}")
+            raise InputError(f"{what}: '{axis}' is not a coordinate; {nearest(axis, AXES)}")
         if not math.isfinite(value):
             raise InputError(f"{what}: {axis} = {value} is not finite; give a number.")

@@ -26,8 +26,8 @@ class Mark:
         body: Name of its body.
         colour: Its own, which is not the body's; None where it is.
         label: Its own; empty where it has none.
-        tag: Of the copy.
-        names: Of the physical groups of a script that it is in; its body is empty then.
+        tag: Tag of the copy.
+        names: Names of the physical groups of a script that it is in; its body is empty then.
     """
 
     body: str
@@ -38,7 +38,7 @@ class Mark:
 
 
 def word_of(colour: Colour) -> str:
-    """The word for a colour."""
+    """Return the word for a colour."""
     hue, saturation, value = rgb_to_hsv(*(part / 255 for part in colour))
     pale, dark = 0.15, 0.1  # colours of less saturation or value have no hue that is seen
     if saturation < pale or value < dark:
@@ -59,18 +59,18 @@ def word_of(colour: Colour) -> str:
 
 
 def hex_of(colour: Colour) -> str:
-    """A colour as in HTML, such as "#dd5228"."""
+    """Return a colour as in HTML, such as "#dd5228"."""
     return "#" + "".join(f"{part:02x}" for part in colour)
 
 
 def set_aside(parts: Sequence[Part], labels: Mapping[int, str]) -> list[Mark]:
-    """Copies of all faces that have a label, or whose colour is not their body's.
+    """Return copies of all faces that have a label, or whose colour is not their body's.
 
     A body has the colour of most of its area, or none where some face has none.
 
     Args:
         parts: The bodies.
-        labels: Of the faces that have one.
+        labels: Labels of the faces that have one.
     """
     marks = []
     for part in parts:
@@ -98,7 +98,7 @@ def set_aside_named(dim: int, named: Mapping[str, Sequence[int]]) -> list[Mark]:
     """Return copies of OpenCASCADE's faces that physical groups of a script have.
 
     Args:
-        dim: Of the faces.
+        dim: Dimension of the faces.
         named: Faces by the names of their groups.
     """
     names: dict[int, list[str]] = {}
@@ -118,10 +118,10 @@ def set_aside_named(dim: int, named: Mapping[str, Sequence[int]]) -> list[Mark]:
 def take_back(
     dim: int, marks: Sequence[Mark], faces: Mapping[int, int], parts: Sequence[Part]
 ) -> dict[int, Mark]:
-    """The marks of faces that lie on marked ones, whose copies are taken away.
+    """Return the marks of faces that lie on marked ones, whose copies are taken away.
 
     Args:
-        dim: Of the faces.
+        dim: Dimension of the faces.
         marks: What :func:`set_aside` or :func:`set_aside_named` found.
         faces: The number of the body of each face.
         parts: The bodies.

@@ -17,7 +17,7 @@ from perfplast_fenicsx.geometry.step_faces import StepSolid, names_in, read_soli
 
 
 def labels_of(path: Path, parts: Sequence[Part]) -> tuple[dict[int, str], list[str]]:
-    """The labels of faces as they were read, before anything is cut.
+    """Return the labels of faces as they were read, before anything is cut.
 
     Args:
         path: The geometry file.
@@ -49,7 +49,7 @@ def labels_of(path: Path, parts: Sequence[Part]) -> tuple[dict[int, str], list[s
 def _of_body(
     part: Part, solids: Sequence[StepSolid], in_place: bool
 ) -> tuple[dict[int, str], set[str]]:
-    """The labels of a body's faces, and those whose face is not certain."""
+    """Return the labels of a body's faces, and those whose face is not certain."""
     faces = [int(face) for tag in part.tags for face in gmsh.model.getAdjacencies(3, tag)[1]]
     alike = [solid for solid in solids if len(solid.labels) == len(faces)]
     if not alike:

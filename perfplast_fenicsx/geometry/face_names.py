@@ -31,7 +31,7 @@ def face_names(
     """Return the own name of each free face, and the sets of faces that have names besides.
 
     Args:
-        dim: Of the faces.
+        dim: Dimension of the faces.
         parts: The bodies.
         faces: Free ones.
         alike: Sets of faces that are alike.
@@ -91,7 +91,7 @@ class _Choice:
         """
         if wanted.body and wanted.body not in self.bodies:
             raise InputError(
-                f"the face '{wanted.name}' is to be of '{wanted.body}', but there is no such body;"
+                f"the face '{wanted.name}' belongs to '{wanted.body}', but there is no such body;"
                 f" {nearest(wanted.body, self.bodies)}"
             )
         own = [k for k, f in enumerate(self.faces) if wanted.body in ("", self.bodies[f.body])]
@@ -117,7 +117,7 @@ class _Choice:
                 found += [k for k in one.faces if k in own]
         if not found:
             raise InputError(
-                f"the face '{wanted.name}' is to be number {wanted.number}, but no free face and no"
+                f"the face '{wanted.name}' has number {wanted.number}, but no free face and no"
                 f" set of them has it; perfplast mesh lists the {len(self.faces)} that there are."
             )
         return found
@@ -129,7 +129,7 @@ class _Choice:
         for name in wanted.faces or ():
             if name not in known:
                 raise InputError(
-                    f"the face '{wanted.name}' is to have '{name}', but there is no such free face;"
+                    f"the face '{wanted.name}' has '{name}', but there is no such free face;"
                     f" {nearest(name, known)}"
                 )
             found |= {*known[name]} & {*own}
@@ -249,9 +249,9 @@ def _reached(dim: int, faces: Sequence[FreeFace], first: int, angle: float) -> l
     """Return the faces of a body that are reached across edges with smaller angles.
 
     Args:
-        dim: Of the faces.
+        dim: Dimension of the faces.
         faces: Free ones.
-        first: Where to begin.
+        first: First number.
         angle: Between tangents (degrees).
     """
     body = faces[first].body

@@ -78,11 +78,11 @@ def first_case(
     """A case file with all bodies and joints; materials, supports and loads are to be filled in.
 
     Args:
-        survey: What there is.
-        title: Of the case.
+        survey: Survey of bodies, joints and faces.
+        title: Title of the case.
         file: Path of the geometry file, relative to that of the case file.
-        options: By which it was meshed.
-        material: Of all bodies; left to be filled in where it is missing.
+        options: Options of the mesher.
+        material: Material of all bodies; left to be filled in where it is missing.
         glued: What is glued, and not in frictionless contact.
 
     Raises:
@@ -130,7 +130,7 @@ def _material(body: Body, material: Common | None) -> str:
 
 
 def _others(options: MeshingOptions) -> str:
-    """The options besides the size, where they are not the usual ones."""
+    """Return the options besides the size, where they are not the usual ones."""
     usual, text = MeshingOptions(), ""
     keys = ("sizes", "curvature", "order", "meshed", "shared", "symmetry", "overlap")
     for key in (*keys, "close_gaps", "without"):

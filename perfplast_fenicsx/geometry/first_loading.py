@@ -39,8 +39,8 @@ def loading_for(survey: Survey, options: MeshingOptions) -> str:
     """``[loading]`` and ``[mesh]`` of a first case, with the reason where no bounds are asked for.
 
     Args:
-        survey: What there is; all bodies yield by one law, and all loads grow.
-        options: By which it was meshed.
+        survey: Survey of bodies, joints and faces; all bodies yield by one law, and all loads grow.
+        options: Options of the mesher.
     """
     why = next(_against(survey, options), None)
     if why is not None:

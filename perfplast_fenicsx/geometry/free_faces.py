@@ -26,7 +26,7 @@ class FreeFace:
     Attributes:
         number: As in the list and the picture.
         body: Its number.
-        tag: Of the face.
+        tag: Tag of the face.
         colour: Its own in the file; None for that of most of the body.
         label: Its own in the file; empty where it has none.
     """
@@ -46,7 +46,7 @@ class FaceSet:
         number: As in the list; 0 where the file or a user has made the set.
         name: In the mesh; empty before it has one.
         faces: Places in the list of free faces.
-        why: What they have in common, in words.
+        why: Their common property, in words.
     """
 
     number: int
@@ -71,7 +71,7 @@ class Cylinder:
 
 
 def shape_of(dim: int, tag: int) -> str:
-    """The shape of a face, such as "flat"; of a curve, such as "straight"."""
+    """Return the shape of a face, such as "flat"; of a curve, such as "straight"."""
     kind = kind_of(dim, tag)
     if kind == "Cylinder":
         return "cylindrical"
@@ -90,10 +90,10 @@ def numbered_faces(
     the sets have the numbers after these.
 
     Args:
-        dim: Of the faces.
+        dim: Dimension of the faces.
         faces: The body of each.
-        size: Of the bodies.
-        marks: Of the faces that have a label or a colour of their own.
+        size: Size of the bodies.
+        marks: Marks of the faces that have a label or a colour of their own.
 
     Returns:
         The faces, sorted by body and number, and the sets.
@@ -163,7 +163,7 @@ def _lie_on(dim: int, tag: int, size: float) -> tuple[str, Floats]:
 
 
 def cylinder_of(dim: int, tag: int) -> Cylinder | None:
-    """The cylinder or circle that a face or curve lies on, if any."""
+    """Return the cylinder or circle that a face or curve lies on, if any."""
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(dim, tag))
     if dim == 1 and gmsh.model.getType(dim, tag) in ("Circle", "Ellipse"):
         places = np.concatenate([low + share * (high - low) for share in (0.0, 0.2, 0.5, 0.7)])

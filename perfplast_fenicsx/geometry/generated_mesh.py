@@ -30,8 +30,8 @@ def generate(
     """Mesh, and say the largest edge length.
 
     Args:
-        sizes: Of the bodies.
-        options: What is given.
+        sizes: Sizes of the bodies.
+        options: The given options.
         finer: Edge lengths of curves and faces that are to be meshed more finely.
 
     Raises:

@@ -25,7 +25,7 @@ IMPORTED = {
 
 
 def is_script(path: Path) -> bool:
-    """Whether gmsh would run what is in a file, by its name."""
+    """Return whether gmsh would run what is in a file, by its name."""
     return path.suffix.lower() in SCRIPTS
 
 
@@ -67,7 +67,7 @@ def check_file(path: Path) -> None:
     if suffix not in (*IMPORTED, *SCRIPTS):
         known = ", ".join((*IMPORTED, *SCRIPTS))
         raise InputError(
-            f"'{path}' is no geometry file by its name; it must end in one of {known};"
+            f"'{path}' does not have the name of a geometry file; it must end in one of {known};"
             " perfplast mesh also takes models with a mesh, such as .inp, .bdf, .med, .unv or .vtu."
         )
     if path.exists() and not path.is_file():
@@ -89,5 +89,5 @@ def check_file(path: Path) -> None:
 
 
 def _begins_as(suffix: str, head: bytes) -> bool:
-    """Whether a file of this name begins as such files do; scripts have no beginning."""
+    """Return whether a file of this name begins as such files do; scripts have no beginning."""
     return suffix in SCRIPTS or IMPORTED[suffix].search(head) is not None

@@ -19,12 +19,12 @@ class Glued(Enum):
     NOTHING = 3
 
     def glues(self, joint: Joint) -> bool:
-        """Whether a joint becomes a tie, and no contact."""
+        """Return whether a joint becomes a tie, and no contact."""
         bolted = self is Glued.BOLTS and is_bolt_with_nut(joint)
         return self is Glued.ALL or bolted or (joint.shared and self is not Glued.NOTHING)
 
 
 def is_bolt_with_nut(joint: Joint) -> bool:
-    """Whether a bolt touches a nut, by the names of the bodies."""
+    """Return whether a bolt touches a nut, by the names of the bodies."""
     one, other = joint.bodies
     return any(BOLT.search(a) and NUT.search(b) for a, b in ((one, other), (other, one)))

@@ -18,7 +18,7 @@ def cut_along_each_other(
     """Make neighbours share the faces at which they touch.
 
     Args:
-        dim: Of the bodies.
+        dim: Dimension of the bodies.
         parts: They have new entities afterwards.
         overlap: Share of the smaller body's volume by which two may overlap.
         close_gaps: Faces of bodies that are no farther apart become one.
@@ -130,10 +130,10 @@ def _between(one: Floats, other: Floats) -> float:
 
 
 def shared(dim: int, owner: dict[int, int]) -> dict[int, tuple[int, ...]]:
-    """The faces of bodies, and whose they are: one body's, or two bodies'.
+    """Return the faces of bodies, and whose they are: one body's, or two bodies'.
 
     Args:
-        dim: Of the bodies.
+        dim: Dimension of the bodies.
         owner: The body of each entity; faces within a body are left out.
     """
     sides: dict[int, list[int]] = {}

@@ -37,7 +37,7 @@ def keep_mesh(source: Path, mesh: Path, options: MeshingOptions, trust: bool = F
     Args:
         source: The geometry file.
         mesh: The .msh file.
-        options: How it is to be meshed.
+        options: Options of the mesher.
         trust: Run a script. None is run where the mesh that is there is still right.
 
     Raises:
@@ -74,7 +74,7 @@ def make_mesh(
     Args:
         source: The geometry file.
         mesh: The .msh file; it is replaced as a whole.
-        options: How it is to be meshed.
+        options: Options of the mesher.
         skin: An .npz file to write for pictures, if any.
         trust: Run a script.
 

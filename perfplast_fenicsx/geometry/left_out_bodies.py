@@ -12,7 +12,7 @@ def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]
     """Remove bodies from gmsh's current model.
 
     Args:
-        dim: Of the bodies.
+        dim: Dimension of the bodies.
         parts: All bodies.
         names: Of those to be left out.
 

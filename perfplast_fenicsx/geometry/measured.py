@@ -18,7 +18,7 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def measured_body(dim: int, part: Part) -> Body:
-    """A body, which is a physical group from now on."""
+    """Return a body, which is a physical group from now on."""
     gmsh.model.addPhysicalGroup(dim, part.tags, name=part.name)
     points = np.concatenate([_coordinates(dim, tag) for tag in part.tags])
     around = np.array([points.min(axis=0), points.max(axis=0)])
@@ -43,12 +43,12 @@ def measured_joint(
     seam: Seam,
     shared: AbstractSet[frozenset[str]],
 ) -> Joint:
-    """Where two bodies touch: a physical group, or one on each side where they are apart.
+    """Return where two bodies touch: a physical group, or one on each side where they are apart.
 
     Args:
-        dim: Of the bodies.
+        dim: Dimension of the bodies.
         parts: The bodies.
-        number: Of the joint.
+        number: Number of the joint.
         seam: The faces.
         shared: Names of each two bodies that share faces in the drawing.
     """
@@ -100,11 +100,11 @@ def measured_sets(
     """Return sets of faces with names, each a physical group from now on, and remarks.
 
     Args:
-        dim: Of the bodies.
+        dim: Dimension of the bodies.
         parts: The bodies.
         faces: Free ones.
         sets: Of these.
-        seams: Where bodies touch.
+        seams: Places where bodies touch.
         of_file: Faces by the names that the file gives them; those at seams have a name for each
             side, such as ``lower_seam`` and ``upper_seam``.
     """
@@ -155,7 +155,7 @@ def _shape(dim: int, face: FreeFace) -> str:
 
 
 def elements(dim: int, part: Part) -> npt.NDArray[np.uint64]:
-    """The elements of a body."""
+    """Return the elements of a body."""
     return np.concatenate(
         [np.empty(0, np.uint64)]
         + [tags for tag in part.tags for tags in gmsh.model.mesh.getElements(dim, tag)[1]]
@@ -168,7 +168,7 @@ def qualities(dim: int, part: Part) -> Floats:
 
 
 def nodes_of(dim: int, part: Part) -> int:
-    """How many nodes a body has."""
+    """Return how many nodes a body has."""
     nodes = [n for tag in part.tags for n in gmsh.model.mesh.getElements(dim, tag)[2]]
     return np.unique(np.concatenate(nodes)).size
 

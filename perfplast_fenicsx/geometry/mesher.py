@@ -130,7 +130,7 @@ def _shared(dim: int, parts: Sequence[Part]) -> set[frozenset[str]]:
 
 
 def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:
-    """The body of each face; in the plane, of each body's entity."""
+    """Return the body of each face; in the plane, of each body's entity."""
     names = {}
     for part in reversed(parts):
         for tag in part.tags:
@@ -143,8 +143,8 @@ def _by_name(dim: int, drawing: Drawing, marked: Mapping[int, Mark]) -> dict[str
     """Return faces by the names that a script gives them, after bodies have been cut.
 
     Args:
-        dim: Of the faces.
-        drawing: What was read; faces of gmsh's built-in kernel are as they were.
+        dim: Dimension of the faces.
+        drawing: The drawing that was read; faces of gmsh's built-in kernel do not change.
         marked: Faces of OpenCASCADE's kernel that lie on named ones.
     """
     here = {tag for _, tag in gmsh.model.getEntities(dim)}

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 
 def plain_name(name: str) -> str:
-    """Its letters, digits and _ alone, in lower case; empty where there are none."""
+    """Return its letters, digits and _ alone, in lower case; empty where there are none."""
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 

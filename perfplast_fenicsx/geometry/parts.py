@@ -42,7 +42,7 @@ class Drawing:
     Attributes:
         dim: 3 for solids or 2 for faces of a plane model.
         parts: The bodies.
-        remarks: What a user should know, a sentence each.
+        remarks: Remarks for the user, a sentence each.
         named: Faces (in the plane, curves) by the names of the physical groups of a script.
     """
 
@@ -87,7 +87,7 @@ def read_parts(path: Path) -> Drawing:
 
 
 def _leaf(label: str) -> str:
-    """The part's own name in a path of names."""
+    """Return the part's own name in a path of names."""
     last = label.rpartition("/")[2].strip()
     return "part" if NO_NAME.search(last) else last
 

@@ -18,7 +18,7 @@ class Seam:
 
     Attributes:
         bodies: Their numbers.
-        faces: Of each; the same ones where they are meshed together.
+        faces: Faces of each; the same ones where they are meshed together.
     """
 
     bodies: tuple[int, int]
@@ -38,7 +38,7 @@ def find_seams(dim: int, parts: Sequence[Part]) -> list[Seam]:
 
 
 def owners(parts: Sequence[Part]) -> dict[int, int]:
-    """The body of each entity."""
+    """Return the body of each entity."""
     return {tag: number for number, part in enumerate(parts) for tag in part.tags}
 
 
@@ -48,7 +48,7 @@ def faces_of_bodies(dim: int, parts: Sequence[Part]) -> dict[int, int]:
 
 
 def free_faces(dim: int, parts: Sequence[Part], seams: Sequence[Seam]) -> dict[int, int]:
-    """The faces at which bodies touch nothing, and whose they are."""
+    """Return the faces at which bodies touch nothing, and whose they are."""
     touching = {face for seam in seams for side in seam.faces for face in side}
     own = shared(dim, owners(parts))
     return {
@@ -62,9 +62,9 @@ def take_apart(
     """Give each body faces of its own where it touches others, for a mesh of its own.
 
     Args:
-        dim: Of the bodies.
+        dim: Dimension of the bodies.
         parts: They have been cut along each other, and have new entities afterwards.
-        seams: Where they touch.
+        seams: Places where they touch.
 
     Returns:
         The bodies, and where they touch.

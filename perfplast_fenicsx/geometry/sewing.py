@@ -14,7 +14,7 @@ def sewn(path: Path, count: int) -> tuple[list[int], list[str]]:
     """Sew the faces of gmsh's current model to solids, and heal them.
 
     Args:
-        path: Of the file, for messages.
+        path: Path of the file, for messages.
         count: Faces and curves that were read.
 
     Returns:
@@ -67,7 +67,7 @@ def _left_out(whole: float) -> list[str]:
 
 
 def _filled(shells: Sequence[Sequence[int]], gap: float) -> list[int]:
-    """The solids that shells enclose, each sewn by itself; none where one encloses nothing.
+    """Return the solids that shells enclose, each sewn by itself; none where one encloses nothing.
 
     Args:
         shells: Their faces.
@@ -90,7 +90,7 @@ def _filled(shells: Sequence[Sequence[int]], gap: float) -> list[int]:
 
 
 def _healed(gap: float) -> list[int]:
-    """The solids of all faces, sewn together and healed; none where they enclose nothing.
+    """Return the solids of all faces, sewn together and healed; none where they enclose nothing.
 
     Args:
         gap: Between faces that is closed.
@@ -104,14 +104,14 @@ def _healed(gap: float) -> list[int]:
 
 
 def _solids(least: int) -> list[int]:
-    """Those of gmsh's model, where there are so many and each has a volume."""
+    """Return those of gmsh's model, where there are so many and each has a volume."""
     solids = [tag for _, tag in gmsh.model.getEntities(3)]
     whole = len(solids) >= least and all(gmsh.model.occ.getMass(3, tag) > 0 for tag in solids)
     return solids if whole else []
 
 
 def _alone(solids: list[int]) -> list[int]:
-    """The solids, without faces and curves that belong to none."""
+    """Return the solids, without faces and curves that belong to none."""
     occ = gmsh.model.occ
     for dim in (2, 1, 0):
         loose = [

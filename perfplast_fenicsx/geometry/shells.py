@@ -12,7 +12,7 @@ from perfplast_fenicsx.arrays import Floats, Longs
 
 
 def closed_shells(faces: Sequence[int], near: float) -> list[list[int]]:
-    """The faces of each body, where files list those of one body one after another.
+    """Return the faces of each body, where files list those of one body one after another.
 
     Where bodies touch, an edge belongs to faces of several, and sewing all of them makes no solid.
     So faces are taken in their order until each edge so far is one of two of them.
@@ -39,7 +39,7 @@ def closed_shells(faces: Sequence[int], near: float) -> list[list[int]]:
 
 
 def _edges(face: int) -> list[int]:
-    """Its edges, without the seams at which a round face meets itself."""
+    """Return its edges, without the seams at which a round face meets itself."""
     return [tag for _, tag in gmsh.model.getBoundary([(2, face)], combined=True, oriented=False)]
 
 
@@ -51,7 +51,7 @@ def _measures(edges: Sequence[int]) -> Floats:
 
 
 def _numbered(measures: Floats, near: float) -> Longs:
-    """The same number for what is the same."""
+    """Return the same number for what is the same."""
     pairs = cKDTree(measures).query_pairs(near, output_type="ndarray")
     shape = (len(measures), len(measures))
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)

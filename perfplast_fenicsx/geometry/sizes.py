@@ -26,7 +26,7 @@ class Sizes:
     """The bodies and points whose sizes are set.
 
     Attributes:
-        dim: Of the bodies.
+        dim: Dimension of the bodies.
         parts: The bodies.
         points: Those that have no size of their own, as scripts may give.
         scripted: Whether a script has fields of sizes, which are left as they are.
@@ -72,7 +72,7 @@ class Sizes:
         """Set the sizes of elements in gmsh; return the largest edge length.
 
         Args:
-            options: What is given.
+            options: The given options.
             finer: Edge lengths of curves and faces that are to be meshed more finely.
 
         Raises:

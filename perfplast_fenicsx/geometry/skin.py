@@ -15,10 +15,10 @@ from perfplast_fenicsx.geometry.survey import Face
 def skin_of(
     dim: int, parts: Sequence[Part], free: Sequence[FreeFace], faces: Sequence[Face]
 ) -> dict[str, Any]:
-    """The triangles that are seen of the bodies in gmsh's current mesh.
+    """Return the triangles that are seen of the bodies in gmsh's current mesh.
 
     Args:
-        dim: Of the bodies.
+        dim: Dimension of the bodies.
         parts: The bodies.
         free: Free faces.
         faces: The same, measured.
@@ -58,7 +58,7 @@ def skin_of(
 
 
 def _corners(entities: Sequence[int], dim: int) -> npt.NDArray[np.uint64]:
-    """Vertices of the elements of entities, shape (num_elements, dim + 1)."""
+    """Return vertices of the elements of entities, shape (num_elements, dim + 1)."""
     found = []
     for entity in entities:
         kinds, _, nodes = gmsh.model.mesh.getElements(dim, entity)

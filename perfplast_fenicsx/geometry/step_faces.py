@@ -18,7 +18,7 @@ class StepSolid:
     """A solid as it is drawn, before it is placed.
 
     Attributes:
-        labels: Of its faces, in the file's order; empty where a face has none.
+        labels: Labels of its faces, in the file's order; empty where a face has none.
         corners: The mean of the corners of each face; not a number where it has none.
         counts: How many corners each face has.
     """
@@ -29,7 +29,7 @@ class StepSolid:
 
 
 def read_solids(path: Path) -> tuple[list[StepSolid], bool]:
-    """The solids of a STEP file whose faces have labels.
+    """Return the solids of a STEP file whose faces have labels.
 
     Returns:
         The solids, none if no face has a label or the text is not understood, and whether all of
@@ -90,7 +90,7 @@ def _solid(entities: Entities, strings: list[str], args: str) -> StepSolid:
 
 
 def _below(entities: Entities, args: str, kind: str) -> dict[int, None]:
-    """The entities of a kind that arguments lead to, each once, in order."""
+    """Return the entities of a kind that arguments lead to, each once, in order."""
     found: dict[int, None] = {}
     seen: set[int] = set()
     left = _refs(args)[::-1]
@@ -107,7 +107,7 @@ def _below(entities: Entities, args: str, kind: str) -> dict[int, None]:
 
 
 def _label(args: str, strings: list[str]) -> str:
-    """The string with which arguments begin; a quote in it is written twice."""
+    """Return the string with which arguments begin; a quote in it is written twice."""
     (numbers,) = re.findall(r"^\s*((?:'\d+')*)", args)
     label = "'".join(strings[int(k)] for k in re.findall(r"\d+", numbers))
     wide = re.sub(r"\\X2\\((?:[0-9A-Fa-f]{4})+)\\X0\\", _from_hex, label)
@@ -119,7 +119,7 @@ def _from_hex(digits: re.Match[str]) -> str:
 
 
 def _in_place(entities: Entities) -> bool:
-    """Whether no part is moved: the two systems of each placement are one."""
+    """Return whether no part is moved: the two systems of each placement are one."""
     for kind, args in entities.values():
         if kind == "MAPPED_ITEM":
             return False
@@ -135,7 +135,7 @@ def _system(entities: Entities, args: str) -> list[list[float]]:
 
 
 def _numbers(args: str) -> list[float]:
-    """The numbers in the brackets of a point or a direction."""
+    """Return the numbers in the brackets of a point or a direction."""
     return [float(number) for number in args[args.index("(") :].strip("() \r\n").split(",")]
 
 
@@ -144,7 +144,7 @@ def _refs(args: str) -> list[int]:
 
 
 def names_in(labels: Iterable[str]) -> set[str]:
-    """The labels of one solid that name something.
+    """Return the labels of one solid that name something.
 
     Empty ones, "NONE", counters such as "Face 12", and one that all faces have name nothing.
     """

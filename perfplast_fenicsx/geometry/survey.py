@@ -11,7 +11,7 @@ class Body:
     Attributes:
         name: Its physical name in the mesh.
         label: Its name in the file, with those of the assemblies it is part of.
-        volume: Of its mesh (in the plane, the area).
+        volume: Volume of its mesh (in the plane, the area).
         low: Smallest coordinates.
         high: Largest coordinates.
         cells: Elements.
@@ -36,8 +36,8 @@ class Joint:
     Attributes:
         bodies: Their names.
         surfaces: The names of both sides in the mesh.
-        area: Of the contact (in the plane, the length).
-        shapes: Of the faces in it, such as "flat" or "cylindrical".
+        area: Area of the contact (in the plane, the length).
+        shapes: Shapes of the faces in it, such as "flat" or "cylindrical".
         shared: Whether the bodies share these faces in the drawing, as layers of one ground do;
             else they touch as solids of their own.
     """
@@ -58,7 +58,7 @@ class Face:
         name: Its own name in the mesh.
         body: Whose it is.
         shape: Such as "flat".
-        area: Of its mesh.
+        area: Area of its mesh.
         centre: Its centroid, as the mesh has it.
         cad: Its area in the file; None where that is not known.
         round_of: Of a cylinder, its radius and the direction of its axis, such as "R 5, along z";
@@ -83,8 +83,8 @@ class NamedFaces:
         number: As in the list; 0 where the file or a user gives the name.
         name: In the mesh.
         faces: Numbers of the faces; none of a physical group where bodies touch.
-        why: What they have in common, in words.
-        area: Of their mesh.
+        why: Their common property, in words.
+        area: Area of their mesh.
         cad: Their area in the file; None where that is not known.
     """
 
@@ -129,14 +129,14 @@ class Survey:
 
     Attributes:
         dim: 3 for solids, 2 for a plane model.
-        degree: Of the elements' geometry.
-        nodes: Of the mesh, both sides of joints counted.
+        degree: Degree of the elements' geometry.
+        nodes: Nodes of the mesh, both sides of joints counted.
         bodies: At least one.
-        joints: Where bodies touch.
-        near: Where bodies nearly touch.
-        faces: What is free, sorted by body and number.
+        joints: Joints of bodies that touch.
+        near: Pairs of bodies that nearly touch.
+        faces: Free faces, sorted by body and number.
         sets: Faces with names together.
-        remarks: What a user should know, a sentence each.
+        remarks: Remarks for the user, a sentence each.
         size: Largest edge length that was asked for.
     """
 

@@ -16,7 +16,7 @@ def cut_in_half(dim: int, parts: Sequence[Part], planes: Mapping[str, float]) ->
     """Keep what lies towards larger coordinates of each plane.
 
     Args:
-        dim: Of the bodies.
+        dim: Dimension of the bodies.
         parts: They have new entities afterwards; those on the other side are left out.
         planes: Values by coordinate.
 

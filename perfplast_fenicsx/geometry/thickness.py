@@ -29,7 +29,7 @@ def share_through(dim: int, part: Part) -> float:
 
 
 def through(points: Floats, cells: Longs) -> float:
-    """The share of simplices with an edge whose ends have opposite outward normals.
+    """Return the share of simplices with an edge whose ends have opposite outward normals.
 
     Args:
         points: Shape (num_points, d).

@@ -31,7 +31,7 @@ def usual_names(
     their number, ``plate_face_7``, and other sets ``plate_plane_7`` or ``plate_cylinder_7``.
 
     Args:
-        dim: Of the faces.
+        dim: Dimension of the faces.
         parts: The bodies.
         faces: Free ones.
         alike: Sets of faces that are alike (:func:`free_faces.numbered_faces`).

@@ -42,7 +42,7 @@ def check_resolution(rtol: float, solver: WorkNewton) -> None:
     """Refuse a tolerance that does not distinguish sliding from rest.
 
     Args:
-        rtol: What both loads may differ by, relative.
+        rtol: Relative difference of both loads at which the search ends.
         solver: Which follows the path.
 
     Raises:
@@ -112,8 +112,8 @@ class _Path:
     """A search: what it works with, and where it has come to.
 
     Attributes:
-        solver: Of works.
-        rtol: What both loads may differ by, relative.
+        solver: Solver of works.
+        rtol: Relative difference of both loads at which the search ends.
         search: What is known, for a restart.
         monitor: Called after each iteration.
         on_level: Called after each level that carries its load.
@@ -238,7 +238,7 @@ class _Path:
 
 
 def has_levelled(points: Points, rtol: float) -> bool:
-    """Whether the last level has added less than its tolerance to the largest ζ before it.
+    """Return whether the last level has added less than its tolerance to the largest ζ before it.
 
     Args:
         points: (α, ζ) of levels, each of which has a work larger by a factor, not by a little.
@@ -251,7 +251,7 @@ def has_levelled(points: Points, rtol: float) -> bool:
 
 
 def trial(low: float, refused: float | None, step: float, unknown: int) -> float:
-    """The load to be tried next.
+    """Return the load to be tried next.
 
     Args:
         low: The largest that is carried; 0 for none.

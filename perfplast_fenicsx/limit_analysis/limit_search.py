@@ -132,7 +132,7 @@ def check_limit_load(problem: Problem, rtol: float, solver: WorkNewton | None) -
 
     Args:
         problem: The bodies and their loads.
-        rtol: What the bounds may differ by, relative.
+        rtol: Relative difference of the bounds at which the search ends.
         solver: What follows a path; None where the interior point method is to answer.
 
     Raises:
@@ -150,7 +150,7 @@ def check_limit_load(problem: Problem, rtol: float, solver: WorkNewton | None) -
 
 
 def _chosen(method: str | None, problem: Problem, follows: bool) -> LimitMethod:
-    """The method that is asked for, or suits."""
+    """Return the method that is asked for, or suits."""
     if method is None:
         return LimitMethod.PATH if follows else method_for(problem)
     if method not in list(LimitMethod):
@@ -164,12 +164,12 @@ def _chosen(method: str | None, problem: Problem, follows: bool) -> LimitMethod:
 
 
 def limit_options(rtol: float, coulomb: bool = False) -> dict[str, Any]:
-    """Options of the Newton methods that suit a limit load with a relative tolerance.
+    """Return options of the Newton methods that suit a limit load with a relative tolerance.
 
     Displacements grow without bound, so that increments relative to them say little.
 
     Args:
-        rtol: What bounds may differ by.
+        rtol: Relative difference of the bounds at which the search ends.
         coulomb: Whether there is Coulomb's friction, whose bounds settle no better than steps.
     """
     # Largest tolerance of a level: with 1e-3, ζ has been found 1e-4 above an upper bound.

@@ -80,9 +80,9 @@ class _Search:
 
     Attributes:
         weakening: The problem.
-        solver: Of levels with a prescribed work.
+        solver: Solver of levels with a prescribed work.
         tolerance: Of F.
-        monitor: Of steps.
+        monitor: Monitor of steps.
         slope: d ln ζ/d ln F as the last point has shown it.
         stride: Factor by which F changes at most between two levels.
         found: The points.
@@ -99,7 +99,7 @@ class _Search:
     counts: tuple[int, int] = (0, 0)
 
     def follow(self) -> StrengthPath:
-        """All points. Collective."""
+        """Return all points. Collective."""
         most_points = 80
         before: _Point | None = None
         last = self._first()
@@ -128,7 +128,7 @@ class _Search:
         return StrengthPath(tuple(self.found), False, f"{most_points} points were found")
 
     def _first(self) -> _Point | None:
-        """An equilibrium with some plastic flow, or elastic next to one. Collective."""
+        """Return an equilibrium with some plastic flow, or elastic next to one. Collective."""
         newton = Newton(self.weakening.problem, self.solver.options, lender=self.solver)
         found: tuple[float, Level] | None = None
         factor = 1.0
@@ -151,7 +151,7 @@ class _Search:
         return _Point(found[0], found[1].state)
 
     def _at(self, work: float, before: _Point | None, last: _Point) -> _Point | None:
-        """The point with a work; None where no level was found. Collective."""
+        """Return the point with a work; None where no level was found. Collective."""
         problem = self.weakening.problem
         start = last.state
         factor = last.factor
@@ -178,7 +178,7 @@ class _Search:
         return None
 
     def _next(self, known: dict[float, float]) -> float:
-        """Where ln ζ may be 0: by a secant, within what is known to be on either side."""
+        """Return where ln ζ may be 0: by a secant, within what is known to be on either side."""
         nearest = sorted(known, key=lambda factor: abs(known[factor]))
         best = nearest[0]
         if len(nearest) > 1:

@@ -1,4 +1,7 @@
-"""Common materials to start from, in any system of units. A design goes by its standard itself."""
+"""Common materials to start from, in any system of units.
+
+Take the numbers of a design from its standard.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -20,7 +23,7 @@ class Common:
         yield_stress: In uniaxial tension (stress); for what is no metal, that of von Mises' law
             which ``what`` says.
         what: In words.
-        source: Where the numbers are from.
+        source: Source of the numbers.
     """
 
     name: str
@@ -31,7 +34,7 @@ class Common:
     source: str
 
     def in_system(self, system: Name) -> "Common":
-        """The same in another system of units, from that of :data:`MATERIALS`."""
+        """Return the same in another system of units, from that of :data:`MATERIALS`."""
         factor = SYSTEMS[TABLE].pascals / SYSTEMS[system].pascals
         return replace(self, young=self.young * factor, yield_stress=self.yield_stress * factor)
 
@@ -84,9 +87,9 @@ def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -
     """Return a sentence for each number that no real material has.
 
     Args:
-        young: Of a material (stress).
-        yield_stress: Of it (stress), if it yields.
-        system: What they are in, if that is known.
+        young: Young's modulus of a material (stress).
+        yield_stress: Yield stress of it (stress), if it yields.
+        system: System of their units, if known.
     """
     told = []
     if system is not None:

@@ -87,7 +87,7 @@ class TrescaSet(CoulombSet):
         return self.cohesion * sum(abs(value) for value in principal(rate))
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """The spherical part."""
+        """Return the spherical part."""
         return spherical(trace(rate) / 3, len(rate))
 
 
@@ -104,7 +104,7 @@ class CutOffSet(CoulombSet):
     tension: Expr
 
     def gauge(self, s: Expr) -> Expr:
-        """The larger one of both conditions, 0 where pressure makes it negative."""
+        """Return the larger one of both conditions, 0 where pressure makes it negative."""
         return ufl.max_value(super().gauge(s), principal(s)[0] / self.tension)
 
     def support(self, rate: Expr) -> Expr:

@@ -65,7 +65,7 @@ class Tresca:
         return Elastic(self.young, self.poisson).shear
 
     def divided_by(self, factor: float) -> "Tresca":
-        """The same with c/F and f/F.
+        """Return the same with c/F and f/F.
 
         Args:
             factor: F > 0.
@@ -89,10 +89,10 @@ class MohrCoulomb:
         cohesion: Stress, zero of clean sand; a number, or a field that is positive everywhere.
         friction_angle: Degrees, between 0 and 90.
         expansion: Strain of a change of temperature by one degree (1/temperature).
-        dilatancy_angle: Degrees, between 0 and that of friction, which it is where it is left out.
-        nonassociated: What is made of ground that dilates by less: ``"radenkovic"`` for bounds of
-            all that it may carry, ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` for associated
-            ground that stands for it, an estimate.
+        dilatancy_angle: Degrees, between 0 and the angle of friction, which is the default.
+        nonassociated: How to treat ground that dilates by less: ``"radenkovic"`` bounds all loads
+            that it may carry; ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` replaces it by
+            associated ground, which gives an estimate.
         tensile_strength: Largest tension f in any direction (stress), positive; None, or from
             c cot φ on, for what cohesion and friction leave.
         reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
@@ -124,7 +124,7 @@ class MohrCoulomb:
         if self.tensile_strength is not None and self.nonassociated == "radenkovic":
             raise InputError(
                 f"tensile_strength = {self.tensile_strength:g} with nonassociated = 'radenkovic':"
-                " that pair of bounds is of ground without a limit of tension; leave it out, or"
+                " that pair of bounds needs ground without a tensile strength; leave it out, or"
                 " give nonassociated = 'davis-a' for an estimate."
             )
 
@@ -153,7 +153,7 @@ class MohrCoulomb:
         return Elastic(self.young, self.poisson).shear
 
     def divided_by(self, factor: float) -> "MohrCoulomb":
-        """The same ground with c/F, tan φ/F and f/F, and ψ by what is made of it.
+        """Return the same ground with c/F, tan φ/F and f/F, and ψ by what is made of it.
 
         Args:
             factor: F > 0.
@@ -190,13 +190,13 @@ def check_tension(tension: float | None, cohesion: Strength) -> None:
         )
     if not (tension > 0 and math.isfinite(tension)):
         raise InputError(
-            f"tensile_strength = {tension} is no positive stress; give a small one, such as"
+            f"tensile_strength = {tension} is not a positive stress; give a small one, such as"
             f" {1e-3 * cohesion or 1e-3:g}, for ground that bears no tension, or leave it out."
         )
 
 
 def divided(tension: float | None, factor: float) -> float | None:
-    """A tensile strength over a factor, if there is one."""
+    """Return a tensile strength over a factor, if there is one."""
     return None if tension is None else tension / factor
 
 

@@ -109,7 +109,7 @@ class DruckerPragerLaw(Law):
         return math.sqrt(2) * self.shear * _size(deviator(e)) + mean - self.strength
 
     def beyond(self, e: Expr) -> Expr:
-        """A (stress): positive where Ce returns to the apex, if it is outside of K."""
+        """Return a (stress): positive where Ce returns to the apex, if it is outside of K."""
         mean = self.slope * self.bulk * (trace(e) - math.sqrt(2) * self.slope * _size(deviator(e)))
         return mean - self.strength
 
@@ -198,10 +198,10 @@ class DruckerPrager:
         friction_angle: Of Mohr and Coulomb (degrees), between 0 and 90.
         match: In which states of stress the cone has the strength of Mohr and Coulomb.
         expansion: Strain of a change of temperature by one degree (1/temperature).
-        dilatancy_angle: Degrees, between 0 and that of friction, which it is where it is left out.
-        nonassociated: What is made of ground that dilates by less: ``"radenkovic"`` for bounds of
-            all that it may carry, ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` for associated
-            ground that stands for it, an estimate.
+        dilatancy_angle: Degrees, between 0 and the angle of friction, which is the default.
+        nonassociated: How to treat ground that dilates by less: ``"radenkovic"`` bounds all loads
+            that it may carry; ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` replaces it by
+            associated ground, which gives an estimate.
         reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
     Raises:
@@ -259,7 +259,7 @@ class DruckerPrager:
         return 6 * math.sin(phi) / size, 6 * self.cohesion * math.cos(phi) / size
 
     def divided_by(self, factor: float) -> "DruckerPrager":
-        """The same ground with c/F and tan φ/F, and ψ by what is made of it.
+        """Return the same ground with c/F and tan φ/F, and ψ by what is made of it.
 
         Args:
             factor: F > 0.

@@ -112,7 +112,7 @@ class Elastic:
         return self
 
     def in_plane_stress(self) -> "ElasticSheet":
-        """The same with σ_zz = 0."""
+        """Return the same with σ_zz = 0."""
         return ElasticSheet(self.young, self.poisson, self.expansion)
 
     def parameters(self) -> dict[str, float]:
@@ -189,7 +189,7 @@ def require_not_negative(field: str, value: Strength) -> None:
     if isinstance(value, SpatialField):
         return
     if not (value >= 0 and math.isfinite(value)):
-        raise InputError(f"{field} = {value} is negative or no number; give zero or more.")
+        raise InputError(f"{field} = {value} is negative or not a number; give zero or more.")
     check_magnitude(field, value)
 
 
@@ -209,5 +209,5 @@ def require_positive(field: str, value: Strength) -> None:
 
 
 def all_elastic(materials: Iterable[object]) -> bool:
-    """Whether none of these materials can yield."""
+    """Return whether none of these materials can yield."""
     return all(isinstance(material, Elastic | Rigid) for material in materials)

@@ -44,8 +44,8 @@ class Hardening:
             value = getattr(self, field)
             if not (value >= 0 and math.isfinite(value)):
                 raise InputError(
-                    f"{field} = {value} is no modulus of hardening; give a number >= 0 in stress"
-                    " units (softening is not possible)."
+                    f"{field} = {value} is not a valid hardening modulus; give a number >= 0 in"
+                    " stress units (softening is not possible)."
                 )
             check_magnitude(field, value)
         if not self.isotropic + self.kinematic > 0:
@@ -55,7 +55,7 @@ class Hardening:
             )
 
     def parameters(self) -> dict[str, float]:
-        """Those of :class:`VonMisesLaw`, and ⅔H of both kinds."""
+        """Return those of :class:`VonMisesLaw`, and ⅔H of both kinds."""
         perfect = VonMises(self.young, self.poisson, self.yield_stress).parameters()
         return perfect | {"isotropic": 2 / 3 * self.isotropic, "kinematic": 2 / 3 * self.kinematic}
 

@@ -42,7 +42,7 @@ class HardeningFlowLaw(Step, FirstYield):
         return HardeningLaw(self.bulk, self.shear, radius, self.isotropic, self.kinematic)
 
     def shifted(self, e: Expr, old: Old) -> Expr:
-        """The strain e − q that Hencky's law sees."""
+        """Return the strain e − q that Hencky's law sees."""
         return e - self._centre(old)
 
     def stress(self, e: Expr, old: Old) -> Expr:

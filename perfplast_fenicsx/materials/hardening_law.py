@@ -70,9 +70,9 @@ class HardeningLaw(FirstYield):
         return self.perfect.plastic(e, old)
 
     def flow(self, e: Expr) -> Expr:
-        """The plastic strain of a strain."""
+        """Return the plastic strain of a strain."""
         return (1 - self.share) * self.perfect.flow(e)
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Those of perfect plasticity, with ρ + (1 − ρ)s for ρ."""
+        """Return those of perfect plasticity, with ρ + (1 − ρ)s for ρ."""
         return self.perfect.tangent_fields(e, old, rho + (1 - rho) * self.share)

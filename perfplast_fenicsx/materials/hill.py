@@ -34,12 +34,12 @@ class HillLaw(QuadraticLaw):
         shear: μ (stress).
         strength: Y (stress).
         first: See :class:`HillForm`.
-        second: The same.
-        turn: The same.
-        yz: The same.
-        xz: The same.
-        xy: The same.
-        axes: The same.
+        second: As ``first``.
+        turn: As ``second``.
+        yz: As ``turn``.
+        xz: As ``yz``.
+        xy: As ``xz``.
+        axes: As ``xy``.
     """
 
     first: Expr
@@ -160,7 +160,7 @@ class Hill:
         return Elastic(self.young, self.poisson).shear
 
     def divided_by(self, factor: float) -> "Hill":
-        """The same body with Y/F.
+        """Return the same body with Y/F.
 
         Args:
             factor: F > 0.

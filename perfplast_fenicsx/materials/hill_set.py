@@ -107,5 +107,5 @@ class HillSet:
         return (Cone(self.strength, ufl.as_vector([0.0] * size), matrix),)
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """The spherical part."""
+        """Return the spherical part."""
         return spherical(trace(rate) / 3, len(rate))

@@ -78,7 +78,7 @@ class Law(Protocol):
         return {}
 
     def unstressed(self, old: Old) -> Expr | None:
-        """The strain without stress, shape (m,); None where that is zero."""
+        """Return the strain without stress, shape (m,); None where that is zero."""
         return None
 
     def stress(self, e: Expr, old: Old) -> Expr:
@@ -120,7 +120,7 @@ class Law(Protocol):
         return self.plastic(e, {}) * (e - elastic)
 
     def updated(self, e: Expr, old: Old) -> Mapping[str, Expr]:
-        """The history after a level that was accepted with the strain e."""
+        """Return the history after a level that was accepted with the strain e."""
         return {}
 
 

@@ -23,17 +23,17 @@ Expr: TypeAlias = Any
 
 
 def mandel_size(gdim: int) -> int:
-    """Number of Mandel components: 6 in 3D, 4 in plane strain and axisymmetry."""
+    """Return the number of Mandel components: 6 in 3D, 4 in plane strain and axisymmetry."""
     return {2: 4, 3: 6}[gdim]
 
 
 def trace(e: Expr) -> Expr:
-    """Trace of a Mandel vector."""
+    """Return the trace of a Mandel vector."""
     return e[0] + e[1] + e[2]
 
 
 def deviator(e: Expr) -> Expr:
-    """Deviator of a Mandel vector."""
+    """Return the deviator of a Mandel vector."""
     mean = trace(e) / 3
     return ufl.as_vector([e[i] - mean if i < 3 else e[i] for i in range(len(e))])
 
@@ -44,7 +44,7 @@ def spherical(pressure: Expr, size: int) -> Expr:
 
 
 def tensor(s: Expr) -> Expr:
-    """The 3×3 symmetric tensor of a Mandel vector."""
+    """Return the 3×3 symmetric tensor of a Mandel vector."""
     zero = ufl.as_ufl(0.0)
     shears = [s[i] / math.sqrt(2) for i in range(3, len(s))]
     yz, xz, xy = (zero, zero, *shears) if len(shears) == 1 else shears

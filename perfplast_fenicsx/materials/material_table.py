@@ -10,7 +10,7 @@ from perfplast_fenicsx.units import SYSTEMS, Name
 
 
 def find(name: str, system: Name = TABLE) -> Common:
-    """The material of a name that obeys von Mises.
+    """Return the material of a name that obeys von Mises.
 
     Args:
         name: In lower or upper case.
@@ -34,10 +34,10 @@ def check_units(young: float, poisson: float, yield_stress: float, system: Name)
     """Refuse numbers that are those of a common material in another system of units.
 
     Args:
-        young: Of a material (stress).
-        poisson: Of it.
-        yield_stress: Of it (stress).
-        system: What they are said to be in.
+        young: Young's modulus of a material (stress).
+        poisson: Poisson's ratio of it.
+        yield_stress: Yield stress of it (stress).
+        system: System of their units.
 
     Raises:
         InputError: With the numbers in this system.
@@ -49,10 +49,10 @@ def check_soil_units(young: float, poisson: float, cohesion: float, system: Name
     """Refuse numbers that are those of a common soil in another system of units.
 
     Args:
-        young: Of a soil (stress).
-        poisson: Of it.
-        cohesion: Of it (stress).
-        system: What they are said to be in.
+        young: Young's modulus of a soil (stress).
+        poisson: Poisson's ratio of it.
+        cohesion: Cohesion of it (stress).
+        system: System of their units.
 
     Raises:
         InputError: With the numbers in this system.
@@ -87,7 +87,7 @@ def _known(
     table: Sequence[Common | Soil],
     system: Name,
 ) -> Common | Soil | None:
-    """The one of a table that has these numbers in a system."""
+    """Return the one of a table that has these numbers in a system."""
     # Relative difference of numbers that were copied from a table of six digits.
     copied = 1e-5
     for one in table:

@@ -26,7 +26,7 @@ class MohrCoulombLaw(Law):
     Args:
         bulk: κ (stress).
         shear: μ (stress).
-        sine: Of the angle of friction, s.
+        sine: Sine of the angle of friction, s.
         strength: b = 2c cos φ (stress).
     """
 
@@ -79,7 +79,7 @@ class MohrCoulombLaw(Law):
         return 4 * self._lame * self.sine**2 + 2 * self.shear * squares
 
     def _flow(self, e: Expr, i: int) -> Expr:
-        """How far along a mean normal the strain flows."""
+        """Return how far along a mean normal the strain flows."""
         along = sum(
             n * w for n, w in zip(self._normals()[i], principal_axes(e).ordered, strict=True)
         )
@@ -125,7 +125,7 @@ class MohrCoulombLaw(Law):
         return 2 * self.shear - ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
 
     def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
-        """The same where the stress yields, but at the apex."""
+        """Return the same where the stress yields, but at the apex."""
         lost = self._turned(stresses, strains)
         return self._by_branch(e, [0.0, lost, lost, lost, 0.0])
 

@@ -100,7 +100,7 @@ def check_dilatancy(ground: Ground) -> None:
 
 
 def associated(ground: AnyGround) -> AnyGround:
-    """The associated ground that is computed with.
+    """Return the associated ground that is computed with.
 
     By Davis that with βc and β tan φ; else that with the angle of friction of the given one.
     """
@@ -112,7 +112,7 @@ def associated(ground: AnyGround) -> AnyGround:
 
 
 def weaker(ground: AnyGround) -> AnyGround:
-    """The weaker one of Radenkovic's pair, with ψ and c tan ψ/tan φ."""
+    """Return the weaker one of Radenkovic's pair, with ψ and c tan ψ/tan φ."""
     phi, psi = (math.radians(it) for it in (ground.friction_angle, _dilatancy(ground)))
     return _ground(ground, ground.cohesion * math.tan(psi) / math.tan(phi), psi)
 
@@ -200,7 +200,7 @@ def flow_words(materials: Mapping[str, Material]) -> list[str]:
 
 
 def by_davis(materials: Mapping[str, Material]) -> bool:
-    """Whether associated ground stands for any, so that all numbers are estimates."""
+    """Return whether associated ground stands for any, so that all numbers are estimates."""
     return any(_dilates_less(it) and not _has_pair(it) for it in materials.values())
 
 

@@ -12,7 +12,7 @@ class Thin(Protocol):
     """A material that knows of plane stress."""
 
     def in_plane_stress(self) -> Material | None:
-        """The same body with σ_zz = 0, whatever ε_zz is; None where that is not known."""
+        """Return the same body with σ_zz = 0, whatever ε_zz is; None where that is not known."""
         ...
 
 
@@ -25,7 +25,7 @@ def in_plane_stress(materials: Mapping[str, Material]) -> dict[str, Material]:
     """Return the materials of bodies for plane stress.
 
     Args:
-        materials: Of each volume.
+        materials: Materials of each volume.
 
     Raises:
         InputError: If one is not known there.

@@ -38,15 +38,15 @@ class Step(Law, Protocol):
 
     @abstractmethod
     def hencky(self, old: Old) -> Law:
-        """The law of total strain with the yield set as it is now."""
+        """Return the law of total strain with the yield set as it is now."""
         ...
 
     def shifted(self, e: Expr, old: Old) -> Expr:
-        """The strain that Hencky's law sees."""
+        """Return the strain that Hencky's law sees."""
         return e - old[STRAIN]
 
     def history(self, m: int) -> Mapping[str, tuple[int, ...]]:
-        """The shapes of p and p̄, zero at first."""
+        """Return the shapes of p and p̄, zero at first."""
         return {STRAIN: (m,), ACCUMULATED: ()}
 
     def stress(self, e: Expr, old: Old) -> Expr:
@@ -66,7 +66,7 @@ class Step(Law, Protocol):
         return self.hencky(old).plastic(self.shifted(e, old), {})
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Those of Hencky's law."""
+        """Return those of Hencky's law."""
         return self.hencky(old).tangent_fields(self.shifted(e, old), {}, rho)
 
     def updated(self, e: Expr, old: Old) -> Mapping[str, Expr]:
@@ -80,7 +80,7 @@ class FlowLaw(Step):
     """Perfect plasticity, step by step; :func:`flow_law` makes it of a law of total strain.
 
     Args:
-        numbers: Those of the law of total strain.
+        numbers: Numbers of the law of total strain.
     """
 
     of: ClassVar[type[Law]]
@@ -108,13 +108,13 @@ class FlowLaw(Step):
         return old[STRAIN]
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """That of Hencky's law."""
+        """Return the that of Hencky's law."""
         return self._perfect.tangent(stored, d)
 
 
 @cache
 def flow_law(law: type[Law]) -> type[FlowLaw]:
-    """The flow of bodies of a law of total strain that is a projection on a yield set."""
+    """Return the flow of bodies of a law of total strain that is a projection on a yield set."""
     return type(f"{law.__name__}Flow", (FlowLaw,), {"of": law, "dilates": law.dilates})
 
 
@@ -155,7 +155,7 @@ class Flow:
         return float(getattr(self.body, "expansion", 0.0))
 
     def parameters(self) -> Mapping[str, Strength]:
-        """Those of the body."""
+        """Return those of the body."""
         return self.body.parameters()
 
     def remembering(self) -> "Flow":
@@ -163,13 +163,13 @@ class Flow:
         return self
 
     def in_plane_stress(self) -> "Flow | None":
-        """The same with σ_zz = 0; None where the body is not known there."""
+        """Return the same with σ_zz = 0; None where the body is not known there."""
         flat = thin(self.body)
         return None if flat is None else Flow(flat)
 
 
 def with_memory(material: Material) -> Material | None:
-    """A body that remembers its plastic flow, an elastic one as it is; None if it cannot.
+    """Return a body that remembers its plastic flow, an elastic one as it is; None if it cannot.
 
     What a material says by a method ``remembering()`` comes first.
     """

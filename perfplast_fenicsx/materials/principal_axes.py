@@ -150,7 +150,7 @@ class PrincipalAxes:
         return flat + (first - second) / math.sqrt(2) * self.direction
 
     def _mandel(self, A: Expr) -> Expr:
-        """The Mandel vector of a tensor of as many components."""
+        """Return the Mandel vector of a tensor of as many components."""
         shears = [(0, 1)] if len(self.e) == IN_PLANE else [(1, 2), (0, 2), (0, 1)]
         parts = [A[i, i] for i in range(3)] + [math.sqrt(2) * A[i, j] for i, j in shears]
         return ufl.as_vector(parts)
@@ -158,12 +158,12 @@ class PrincipalAxes:
 
 @lru_cache(maxsize=8)
 def principal_axes(e: Expr) -> PrincipalAxes:
-    """Those of a vector, which are put together once."""
+    """Return those of a vector, which are put together once."""
     return PrincipalAxes(e)
 
 
 def _beside(n: Expr) -> tuple[Expr, Expr]:
-    """Two unit vectors at right angles to one (T. Duff et al., JCGT 6 (2017))."""
+    """Return two unit vectors at right angles to one (T. Duff et al., JCGT 6 (2017))."""
     sign = ufl.conditional(ufl.lt(n[2], 0.0), -1.0, 1.0)
     a = -1 / (sign + n[2])
     b = n[0] * n[1] * a

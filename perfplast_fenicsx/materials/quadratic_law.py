@@ -56,11 +56,11 @@ class QuadraticLaw(Law):
         raise NotImplementedError
 
     def free(self, e: Expr) -> Expr:
-        """The elastic stress that nothing bounds, shape (m,)."""
+        """Return the elastic stress that nothing bounds, shape (m,)."""
         raise NotImplementedError
 
     def trial(self, e: Expr) -> list[Expr]:
-        """The elastic stress in the form's coordinates, over Y."""
+        """Return the elastic stress in the form's coordinates, over Y."""
         parts, count = ufl.dot(self.form.frame(len(e)), e), len(self.form.weights(len(e)))
         return [2 * self.shear / self.strength * parts[i] for i in range(count)]
 

@@ -108,14 +108,14 @@ class SheetLaw(QuadraticLaw):
         h1: The next one.
         h2: The smallest one.
         b00: The entries of B.
-        b01: The same.
-        b02: The same.
-        b10: The same.
-        b11: The same.
-        b12: The same.
-        b20: The same.
-        b21: The same.
-        b22: The same.
+        b01: As ``b00``.
+        b02: As ``b01``.
+        b10: As ``b02``.
+        b11: As ``b10``.
+        b12: As ``b11``.
+        b20: As ``b12``.
+        b21: As ``b20``.
+        b22: As ``b21``.
     """
 
     h0: Expr

@@ -18,7 +18,7 @@ class Soil:
         friction_angle: Effective (degrees).
         unit_weight: Above the water table (stress/length).
         what: In words.
-        source: Where the numbers are from.
+        source: Source of the numbers.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Soil:
     source: str
 
     def in_system(self, system: Name) -> "Soil":
-        """The same in another system of units, from that of :data:`SOILS`."""
+        """Return the same in another system of units, from that of :data:`SOILS`."""
         one, other = SYSTEMS[TABLE], SYSTEMS[system]
         factor = one.pascals / other.pascals
         return replace(
@@ -48,7 +48,7 @@ NEN_9997 = "NEN 9997-1+C2:2017, table 2.b, low values, E at 100 kPa; Poisson's r
 def _soil(
     name: str, young: float, cohesion: float, friction_angle: float, weight: float, what: str
 ) -> Soil:
-    """A soil by E (MPa), c (kPa), φ (degrees) and γ (kN/m³)."""
+    """Return a soil by E (MPa), c (kPa), φ (degrees) and γ (kN/m³)."""
     # kN/m³ in N/mm³; limit loads do not depend on Poisson's ratio.
     return Soil(name, young, 0.3, 1e-3 * cohesion, friction_angle, 1e-6 * weight, what, NEN_9997)
 

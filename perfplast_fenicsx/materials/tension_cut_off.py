@@ -49,7 +49,7 @@ class CutOffLaw(MohrCoulombLaw):
         return [mean + 2 * self.shear * w for w in principal_axes(e).ordered]
 
     def excess(self, e: Expr) -> Expr:
-        """The larger one of what Ce exceeds both conditions by (stress)."""
+        """Return the larger one of what Ce exceeds both conditions by (stress)."""
         most, _, least = self._trial(e)
         return ufl.max_value(self._sheared(most, least), most - self.tension)
 
@@ -70,7 +70,7 @@ class CutOffLaw(MohrCoulombLaw):
         return found, edge, tip
 
     def _middle(self, e: Expr) -> Expr:
-        """The σ₂ nearest to Ce beside σ₁ = f and σ₃ = r; it may be none between them."""
+        """Return the σ₂ nearest to Ce beside σ₁ = f and σ₃ = r; it may be none between them."""
         first, second, third = self._trial(e)
         poisson = self._lame / (2 * (self._lame + self.shear))
         return second + poisson * (self.tension + self._lowest - first - third)

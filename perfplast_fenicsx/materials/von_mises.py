@@ -54,7 +54,7 @@ class VonMisesSet:
         return (axial_cone(self.radius, 0.0, size),)
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """The spherical part."""
+        """Return the spherical part."""
         return spherical(trace(rate) / 3, len(rate))
 
 
@@ -123,7 +123,7 @@ class VonMisesLaw(FirstYield):
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def flow(self, e: Expr) -> Expr:
-        """The plastic strain (1 − θ) dev e of a strain, 0 where it is elastic."""
+        """Return the plastic strain (1 − θ) dev e of a strain, 0 where it is elastic."""
         return (1 - self.secant(e)) * deviator(e)
 
     def direction(self, e: Expr) -> Expr:
@@ -189,7 +189,7 @@ class VonMises:
         return math.sqrt(2 / 3) * self.yield_stress
 
     def divided_by(self, factor: float) -> "VonMises":
-        """The same body with σ_y/F.
+        """Return the same body with σ_y/F.
 
         Args:
             factor: F > 0.

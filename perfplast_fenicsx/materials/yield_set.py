@@ -63,7 +63,7 @@ class YieldSet(Protocol):
         ...
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
-        """A symmetric form of rates by which mechanisms are looked for along loading paths.
+        """Return a symmetric form of rates by which mechanisms are looked for along loading paths.
 
         It is positive, and of an admissible rate with itself in proportion to the square of
         :meth:`support`, if there is such a form; asked for where :meth:`inadmissible` is linear.
@@ -71,7 +71,7 @@ class YieldSet(Protocol):
         ...
 
     def cones(self, size: int) -> Sequence[Cone | PrincipalCone] | None:
-        """The cones whose intersection the set is; () if nothing yields, None if not known.
+        """Return the cones whose intersection the set is; () if nothing yields, None if not known.
 
         Limit loads by the interior point method, strict bounds and their proofs need no more than
         one of them: of principal stresses, or with a matrix of rank m − 1 or m and zero inside.
@@ -82,7 +82,7 @@ class YieldSet(Protocol):
         ...
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """The part of a rate, shape (k,) and linear in it, that has to vanish, or None.
+        """Return the part of a rate, shape (k,) and linear in it, that has to vanish, or None.
 
         Where it does :meth:`support` is finite. None where no linear condition says so, as for a
         set whose admissible rates are a cone.
@@ -110,7 +110,7 @@ class NeverYields:
         return ()
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """All of it."""
+        """Return all of it."""
         return rate
 
 

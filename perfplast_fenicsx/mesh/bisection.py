@@ -41,7 +41,7 @@ def edges_of_simplex(dim: int) -> Longs:
 
 
 def edges_of_faces(dim: int) -> Longs:
-    """The three edges of each triangle of a simplex, shape (num_faces, 3)."""
+    """Return the three edges of each triangle of a simplex, shape (num_faces, 3)."""
     edges = edges_of_simplex(dim)
     faces = np.array(basix.topology(SIMPLEX[dim])[2])
     return np.array([np.flatnonzero(np.isin(edges, face).all(axis=1)) for face in faces])
@@ -98,11 +98,11 @@ class _Pieces:
     rank: Longs
 
     def rows(self, which: npt.NDArray[np.bool_]) -> "_Pieces":
-        """Some of them."""
+        """Return some of them."""
         return _Pieces(*(getattr(self, name)[which] for name in _NAMES))
 
     def half(self, kept: Longs, moved: Longs, inner: int) -> "_Pieces":
-        """The half of each that keeps one end of an edge; the other moves to the middle."""
+        """Return the half of each that keeps one end of an edge; the other moves to the middle."""
         row = np.arange(len(self.cells))
         half = _Pieces(*(getattr(self, name).copy() for name in _NAMES))
         half.cells[row, moved] = self.middle[row, kept, moved]

@@ -12,7 +12,7 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def body_names(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, bodies: Bodies) -> list[str]:
-    """Words for each body, alike on every rank. Collective.
+    """Return words for each body, alike on every rank. Collective.
 
     Args:
         V: Displacement space.

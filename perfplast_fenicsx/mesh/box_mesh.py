@@ -65,7 +65,7 @@ class Box:
         return math.prod(count + 1 for count in self.counts)
 
     def points(self, vertices: Longs) -> Floats:
-        """Coordinates of vertices by number, the x axis fastest, shape (num_vertices, 3)."""
+        """Return coordinates of vertices by number, the x axis fastest, shape (num_vertices, 3)."""
         shape = [count + 1 for count in self.counts]
         steps = np.stack(np.unravel_index(vertices, shape, order="F"), axis=1)
         lower, upper = np.array(self.lower), np.array(self.upper)

@@ -27,7 +27,7 @@ class CellSearch:
             self._trees.append((KDTree(centres[cells]), cells, float(radii[cells].max())))
 
     def near(self, points: Floats, within: Floats) -> Iterator[tuple[Longs, Longs]]:
-        """Pairs of a point and a cell no farther from it than ``within``, some that are, too.
+        """Yield pairs of a point and a cell no farther from it than ``within``, some that are, too.
 
         Args:
             points: Shape (n, gdim).

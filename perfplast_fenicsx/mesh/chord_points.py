@@ -15,7 +15,7 @@ def bulges(ends: Floats, every: Floats) -> Floats:
     """By how much chords turn into their neighbours, to either side.
 
     Args:
-        ends: Of some chords, shape (n, 2, 2).
+        ends: Ends of some chords, shape (n, 2, 2).
         every: Of all chords of the surface, shape (m, 2, 2).
 
     Returns:
@@ -46,12 +46,12 @@ def bulges(ends: Floats, every: Floats) -> Floats:
 
 
 def chord_points(ends: Floats, bulging: Floats, points: Floats) -> tuple[Longs, Longs, Floats]:
-    """Chords that points lie on or beside, and where between their ends.
+    """Return chords that points lie on or beside, and where between their ends.
 
     Points near the ends of a chord are left.
 
     Args:
-        ends: Of the chords, shape (n, 2, 2).
+        ends: Ends of the chords, shape (n, 2, 2).
         bulging: Their :func:`bulges`, shape (n, 2); 0 for points on the chords alone.
         points: Shape (m, 2).
 
@@ -85,7 +85,7 @@ def chord_points(ends: Floats, bulging: Floats, points: Floats) -> tuple[Longs, 
 
 
 def farthest(every: Floats, points: Floats) -> float | None:
-    """How far points are from the chords of a surface (length); 0 where all lie on it.
+    """Return how far points are from the chords of a surface (length); 0 where all lie on it.
 
     Args:
         every: Ends of all its chords, shape (n, 2, 2).

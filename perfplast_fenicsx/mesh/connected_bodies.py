@@ -93,7 +93,7 @@ def components(comm: MPI.Intracomm, index_map: IndexMap, cells: Ints) -> tuple[i
 
     Args:
         comm: The ranks.
-        index_map: Of the things: nodes, or facets.
+        index_map: Index map of the things: nodes, or facets.
         cells: Local numbers of those that each local cell joins, shape (num_cells, n).
 
     Returns:

@@ -21,7 +21,7 @@ def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None 
     Surfaces and the shapes of bodies stay: what is on one of them is not moved.
 
     Args:
-        tagged_mesh: Of straight triangles.
+        tagged_mesh: Mesh of straight triangles.
         stays: Which local vertices are not moved, as lines that loads depend on run through them.
 
     Returns:

@@ -9,7 +9,7 @@ from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap
 
 
 def has_curved_cells(mesh: Mesh) -> bool:
-    """Whether a cell's geometry is not that of its vertices. Collective."""
+    """Return whether a cell's geometry is not that of its vertices. Collective."""
     cmap, tdim = coordinate_map(mesh), mesh.topology.dim
     if cmap.degree == 1:
         return False

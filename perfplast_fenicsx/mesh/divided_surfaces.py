@@ -21,7 +21,7 @@ from perfplast_fenicsx.mesh.tags_of_cells import cell_meshtags
 
 
 def surface_ends(tagged_mesh: TaggedMesh, surface: str) -> Floats:
-    """Ends of the outer facets of a plane surface, those of all ranks. Collective.
+    """Return ends of the outer facets of a plane surface, those of all ranks. Collective.
 
     Returns:
         Shape (num_facets, 2, 2), known to each rank.
@@ -145,7 +145,7 @@ def _facets(tagged_mesh: TaggedMesh, outer: OuterFacets, surface: str) -> tuple[
 
 
 def _ends(cells: Ints | Longs, places: Ints) -> Longs:
-    """Vertices of the facets opposite to places in cells, shape (n, 2)."""
+    """Return vertices of the facets opposite to places in cells, shape (n, 2)."""
     others = np.column_stack([(places + 1) % 3, (places + 2) % 3])
     return np.take_along_axis(cells.astype(np.int64), others.astype(np.int64), axis=1)
 
@@ -167,11 +167,11 @@ def _folded(surface: str, ends: Floats, new: Floats, opposite: Floats) -> str | 
 
 
 def _chains(cells: Longs, places: Ints, counts: Longs, first: int) -> Longs:
-    """Parts of cells: the ends of their facet, and the vertex opposite.
+    """Return parts of cells: the ends of their facet, and the vertex opposite.
 
     Args:
         cells: Numbers of their vertices, shape (n, 3).
-        places: Of the vertex opposite the facet that is divided.
+        places: Places of the vertex opposite the facet that is divided.
         counts: New vertices on that, at least 1.
         first: Number of the first of them.
     """

@@ -21,8 +21,8 @@ def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
     as wide.
 
     Args:
-        mesh: Of tetrahedra with straight sides.
-        gradients: Of any fields, constant in each owned cell, ∂f_j/∂x_i in row i, shape
+        mesh: Mesh of tetrahedra with straight sides.
+        gradients: Gradients of any fields, constant in each owned cell, ∂f_j/∂x_i in row i, shape
             (num_cells, 3, m).
 
     Returns:

@@ -8,7 +8,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 def element_size(tagged_mesh: TaggedMesh) -> float:
-    """Mean of the longest edges of the cells (length). Collective."""
+    """Return the mean of the longest edges of the cells (length). Collective."""
     mesh = tagged_mesh.mesh
     tdim = mesh.topology.dim
     count = mesh.topology.index_map(tdim).size_local

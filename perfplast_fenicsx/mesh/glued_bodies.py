@@ -17,7 +17,7 @@ from perfplast_fenicsx.mesh.tags_of_cells import cell_meshtags
 
 
 def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> TaggedMesh | None:
-    """The mesh with one vertex in place of each pair of vertices. Collective.
+    """Return the mesh with one vertex in place of each pair of vertices. Collective.
 
     Cells stay on their ranks, and names stay; but the glued surfaces have no facets any more.
 
@@ -85,7 +85,7 @@ def _merged(pairs: Longs) -> Longs:
 
 
 def _renumbered(numbers: Longs, merged: Longs) -> Longs:
-    """Numbers with those of pairs replaced, renumbered without those that are gone."""
+    """Return numbers with those of pairs replaced, renumbered without those that are gone."""
     found: Longs = numbers.copy()
     chosen = np.isin(numbers, merged[:, 0])
     found[chosen] = merged[np.searchsorted(merged[:, 0], numbers[chosen]), 1]

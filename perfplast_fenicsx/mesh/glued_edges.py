@@ -42,8 +42,8 @@ class GluedEdges:
             mesh: Triangles or tetrahedra of first order.
             opposite: Pairs of vertices that lie on each other, by their global numbers, any of them
                 on any rank, shape (num_pairs, 2).
-            metric: Of each owned cell the matrix M of the length √(e·Me) of an edge e, of which the
-                mean over its cells counts, shape (num_cells, gdim, gdim); 1 by default.
+            metric: Metric of each owned cell the matrix M of the length √(e·Me) of an edge e, of
+                which the mean over its cells counts, shape (num_cells, gdim, gdim); 1 by default.
             stretches: Factors of the lengths of local edges, for their order; 1 by default.
         """
         topology, comm, tdim = mesh.topology, mesh.comm, mesh.topology.dim
@@ -75,10 +75,10 @@ class GluedEdges:
         self.order[np.lexsort((number, place, length))] = np.arange(num_edges)
 
     def anywhere(self, marks: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Edges that are marked on any rank or any side. Collective.
+        """Return edges that are marked on any rank or any side. Collective.
 
         Args:
-            marks: Of the local edges, shape (num_edges,).
+            marks: Marks of the local edges, shape (num_edges,).
         """
         vector = la.vector(self._map, 1, dtype=np.float64)
         vector.array[:] = marks
@@ -87,10 +87,10 @@ class GluedEdges:
         return found
 
     def new_numbers(self, marks: npt.NDArray[np.bool_], first: int) -> Longs:
-        """Numbers of a new vertex on each marked edge, −1 on the others. Collective.
+        """Return numbers of a new vertex on each marked edge, −1 on the others. Collective.
 
         Args:
-            marks: What :meth:`anywhere` has returned.
+            marks: The result of :meth:`anywhere`.
             first: The first number that this rank gives away.
         """
         mine = marks[: self._owned]
@@ -100,7 +100,7 @@ class GluedEdges:
         return vector.array.copy()
 
     def new_points(self, marks: npt.NDArray[np.bool_]) -> Floats:
-        """The points of these numbers, in their order, shape (num_new, 3)."""
+        """Return the points of these numbers, in their order, shape (num_new, 3)."""
         return self.middles[: self._owned][marks[: self._owned]]
 
     def _mean(self, along: Floats, metric: Floats) -> Floats:
@@ -120,7 +120,7 @@ class GluedEdges:
         return mean
 
     def _largest(self, values: Floats) -> Floats:
-        """Values of owned edges made those of the local ones, the largest of both sides."""
+        """Return values of owned edges made those of the local ones, the largest of both sides."""
         vector = la.vector(self._map, 1, dtype=np.float64)
         vector.array[: self._owned] = values
         vector.array[self._twins] = self._meeting.largest(values[self._twins])
@@ -137,7 +137,7 @@ def _place(middles: Floats) -> Floats:
 
 
 def _labels(mesh: Mesh, opposite: Longs) -> tuple[Longs, PairFlags]:
-    """The smallest number among the vertices that lie on each other, for each local vertex.
+    """Return the smallest number among the vertices that lie on each other, for each local vertex.
 
     Several may, at edges where more than two bodies meet; so it is passed on until nothing changes.
 

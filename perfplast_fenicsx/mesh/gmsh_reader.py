@@ -36,7 +36,7 @@ class GmshMesh:
         volumes: Name to tag of the cells.
         surfaces: Name to tag of the facets, or to several tags where some are in other groups
             too. A group without a name is called by its number.
-        remarks: What of the file is left out, a sentence each.
+        remarks: Remarks on what of the file is left out, a sentence each.
     """
 
     gdim: int
@@ -52,7 +52,7 @@ class GmshMesh:
     remarks: tuple[str, ...] = ()
 
     def without_arrays(self) -> "GmshMesh":
-        """The same with arrays of no rows: what the ranks that read nothing contribute."""
+        """Return the same with arrays of no rows: what the ranks that read nothing contribute."""
         arrays = ("points", "cells", "cell_values", "facets", "facet_values")
         return replace(self, **{name: getattr(self, name)[:0] for name in arrays})
 
@@ -196,7 +196,7 @@ def _check_facets(path: str | Path, points: Floats, cells: Longs, gdim: int) -> 
 
 
 def _dimension(content: Content, path: str | Path, gdim: int | None) -> int:
-    """Dimension of the mesh, which is to be ``gdim`` if that is given."""
+    """Return the dimension of the mesh, which is to be ``gdim`` if that is given."""
     dims = [block.dim for block in content.blocks]
     if not dims:
         raise InputError(f"'{path}' has no elements; mesh the model in gmsh before saving")
@@ -269,7 +269,7 @@ def _surface_tags(
 
     Args:
         names: Name to tag of the physical groups.
-        blocks: Of facets.
+        blocks: Blocks of facets.
     """
     kinds = [tuple(sorted(block.groups)) for block in blocks]
     new = count(max(names.values(), default=0) + 1)

@@ -56,8 +56,8 @@ class Content:
         blocks: Its elements.
         groups: Dimension, tag and name of the physical groups.
         types: Name and number of nodes of each element type.
-        tags: Of the nodes, shape (num_nodes,).
-        coordinates: Of the nodes, shape (num_nodes, 3).
+        tags: Tags of the nodes, shape (num_nodes,).
+        coordinates: Coordinates of the nodes, shape (num_nodes, 3).
     """
 
     blocks: list[Block]
@@ -99,7 +99,7 @@ def read_content(path: Path) -> Content:
             if done.returncode < 0:
                 end = signal.strsignal(-done.returncode) or end
             raise InputError(
-                f"gmsh cannot read '{path}': it broke down ({end.lower()}), so the file is damaged;"
+                f"gmsh cannot read '{path}': it crashed ({end.lower()}), so the file is damaged;"
                 " save the mesh again"
             )
         with np.load(target) as arrays:
@@ -117,7 +117,7 @@ def read_content(path: Path) -> Content:
 
 
 def windows_path(path: Path) -> str:
-    """The remedy where a file of this name is not there."""
+    """Return the remedy where a file of this name is not there."""
     name = str(path)
     if not name.isprintable():  # "C:\temp\new.msh" has a tab and a new line in it
         return "in double quotes \\ is an escape: write / in the path, or put it in single quotes"
@@ -129,7 +129,7 @@ def _check_header(path: Path) -> None:
     try:
         mode = path.stat().st_mode
         if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-            raise InputError(f"mesh file '{path}' is no regular file; save the mesh from gmsh")
+            raise InputError(f"mesh file '{path}' is not a regular file; save the mesh from gmsh")
         with path.open("rb") as file:
             head = file.read(11)
     except FileNotFoundError as error:

@@ -89,11 +89,11 @@ class Kinematics(Protocol):
         ...
 
     def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
-        """Components that are zero at points whatever holds them: u_r on the axis.
+        """Return components that are zero at points whatever holds them: u_r on the axis.
 
         Args:
             x: Points, shape (n, 3).
-            size: Of the bodies (length).
+            size: Size of the bodies (length).
 
         Returns:
             Shape (n, gdim).
@@ -102,7 +102,7 @@ class Kinematics(Protocol):
 
 
 def divergence(kinematics: Kinematics, v: Any) -> Any:
-    """Change of volume, tr ε(v); UFL."""
+    """Return the change of volume, tr ε(v); UFL."""
     e = kinematics.strain(v)
     return e[0] + e[1] + e[2]
 
@@ -261,11 +261,11 @@ class AroundAxis:
         return (2 * math.pi * radius * integrand) * self.section
 
     def __call__(self, *args: Any, **arguments: Any) -> "AroundAxis":
-        """The same over a part of the section, as of a :class:`ufl.Measure`."""
+        """Return the same over a part of the section, as of a :class:`ufl.Measure`."""
         return replace(self, section=self.section(*args, **arguments))
 
     def ufl_domain(self) -> Any:
-        """The mesh of the section."""
+        """Return the mesh of the section."""
         return self.section.ufl_domain()
 
 

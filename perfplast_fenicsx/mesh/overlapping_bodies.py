@@ -120,7 +120,7 @@ def _cells(tagged_mesh: TaggedMesh) -> _Cells:
 
 
 def _area_vectors(corner: Floats) -> Floats:
-    """Normals of facets, of the size of their area, shape (n, gdim)."""
+    """Return normals of facets, of the size of their area, shape (n, gdim)."""
     edges = corner[:, 1:] - corner[:, :1]
     if edges.shape[1] == 1:
         return np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
@@ -130,7 +130,7 @@ def _area_vectors(corner: Floats) -> Floats:
 def _sagittas(
     comm: MPI.Intracomm, vertices: IndexMap, ends: npt.NDArray, area: Floats, length: Floats
 ) -> Floats:
-    """How far facets at each local vertex may be from the curved surface they stand for.
+    """Return how far facets at each local vertex may be from the curved surface they stand for.
 
     Collective. Where all are in a plane this is zero; of several facets it is about the largest.
     """
@@ -198,7 +198,7 @@ def _deepest(
         if len(bodies) == 2:
             who = f"the bodies '{bodies[0]}' and '{bodies[1]}' overlap"
         said = (
-            f"{who}: cells about {_place(x[one[at]].mean(axis=0))} lie in each other by"
+            f"{who}: cells about {_place(x[one[at]].mean(axis=0))} overlap by"
             f" {worst:.3g}; mesh the bodies so that they touch at most, or give their contact"
             " interference = true"
         )

@@ -81,8 +81,9 @@ def refine(
         opposite: Pairs of vertices that lie on each other where bodies are in contact, by their
             global numbers, on any rank, shape (num_pairs, 2). They lie on each other afterwards
             too, and so do the new ones on the edges between them.
-        metric: Of the cells that this rank owns (:class:`glued_edges.GluedEdges`).
-        gradients: Of what changes in each of these cells, in space, shape (num_cells, 3, m).
+        metric: Metric of the cells that this rank owns (:class:`glued_edges.GluedEdges`).
+        gradients: Gradients of what changes in each of these cells, in space, shape (num_cells, 3,
+            m).
 
     Raises:
         InputError: If cells are curved.
@@ -142,9 +143,9 @@ def _with_longest(
 
     Args:
         comm: The ranks.
-        edges: Of the mesh.
+        edges: Edges of the mesh.
         faces: Edges of each triangle, shape (num_triangles, 3).
-        marks: Of the local edges.
+        marks: Marks of the local edges.
         left: Edges of triangles that ask for no longest one, of the shape of ``faces``.
     """
     longest = faces[np.arange(len(faces)), edges.order[faces].argmax(axis=1)]
@@ -193,7 +194,7 @@ def fan_around(
 
     Args:
         tagged_mesh: As of :func:`refine`, of tetrahedra.
-        edges: Of each owned cell those that it is to be cut around, in DOLFINx's order, shape
+        edges: Edges of each owned cell those that it is to be cut around, in DOLFINx's order, shape
             (num_cells, 6).
         opposite: As of :func:`refine`.
 

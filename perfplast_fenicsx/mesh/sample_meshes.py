@@ -50,7 +50,7 @@ def two_blocks(comm: MPI.Intracomm, n: int) -> TaggedMesh:
 
 
 def punch(comm: MPI.Intracomm, n: int) -> TaggedMesh:
-    """A quarter of a square punch (0,½)²×(1,1½) on a base (0,1)³. Collective.
+    """Return a quarter of a square punch (0,½)²×(1,1½) on a base (0,1)³. Collective.
 
     Volumes ``base`` and ``punch``; surfaces ``x0``, ``y0`` (both bodies), ``bottom`` (z = 0),
     ``top`` (z = 1½), ``punch_bottom`` and ``base_top``, which is only the part under the punch
@@ -85,7 +85,7 @@ def punch(comm: MPI.Intracomm, n: int) -> TaggedMesh:
 
 
 def l_plate(comm: MPI.Intracomm, n: int) -> TaggedMesh:
-    """An L-shaped plate, (0,10)²×(0,1) without (0,5)²×(0,1), in plane strain. Collective.
+    """Return an L-shaped plate, (0,10)²×(0,1) without (0,5)²×(0,1), in plane strain. Collective.
 
     Volume ``plate``; surfaces ``x0``, ``y0``, ``z0``, ``z1`` and ``top`` (y = 10).
 
@@ -117,7 +117,7 @@ def l_plate(comm: MPI.Intracomm, n: int) -> TaggedMesh:
 def stacked_blocks(
     comm: MPI.Intracomm, n: int, heights: Sequence[float] = (1.0, 1.0)
 ) -> TaggedMesh:
-    """Two blocks of section 1×1 on top of each other. Collective.
+    """Return two blocks of section 1×1 on top of each other. Collective.
 
     Volumes ``lower`` and ``upper``; surfaces ``x0``, ``y0`` (both), ``bottom``, ``top``,
     ``upper_bottom`` and ``lower_top``.

@@ -16,7 +16,7 @@ AxisOf = Callable[[Floats, Floats], tuple[Floats, Floats]]
 
 
 def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
-    """How far one simplex of each pair would have to be moved to be apart from the other.
+    """Return how far one simplex of each pair would have to be moved to be apart from the other.
 
     Args:
         one: Vertices, shape (n, gdim + 1, gdim).
@@ -45,7 +45,7 @@ def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
 
 
 def _axes(gdim: int) -> Iterator[AxisOf]:
-    """Makers of axes, with the size that they would have if nothing were parallel."""
+    """Yield makers of axes, with the size that they would have if nothing were parallel."""
     for which in (0, 1):
         for place in range(gdim + 1):
             yield partial(_face_normal, which, place)

@@ -17,7 +17,7 @@ class Slabs:
 
         Args:
             comm: The ranks.
-            places: Of this rank, shape (n, gdim).
+            places: Places of this rank, shape (n, gdim).
         """
         low, high = bounding_box(comm, places)
         self._comm, self.axis = comm, int(np.argmax(high - low))

@@ -77,7 +77,7 @@ def write_split(path: str | Path) -> None:
 
 
 def on_plane(dim: int, axis: int, value: float) -> list[int]:
-    """Tags of the entities of dimension ``dim`` that lie in the plane x_axis = value.
+    """Return tags of the entities of dimension ``dim`` that lie in the plane x_axis = value.
 
     Args:
         dim: Dimension of the entities.

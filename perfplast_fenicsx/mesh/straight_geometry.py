@@ -10,7 +10,7 @@ from perfplast_fenicsx.compat import entity_nodes
 
 
 def corners(mesh: Mesh) -> tuple[Ints, Floats]:
-    """Vertices of the cells of this rank. Not collective but for connectivities.
+    """Return vertices of the cells of this rank. Not collective but for connectivities.
 
     Returns:
         Local vertices of each owned cell, shape (num_cells, tdim + 1), and coordinates of all local
@@ -45,7 +45,7 @@ class OuterFacets:
 
 
 def outer_facets(mesh: Mesh) -> OuterFacets:
-    """The outer facets of this rank. Collective."""
+    """Return the outer facets of this rank. Collective."""
     topology = mesh.topology
     tdim = topology.dim
     topology.create_connectivity(tdim - 1, tdim)

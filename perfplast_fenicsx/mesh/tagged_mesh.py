@@ -45,7 +45,7 @@ class TaggedMesh:
             in common have the tags of these in common.
         section: What the plane of a mesh of triangles is: plane strain, or half a section of bodies
             of revolution (:meth:`turned`), or sheets (:meth:`thin`).
-        remarks: What a user should know of the mesh, a sentence each.
+        remarks: Remarks on the mesh for the user, a sentence each.
         glued: Pairs of surfaces of bodies that share faces in the drawing: they are tied where
             neither a contact nor a tie of theirs is given.
         taken: By what its bodies differ from those of the mesh that was given, in clauses.
@@ -148,7 +148,7 @@ class TaggedMesh:
         return isinstance(self.kinematics, PlaneStress)
 
     def turned(self) -> "TaggedMesh":
-        """The same mesh as half a section of bodies of revolution: x is r, y the axis z.
+        """Return the same mesh as half a section of bodies of revolution: x is r, y the axis z.
 
         Vertices next to the axis are put on it. Collective.
 
@@ -157,7 +157,7 @@ class TaggedMesh:
         """
         if self.mesh.geometry.dim == 3:
             raise InputError(
-                "axisymmetric bodies want a mesh of triangles, half their section with x as radius"
+                "axisymmetric bodies need a mesh of triangles, half their section with x as radius"
                 " and y along the axis, but this one has tetrahedra; give such a mesh, or leave"
                 " kind out."
             )
@@ -173,7 +173,7 @@ class TaggedMesh:
         return replace(self, section=KINDS["axisymmetric"])
 
     def thin(self, thickness: float = 1.0) -> "TaggedMesh":
-        """The same mesh as sheets in plane stress.
+        """Return the same mesh as sheets in plane stress.
 
         Args:
             thickness: Over which forces are spread that are given of a whole surface (length).
@@ -183,7 +183,7 @@ class TaggedMesh:
         """
         if self.mesh.geometry.dim == 3:
             raise InputError(
-                "plane stress is of sheets and wants a mesh of triangles, but this one has"
+                "plane stress needs a mesh of triangles, but this one has"
                 " tetrahedra, which are in space; give a mesh of their middle plane, or leave kind"
                 " out."
             )
@@ -396,13 +396,13 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
 
 
 def _reordered(nodes: Longs, dim: int) -> Longs:
-    """The nodes of simplices from gmsh's order to DOLFINx's."""
+    """Return the nodes of simplices from gmsh's order to DOLFINx's."""
     order = np.asarray(cell_perm_gmsh(_CELLS[dim], nodes.shape[1]))
     return np.ascontiguousarray(nodes[:, order])
 
 
 def distributed_tags(mesh: Mesh, dim: int, nodes: Longs, values: Ints) -> MeshTags:
-    """Tags of entities given by their input nodes on any rank. Collective."""
+    """Return tags of entities given by their input nodes on any rank. Collective."""
     entities, local_values = distribute_entity_data(mesh, dim, nodes, values)
     mesh.topology.create_connectivity(dim, 0)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)

@@ -10,14 +10,14 @@ UNNAMED = np.iinfo(np.int32).min
 
 
 def values_of(tags: MeshTags, count: int) -> Ints:
-    """The tag of each of the first local entities; ``UNNAMED`` of those without."""
+    """Return the tag of each of the first local entities; ``UNNAMED`` of those without."""
     values = np.full(max(count, tags.indices.max(initial=-1) + 1), UNNAMED, dtype=np.int32)
     values[tags.indices] = tags.values
     return values[:count]
 
 
 def facet_tags_of(tagged_mesh: TaggedMesh, owned: int) -> Ints:
-    """Tags of the facets of the first cells, shape (owned, dim + 1). Collective at first."""
+    """Return tags of the facets of the first cells, shape (owned, dim + 1). Collective at first."""
     topology = tagged_mesh.mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim, dim - 1)
@@ -28,7 +28,7 @@ def facet_tags_of(tagged_mesh: TaggedMesh, owned: int) -> Ints:
 
 
 def cell_meshtags(mesh: Mesh, values: Ints) -> MeshTags:
-    """The tags of all local cells, shape (num_cells,)."""
+    """Return the tags of all local cells, shape (num_cells,)."""
     return meshtags(mesh, mesh.topology.dim, np.arange(len(values), dtype=np.int32), values)
 
 

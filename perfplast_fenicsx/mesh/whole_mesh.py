@@ -26,14 +26,14 @@ class WholeMesh(TaggedMesh):
     """A mesh of this rank alone, with all cells of one that ranks share.
 
     Attributes:
-        numbers: Of each cell in the shared mesh, through all ranks, shape (num_cells,).
+        numbers: Numbers of each cell in the shared mesh, through all ranks, shape (num_cells,).
     """
 
     numbers: Longs = field(kw_only=True)
 
 
 def whole_mesh(shared: TaggedMesh) -> WholeMesh:
-    """A copy on each rank, whose cells have their vertices in the same order. Collective.
+    """Return a copy on each rank, whose cells have their vertices in the same order. Collective.
 
     Args:
         shared: Straight cells, without ghosts.
@@ -94,6 +94,6 @@ def to_owners(
 
 
 def _of_all(comm: MPI.Intracomm, rows: npt.NDArray) -> npt.NDArray:
-    """Rows of all ranks, one rank after the other. Collective."""
+    """Return rows of all ranks, one rank after the other. Collective."""
     found: npt.NDArray = np.concatenate(comm.allgather(rows))
     return found

@@ -102,7 +102,7 @@ def _mesh(text: str) -> GroupedMesh:
 
 
 def _cards(text: str) -> Cards:
-    """Fields of the cards by name; field 0 is the name."""
+    """Return fields of the cards by name; field 0 is the name."""
     begin = re.search(r"(?im)^\s*BEGIN\b.*$", text)
     lines = text[begin.end() if begin else 0 :].splitlines()
     cards: Cards = {}

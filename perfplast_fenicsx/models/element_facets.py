@@ -57,25 +57,25 @@ class ElementFacets:
         return np.unique(every[every >= 0])
 
     def count_of_flat(self, elements: Longs) -> int:
-        """How many facets flat elements would have: quadrilaterals have two in space."""
+        """Return how many facets flat elements would have: quadrilaterals have two in space."""
         return sum(
             len(self._rows(block, elements)) * (block.kind.shape.corners - self._dim + 1)
             for block in self._blocks(self._dim - 1)
         )
 
     def of_nodes(self, nodes: Longs) -> Longs:
-        """Facets that have all their corners among nodes."""
+        """Return facets that have all their corners among nodes."""
         return self._outer.among(nodes, len(self._points))
 
     def covered(self, nodes: Longs, facets: Longs) -> bool:
-        """Whether there are facets, with all those nodes that are corners of outer ones."""
+        """Return whether there are facets, with all those nodes that are corners of outer ones."""
         on = np.zeros(len(self._corner), dtype=bool)
         on[self._outer.corners[facets]] = True
         corners = nodes[self._corner[nodes]]
         return bool(len(facets)) and bool(on[corners].all())
 
     def areas(self, facets: Longs) -> np.ndarray:
-        """Area of each facet (in the plane, its length)."""
+        """Return the area of each facet (in the plane, its length)."""
         p = self._points[self._outer.corners[facets]]
         if self._dim == 2:
             return np.asarray(np.linalg.norm(p[:, 1] - p[:, 0], axis=1))

@@ -13,8 +13,8 @@ class Shape:
     Attributes:
         dim: 3 for solids, 2 for what is flat, 1 for lines.
         corners: Vertices.
-        faces: Of each face S1, S2, ... the corners, around it.
-        midsides: Of each midside that a quadratic one has after its corners, the two ends.
+        faces: Faces of each face S1, S2, ... the corners, around it.
+        midsides: Midsides of each midside that a quadratic one has after its corners, the two ends.
     """
 
     dim: int
@@ -89,7 +89,7 @@ class ElementType:
 
     Attributes:
         shape: Its shape.
-        nodes: Of each element, midsides too.
+        nodes: Nodes of each element, midsides too.
         model: What it means in the plane; "" in space, and of surfaces and lines.
     """
 

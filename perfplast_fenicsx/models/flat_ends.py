@@ -10,7 +10,7 @@ from perfplast_fenicsx.models.outer_facets import NOWHERE, OuterFacets
 
 
 def with_flat_ends(model: ForeignModel) -> ForeignModel:
-    """The model with names such as ``plate_z_low`` for outer facets that have none yet."""
+    """Return the model with names such as ``plate_z_low`` for outer facets that have none yet."""
     outer = OuterFacets(model.cells, len(model.points))
     free = np.ones(len(outer.corners), dtype=bool)
     named = outer.find(model.facets)

@@ -76,7 +76,7 @@ class ForeignModel:
     Attributes:
         dim: 3, or 2 for a plane one.
         turned: Whether a plane model is half a section of a body of revolution.
-        thickness: Of sheets in plane stress (length); None of all else.
+        thickness: Thickness of sheets in plane stress (length); None of all else.
         points: Shape (n, 3).
         cells: Corners of the simplices, shape (m, dim + 1).
         body: Number of the body of each cell, shape (m,).
@@ -84,11 +84,11 @@ class ForeignModel:
         facets: Corners of named facets, shape (k, dim); each facet once.
         surface: Number of the surface of each of these, shape (k,).
         surfaces: Names of the surfaces.
-        materials: By body; those that have none are missing.
+        materials: Materials by body; those that have none are missing.
         held: Supports.
         pushed: Loads.
         joined: Contacts and ties.
-        remarks: What was not understood or is not as it was, a sentence each.
+        remarks: Remarks on what was not understood or is not as it was, a sentence each.
     """
 
     dim: int

@@ -10,7 +10,7 @@ from perfplast_fenicsx.units import SYSTEMS
 
 
 def with_material(model: ForeignModel, name: str) -> tuple[ForeignModel, str]:
-    """The model of one material, and the unit of its stresses.
+    """Return the model of one material, and the unit of its stresses.
 
     Young's moduli in the file show the unit; a file without them gets numbers in MPa.
 

@@ -18,10 +18,10 @@ class GroupedMesh:
         blocks: Elements; those of block k follow those of block k - 1.
         groups: Numbers of elements by the name of their group.
         node_groups: Numbers of points by the name of their group.
-        materials: By the name of the group of elements that has it.
+        materials: Materials by the name of the group of elements that has it.
         left_out: How many elements of types that the program does not know, by type.
         turned: Whether a plane mesh is half a section about an axis; None where nothing says that.
-        remarks: What has no counterpart, a sentence each.
+        remarks: Remarks on what has no counterpart, a sentence each.
     """
 
     points: Floats

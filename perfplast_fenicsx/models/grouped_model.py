@@ -13,7 +13,7 @@ from perfplast_fenicsx.models.solid_cells import SolidCells, solid_cells
 
 
 def model_of(mesh: GroupedMesh) -> ForeignModel:
-    """Bodies and surfaces of a mesh.
+    """Return bodies and surfaces of a mesh.
 
     Raises:
         InputError: If there are no solids.
@@ -50,7 +50,7 @@ def model_of(mesh: GroupedMesh) -> ForeignModel:
 def _bodies(
     mesh: GroupedMesh, solid: SolidCells, remarks: list[str]
 ) -> tuple[list[str], Longs, list[str]]:
-    """Names of bodies, the body of each simplex, and the group that each body is of.
+    """Return names of bodies, the body of each simplex, and the group that each body is of.
 
     Where groups overlap the smaller one has what both have: a group of everything beside groups of
     parts is then no body.
@@ -84,7 +84,7 @@ def _surfaces(
     body: Longs,
     remarks: list[str],
 ) -> tuple[list[str], Longs, Longs]:
-    """Names of surfaces, their facets, and the surface of each facet."""
+    """Return names of surfaces, their facets, and the surface of each facet."""
     find = ElementFacets(mesh.points, mesh.blocks, outer, solid.dim)
     dims = mesh.dimensions()
     named, inner, lower, no_surface = NamedSurfaces(), [], [], []

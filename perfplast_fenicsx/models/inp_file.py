@@ -95,7 +95,7 @@ def _thickness(given: set[float]) -> float:
 
 
 def _groups(assembly: Assembly, statements: Statements, turned: bool) -> GroupedMesh:
-    """A file that is a mesh with sets alone, as gmsh and Salome write it."""
+    """Return a file that is a mesh with sets alone, as gmsh and Salome write it."""
     groups, node_groups = (
         {name: members for (kind, name), members in assembly.sets.items() if kind == wanted}
         for wanted in ("ELSET", "NSET")
@@ -109,7 +109,7 @@ def _groups(assembly: Assembly, statements: Statements, turned: bool) -> Grouped
 def _bodies(
     assembly: Assembly, statements: Statements, parent: Longs
 ) -> tuple[list[InpBody], Longs]:
-    """Bodies by their sections, and the body of each simplex."""
+    """Return bodies by their sections, and the body of each simplex."""
     of_element = np.full(assembly.count, -1)
     rest = "rest"  # the body of elements without a section
     wanted, of = [rest], [""]

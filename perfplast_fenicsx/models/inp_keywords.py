@@ -22,9 +22,9 @@ class Keyword:
 
     Attributes:
         name: Without the star, in capitals, single spaces.
-        options: By name in capitals; "" for those without a value.
-        lines: Of data, without comments and blank lines.
-        number: Of the line.
+        options: Options by name in capitals; "" for those without a value.
+        lines: Lines of data, without comments and blank lines.
+        number: Number of the line.
     """
 
     name: str
@@ -33,11 +33,11 @@ class Keyword:
     number: int
 
     def option(self, name: str, default: str = "") -> str:
-        """The value of an option, in capitals, since the program knows no others."""
+        """Return the value of an option, in capitals, since the program knows no others."""
         return self.options.get(name, default).upper()
 
     def rows(self) -> list[list[str]]:
-        """The data lines as cells without blanks, but for empty ones at the end."""
+        """Return the data lines as cells without blanks, but for empty ones at the end."""
         found = []
         for line in self.lines:
             cells = [cell.strip() for cell in line.split(",")]
@@ -48,7 +48,7 @@ class Keyword:
 
 
 def number_of(cell: str, keyword: Keyword) -> float:
-    """The number of a cell, 0 of an empty one.
+    """Return the number of a cell, 0 of an empty one.
 
     Raises:
         InputError: If it is not a number, or not finite.
@@ -65,7 +65,7 @@ def number_of(cell: str, keyword: Keyword) -> float:
 
 
 def read_keywords(path: Path) -> list[Keyword]:
-    """The keywords of a file and of those that it includes, in their order.
+    """Return the keywords of a file and of those that it includes, in their order.
 
     Raises:
         InputError: If a file cannot be read, is no such file, or includes one from elsewhere.
@@ -102,7 +102,7 @@ class _Included:
         check_regular(path)
         self.size += path.stat().st_size
         if self.size > MOST_BYTES:
-            raise InputError(f"'{path}' has more than {MOST_BYTES:.0e} bytes; that is too much.")
+            raise InputError(f"'{path}' has more than {MOST_BYTES:.0e} bytes, which is too large.")
 
 
 def _keywords(path: Path, so_far: _Included) -> Iterator[Keyword]:

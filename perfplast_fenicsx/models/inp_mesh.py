@@ -37,7 +37,7 @@ class Part:
     Attributes:
         nodes: Numbers, shape (n,), and places, shape (n, 3), of each ``*NODE`` block.
         elements: Type, numbers and nodes' numbers of each ``*ELEMENT`` block.
-        sets: By kind ("NSET", "ELSET") and name: numbers.
+        sets: Sets by kind ("NSET", "ELSET") and name: numbers.
     """
 
     nodes: list[tuple[Longs, Floats]] = field(default_factory=list)
@@ -51,11 +51,11 @@ class Assembly:
 
     Attributes:
         points: Shape (n, 3).
-        blocks: Of elements.
+        blocks: Blocks of elements.
         count: Elements in all.
-        sets: By kind and name (in capitals, ``INSTANCE.SET`` of a part's): indices.
+        sets: Sets by kind and name (in capitals, ``INSTANCE.SET`` of a part's): indices.
         left_out: Elements of types that the program does not know, by type.
-        numbers: By instance and kind: indices by number.
+        numbers: Numbers by instance and kind: indices by number.
         instances: Their names and parts; ("", "") of a file without them.
     """
 
@@ -116,7 +116,7 @@ class MeshReader:
                 self._later.append((keyword, instance))
 
     def assembly(self) -> Assembly:
-        """All that was read.
+        """Return all that was read.
 
         Raises:
             InputError: If an element or set names what there is not.
@@ -165,7 +165,7 @@ class MeshReader:
         table = table_of(keyword)
         most_columns = 7  # of `*NODE`: number, coordinates, direction of a normal
         if not 3 <= table.shape[1] <= most_columns:
-            raise InputError(f"line {keyword.number}: *NODE wants a number and coordinates.")
+            raise InputError(f"line {keyword.number}: *NODE needs a number and coordinates.")
         places = np.zeros((len(table), 3))
         places[:, : min(3, table.shape[1] - 1)] = table[:, 1:4]
         if not np.isfinite(places).all():
@@ -225,7 +225,7 @@ def _add_later(
 
 
 def _moved(points: Floats, moves: Sequence[Iterable[str]], name: str) -> Floats:
-    """Where an instance puts a part: a translation, then a turn about an axis (degrees)."""
+    """Return where an instance puts a part: a translation, then a turn about an axis (degrees)."""
     try:
         rows = [list(map(float, row)) for row in moves if row]
     except ValueError as error:

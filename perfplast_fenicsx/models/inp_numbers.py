@@ -38,7 +38,7 @@ class NumberIndex:
 
 
 def first_has(keyword: Keyword, count: int) -> bool:
-    """Whether the first element has so many numbers, its own among them."""
+    """Return whether the first element has so many numbers, its own among them."""
     found = 0
     for line in keyword.lines:
         found += len([cell for cell in line.split(",") if cell.strip()])
@@ -77,7 +77,7 @@ def _is_whole(cell: str) -> bool:
 
 
 def members_of(keyword: Keyword, kind: str, known: Sets) -> Longs:
-    """The numbers of a set."""
+    """Return the numbers of a set."""
     rows = keyword.rows()
     if "GENERATE" in keyword.options:
         found = []
@@ -86,7 +86,7 @@ def members_of(keyword: Keyword, kind: str, known: Sets) -> Longs:
                 first, last, step = (*map(int, row), 1)[:3]
             except ValueError as error:
                 raise InputError(
-                    f"line {keyword.number}: *{kind}, GENERATE wants first, last and step."
+                    f"line {keyword.number}: *{kind}, GENERATE needs first, last and step."
                 ) from error
             if step < 1 or (last - first) // step > 100_000_000:
                 raise InputError(f"line {keyword.number}: *{kind} has the step {step}.")

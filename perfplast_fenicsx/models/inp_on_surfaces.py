@@ -45,7 +45,7 @@ class Made:
         held: Supports.
         pushed: Loads.
         joined: Contacts and ties.
-        remarks: What could not be made of it.
+        remarks: Remarks on what could not be made of it.
     """
 
     surfaces: tuple[list[str], Longs, Longs, dict[str, list[str]]]
@@ -73,7 +73,7 @@ class OnSurfaces:
             surfaces: Finds facets.
             bodies: Their elements and densities.
             dim: 3, or 2 in the plane.
-            thickness: Of elements in the plane, over which forces at nodes are spread.
+            thickness: Thickness of elements in the plane, over which forces at nodes are spread.
         """
         self._thickness = thickness
         self._assembly, self._find = assembly, surfaces
@@ -153,7 +153,7 @@ class OnSurfaces:
         return held
 
     def _nodal(self, keyword: Keyword) -> list[Pushed]:
-        """Forces at nodes: on sets that are surfaces, and on the rest of them together."""
+        """Return forces at nodes: on sets that are surfaces, and on the rest of them together."""
         forces: dict[str, list[float]] = {}
         rest: dict[str, list[Longs]] = {}
         for row in keyword.rows():
@@ -215,7 +215,7 @@ class OnSurfaces:
         return pushed
 
     def _pressed(self, elset: str, face: str, pressure: float) -> str | None:
-        """The surface that is pressed; one for all single elements of a pressure."""
+        """Return the surface that is pressed; one for all single elements of a pressure."""
         members = self._assembly.members("ELSET", elset)
         if members is None:
             raise missing(f"*DLOAD {face}", elset)
@@ -227,7 +227,7 @@ class OnSurfaces:
         return self._use.use(name, facets)
 
     def _weight(self, elset: str, given: list[float]) -> list[Pushed]:
-        """Gravity of a set that has whole bodies."""
+        """Return the gravity of a set that has whole bodies."""
         size, direction = given[0], given[1 : 1 + self._dim]
         members = self._assembly.members("ELSET", elset)
         found = []
@@ -236,7 +236,7 @@ class OnSurfaces:
                 continue
             if body.density is None:
                 self._remarks.append(
-                    f"gravity on '{body.name}' wants a *DENSITY of its material, and is left out"
+                    f"gravity on '{body.name}' needs a *DENSITY of its material, and is left out"
                 )
                 continue
             force = tuple(size * body.density * x for x in direction)
@@ -251,7 +251,7 @@ class OnSurfaces:
         for row in keyword.rows():
             if len(row) < 2:
                 self._remarks.append(
-                    f"*{keyword.name} '{', '.join(row)}' wants two surfaces: left out"
+                    f"*{keyword.name} '{', '.join(row)}' needs two surfaces: left out"
                 )
                 continue
             one, other = (self._use.named(name, f"*{keyword.name}") for name in row[:2])

@@ -25,10 +25,10 @@ class Statements:
 
     Attributes:
         sections: Part, element set and material of each section.
-        materials: By name, in capitals.
+        materials: Materials by name, in capitals.
         surfaces: ``*SURFACE`` keywords.
         frictions: Coefficients by interaction.
-        thicknesses: Of elements in the plane, those that sections give.
+        thicknesses: Thicknesses of elements in the plane, those that sections give.
     """
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ from perfplast_fenicsx.models.named_surfaces import NamedSurfaces
 
 
 def missing(what: str, name: str) -> InputError:
-    """The refusal of a statement on what the file does not have."""
+    """Return the refusal of a statement on what the file does not have."""
     return InputError(
         f"{what} refers to '{name}', which the file does not have; export the model with all its"
         " sets and surfaces, or mend the name."
@@ -24,7 +24,7 @@ class UsedSurfaces:
     """Takes surfaces by name, by sets of nodes and by faces, as statements ask for them.
 
     Attributes:
-        remarks: What is no surface.
+        remarks: Remarks on what is no surface.
     """
 
     def __init__(self, assembly: Assembly, find: ElementFacets, dim: int) -> None:
@@ -60,7 +60,7 @@ class UsedSurfaces:
         self._facets[name] = np.unique(np.concatenate(every))
 
     def use(self, name: str, facets: Longs) -> str:
-        """Facets by a name, which is given back."""
+        """Return facets by a name, which is given back."""
         self._named.add(name, facets)
         return name
 
@@ -105,7 +105,7 @@ class UsedSurfaces:
         return self._named.divided(taken)
 
     def _is_flat(self, elements: Longs) -> bool:
-        """Whether the elements of a set are those of surfaces."""
+        """Return whether the elements of a set are those of surfaces."""
         blocks = [b for b in self._assembly.blocks if b.kind.shape.dim == self._dim]
         solid = [np.arange(b.first, b.first + len(b.nodes)) for b in blocks]
         return not np.isin(elements, np.concatenate(solid)).any()

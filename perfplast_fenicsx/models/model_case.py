@@ -44,11 +44,11 @@ FURTHER: dict[str, Any] = {"subsequent_indent": "#   ", "break_long_words": Fals
 
 
 def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str = "") -> str:
-    """A case file with all that is known.
+    """Return a case file with all that is known.
 
     Args:
         model: The model.
-        title: Of the case.
+        title: Title of the case.
         source: Name of its file.
         mesh: Name of the mesh beside the case.
         stress: The unit of stresses, where it is known.
@@ -136,9 +136,9 @@ def skin_of_model(
 
     Args:
         model: The model.
-        survey: Of it.
+        survey: Survey of it.
         outer: Corners of the triangles that are seen, shape (n, 3).
-        body: Of each.
+        body: Body of each.
         face: Number of the named surface of each from 1, 0 where there is none.
     """
     places = []
@@ -201,7 +201,7 @@ def _qualities(points: Floats, cells: Longs, dim: int) -> Floats:
 
 
 def _normals(points: Floats, facets: Longs, dim: int) -> Floats:
-    """Normals of the size of the facets, all to one side of the first one."""
+    """Return normals of the size of the facets, all to one side of the first one."""
     p = points[facets]
     if dim == 2:
         along = p[:, 1] - p[:, 0]

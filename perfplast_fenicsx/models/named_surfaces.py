@@ -32,7 +32,7 @@ class NamedSurfaces:
         del self._members[name]
 
     def facets(self, name: str) -> Longs:
-        """The facets of a surface."""
+        """Return the facets of a surface."""
         return self._members[name]
 
     def divided(

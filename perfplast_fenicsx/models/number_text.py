@@ -14,7 +14,7 @@ from perfplast_fenicsx.proof.stored_file import check_regular
 
 
 def text_of(path: Path) -> str:
-    """The text of a file, in UTF-8 or else in Latin-1, which any text is.
+    """Return the text of a file, in UTF-8 or else in Latin-1, which any text is.
 
     Raises:
         InputError: If it cannot be read, or is no text.
@@ -22,7 +22,7 @@ def text_of(path: Path) -> str:
     try:
         check_regular(path)
         if path.stat().st_size > MOST_BYTES:
-            raise InputError(f"'{path}' has more than {MOST_BYTES:.0e} bytes; that is too much.")
+            raise InputError(f"'{path}' has more than {MOST_BYTES:.0e} bytes, which is too large.")
         raw = path.read_bytes()
     except OSError as error:
         raise InputError(f"'{path}' cannot be read: {error.strerror}; check the path.") from error
@@ -35,7 +35,7 @@ def text_of(path: Path) -> str:
 
 
 def whole_numbers(lines: Iterable[str], what: str) -> Longs:
-    """All whole numbers of lines.
+    """Return all whole numbers of lines.
 
     Args:
         lines: With blanks between the numbers.
@@ -48,7 +48,7 @@ def whole_numbers(lines: Iterable[str], what: str) -> Longs:
 
 
 def real_numbers(lines: Iterable[str], what: str) -> Floats:
-    """All numbers of lines, with exponents of Fortran too (1.0D+00).
+    """Return all numbers of lines, with exponents of Fortran too (1.0D+00).
 
     Raises:
         InputError: If there is something else, or one is not finite.

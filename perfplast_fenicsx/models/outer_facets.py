@@ -49,7 +49,7 @@ class OuterFacets:
         self.corners, self.cells = every[chosen], owners[chosen]
 
     def outwards(self, points: Floats, cells: Longs) -> Longs:
-        """Corners of triangles, turned so that they are seen from outside.
+        """Return corners of triangles, turned so that they are seen from outside.
 
         Args:
             points: Shape (n, 3).
@@ -68,14 +68,14 @@ class OuterFacets:
         return keys
 
     def find(self, corners: Longs) -> Longs:
-        """The number of each facet by its corners in any order, or -1; shape (n,)."""
+        """Return the number of each facet by its corners in any order, or -1; shape (n,)."""
         keys = self._keys(np.sort(corners, axis=1))
         at = np.minimum(np.searchsorted(self._found, keys), max(len(self._found) - 1, 0))
         there = self._found[at] == keys if len(self._found) else np.zeros(len(keys), dtype=bool)
         return np.where(there, at, NOWHERE)
 
     def among(self, points: Longs, num_points: int) -> Longs:
-        """Numbers of the facets that have all their corners among some points."""
+        """Return numbers of the facets that have all their corners among some points."""
         chosen = np.zeros(num_points, dtype=bool)
         chosen[points] = True
         return np.flatnonzero(chosen[self.corners].all(axis=1))

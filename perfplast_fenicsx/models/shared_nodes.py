@@ -6,7 +6,7 @@ from perfplast_fenicsx.models.foreign_model import ForeignModel
 
 
 def told_of_shared_nodes(model: ForeignModel) -> list[str]:
-    """A sentence on the bodies that share nodes, which a mesh alone does not show."""
+    """Return a sentence on the bodies that share nodes, which a mesh alone does not show."""
     bodies = np.repeat(model.body, model.cells.shape[1])
     first = np.full(len(model.points), len(model.bodies))
     last = np.full(len(model.points), -1)

@@ -13,11 +13,11 @@ from perfplast_fenicsx.models.element_types import Shape
 
 
 def divided(cells: Longs, shape: Shape) -> tuple[Longs, Longs]:
-    """Simplices of cells of one shape.
+    """Return simplices of cells of one shape.
 
     Args:
         cells: Corners by number, shape (num_cells, shape.corners).
-        shape: Of all of them.
+        shape: Shape of all of them.
 
     Returns:
         Corners of the simplices, shape (n, dim + 1), in no particular orientation; the cell of

@@ -23,7 +23,7 @@ class SolidCells:
         blocks: The elements of this dimension.
         cells: Corners of the simplices, shape (m, dim + 1), with positive volumes.
         parents: The element of each, shape (m,).
-        remarks: What became of elements, a sentence each.
+        remarks: Remarks on what became of elements, a sentence each.
     """
 
     dim: int
@@ -95,7 +95,7 @@ def _with_volume(points: Floats, cells: Longs, dim: int) -> np.ndarray:
 
 
 def _oriented(points: Floats, cells: Longs, dim: int) -> Longs:
-    """Cells with positive volume."""
+    """Return cells with positive volume."""
     edges = points[cells[:, 1:], :dim] - points[cells[:, :1], :dim]
     turned = np.linalg.det(edges) < 0
     cells = cells.copy()

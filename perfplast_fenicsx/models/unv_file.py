@@ -99,7 +99,7 @@ def _mesh(text: str) -> GroupedMesh:
 
 
 def _datasets(text: str) -> list[tuple[str, list[str]]]:
-    """Numbers of datasets, and the lines of each."""
+    """Return numbers of datasets, and the lines of each."""
     found = []
     for body in re.split(r"(?m)^ *-1 *\r?$", text)[1::2]:
         lines = body.strip("\r\n").splitlines()

@@ -24,7 +24,7 @@ class Acting:
     factors: Mapping[str, float] = field(default_factory=dict)
 
     def of_load(self, load: Load) -> float:
-        """That of a load; without stages 1, or −1 where ζ is negative."""
+        """Return the that of a load; without stages 1, or −1 where ζ is negative."""
         if load.constant:
             return 1.0
         if self.factors:
@@ -32,7 +32,7 @@ class Acting:
         return -1.0 if self.zeta < 0 else 1.0
 
     def of_obstacle(self, obstacle: Obstacle) -> float:
-        """How much of its ``move`` an obstacle has made."""
+        """Return how much of its ``move`` an obstacle has made."""
         if not self.factors:
             return self.zeta
         return self.factors.get(obstacle.name or obstacle.on, 0.0)

@@ -28,7 +28,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     """Show the loading, from the unloaded bodies on, with the same scales in all frames.
 
     Args:
-        reader: Of the results.
+        reader: Reader of the results.
         levels: Its levels with fields.
         target: A GIF or WebP file.
 
@@ -72,7 +72,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
 
 
 def _unloaded(surface: Surface) -> Surface:
-    """The bodies before the loading."""
+    """Return the bodies before the loading."""
     at_points = {name: np.zeros_like(values) for name, values in surface.at_points.items()}
     at_cells = {name: np.zeros_like(values) for name, values in surface.at_cells.items()}
     return dataclasses.replace(surface, at_points=at_points, at_cells=at_cells)

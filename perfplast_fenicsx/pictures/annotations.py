@@ -27,12 +27,12 @@ def load_arrows(
     loads: Sequence[Load],
     shares: Sequence[float] | Floats = (),
 ) -> Arrows:
-    """Arrows of all loads, spread over their surfaces: they end there, or pull at it.
+    """Return arrows of all loads, spread over their surfaces: they end there, or pull at it.
 
     Args:
         surface: With a mark ``load i`` for each load.
-        points: Where the surface's points are drawn.
-        loads: What acts.
+        points: Drawn places of the surface's points.
+        loads: The loads.
         shares: How long the arrows of each are, from −1 to 1; all are 1 without.
     """
     starts, vectors = [np.zeros((0, 3))], [np.zeros((0, 3))]
@@ -117,7 +117,7 @@ class Obstacles:
 
     Attributes:
         corner: First point of the grid.
-        spacing: Of its points in each direction.
+        spacing: Spacing of its points in each direction.
         distances: For each obstacle, negative inside, shape (n, n, n), or (n, n, 1) in the plane.
     """
 
@@ -133,7 +133,7 @@ def sample_obstacles(
 
     Args:
         surface: The bodies.
-        points: Where the surface's points are drawn.
+        points: Drawn places of the surface's points.
         obstacles: Those that fit the mesh.
         travels: How much of its ``move`` each is drawn away from where it begins; none without.
     """

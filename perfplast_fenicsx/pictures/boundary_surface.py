@@ -74,9 +74,9 @@ class Skin:
 
     Attributes:
         surface: The surface.
-        nodes: Of its points, shape (num_points,).
+        nodes: Nodes of its points, shape (num_points,).
         cells: Below its triangles, shape (num_triangles,).
-        tags: Of the surfaces that its facets are on, −1 for none, shape (num_facets,).
+        tags: Tags of the surfaces that its facets are on, −1 for none, shape (num_facets,).
     """
 
     surface: Surface
@@ -133,7 +133,7 @@ def make_skin(
 
 
 def exterior(cells: Longs) -> tuple[Longs, Longs]:
-    """The facets that belong to one cell alone.
+    """Return the facets that belong to one cell alone.
 
     Args:
         cells: Vertices of simplices, shape (num_cells, gdim + 1).
@@ -154,7 +154,7 @@ def exterior(cells: Longs) -> tuple[Longs, Longs]:
 
 
 def facet_tags(facets: Longs, tagged: Longs, tags: npt.NDArray[np.integer[Any]]) -> Longs:
-    """The tag of each facet, −1 of those without, however their vertices are ordered.
+    """Return the tag of each facet, −1 of those without, however their vertices are ordered.
 
     Args:
         facets: Vertices, shape (num_facets, gdim).
@@ -174,7 +174,7 @@ def turn_outward(corners: npt.NDArray[Any], x: Floats, centres: Floats) -> None:
     Args:
         corners: Indices of points, shape (num_facets, 2 or 3); changed in place.
         x: The points, shape (num_points, 3).
-        centres: Of each facet's cell, shape (num_facets, 3).
+        centres: Centres of each facet's cell, shape (num_facets, 3).
     """
     from_inside: Floats = x[corners[:, 0]] - centres
     inward = np.einsum("ni,ni->n", _normals(x, corners), from_inside) < 0

@@ -26,7 +26,7 @@ def save_envelope(
 
     Args:
         rows: Of :meth:`~perfplast_fenicsx.limit_analysis.body.interaction.Envelope.table`.
-        names: Of the two or three loads.
+        names: Names of the two or three loads.
         title: Heading.
         path: The png file.
         alone: Whether no load acts beside them, so that zero is carried too.
@@ -59,7 +59,7 @@ def _rays(rows: Sequence[Mapping[str, Any]]) -> Floats:
 
 
 def _ends(rows: Sequence[Mapping[str, Any]], column: str) -> Floats:
-    """Where rays end, shape (n, 3); NaN where nothing is known."""
+    """Return where rays end, shape (n, 3); NaN where nothing is known."""
     lengths = [np.nan if row[column] is None else row[column] for row in rows]
     return _rays(rows) * np.array(lengths)[:, None]
 
@@ -67,7 +67,7 @@ def _ends(rows: Sequence[Mapping[str, Any]], column: str) -> Floats:
 def _section(
     rows: Sequence[Mapping[str, Any]], first: int, second: int
 ) -> Mapping[str, tuple[Floats, bool]]:
-    """Both edges in the plane of two numbers, in turn, and whether they go all around."""
+    """Return both edges in the plane of two numbers, in turn, and whether they go all around."""
     rays = _rays(rows)
     inside = np.flatnonzero(np.abs(np.delete(rays, [first, second], axis=1)[:, 0]) < 1e-9)
     turns = np.round(np.arctan2(rays[inside, second], rays[inside, first]), 9)

@@ -20,7 +20,7 @@ class Label:
     """A number in a picture.
 
     Attributes:
-        number: Of a face.
+        number: Number of a face.
         at: The pixel of the face (x, y).
         words_at: Where the number is drawn; if that is not ``at``, a line connects both.
     """
@@ -31,7 +31,7 @@ class Label:
 
 
 def rooms(seen: Longs) -> Room:
-    """The pixel of each face that is farthest from all other ones.
+    """Return the pixel of each face that is farthest from all other ones.
 
     Args:
         seen: Number of the face at each pixel, 0 where there is none, shape (height, width).
@@ -67,10 +67,10 @@ def shared_out(views: Sequence[Room]) -> list[Room]:
 
 
 def labels(room: Room, pixels: tuple[int, int]) -> list[Label]:
-    """Where the numbers stand; those of small faces beside them, and none on another one.
+    """Return where the numbers stand; those of small faces beside them, and none on another one.
 
     Args:
-        room: Of the faces in a view.
+        room: Room of the faces in a view.
         pixels: Width and height of it.
     """
     size = np.array(pixels)

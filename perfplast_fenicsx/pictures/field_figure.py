@@ -34,11 +34,11 @@ def draw_fields(
         surface: With ``displacement``, ``contact_pressure``, ``yield_ratio`` and the marks of the
             scene, and ``slip`` and ``friction_stress`` where anything rubs. Of a mechanism the
             displacement is the velocity.
-        scene: What is around the bodies, and words.
+        scene: Surroundings of the bodies, and texts.
         caption: Second line of the heading.
         path: The png file.
-        largest_dissipation: Of all cells; for mechanisms alone, where the ``dissipation`` is shown
-            instead of the displacement.
+        largest_dissipation: Largest dissipation of all cells; for mechanisms alone, where the
+            ``dissipation`` is shown instead of the displacement.
         state: What acts, which arrows and obstacles follow; by default as for ζ = 0.
         unique: Whether the stress is that of a level, and not one of those of a limit load.
 
@@ -72,15 +72,15 @@ def deformation_scale(frames: Sequence[Surface], shown: float = SHOWN_DEFORMATIO
 
 
 def in_words(scale: float) -> str:
-    """How large the deformation is drawn."""
+    """Return how large the deformation is drawn."""
     return "deformation to scale" if scale == 1 else f"deformation drawn {scale:g} times as large"
 
 
 def level_caption(report: LevelReport | None, driven: bool, unit: str) -> str:
-    """A level in words, or the unloaded bodies.
+    """Return a level in words, or the unloaded bodies.
 
     Args:
-        report: Of the level; None for the unloaded bodies.
+        report: Report of the level; None for the unloaded bodies.
         driven: Whether ζ moves supports and obstacles.
         unit: Of α.
     """

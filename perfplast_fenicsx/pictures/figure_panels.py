@@ -64,7 +64,7 @@ def panels(
             ``friction_stress``, these are shown beside the displacement. Where the bodies remember,
             and there is an ``accumulated_plastic_strain``, it is shown and not the displacement.
         units: For the legends.
-        largest_dissipation: Of all cells, inner ones too; for mechanisms alone.
+        largest_dissipation: Largest dissipation of all cells, inner ones too; for mechanisms alone.
         middle: Show displacement or dissipation, and not only the other two.
         unique: Whether the stress is that of a level; that of a limit load is arbitrary where
             nothing flows, which is said of the contact pressure.
@@ -105,7 +105,7 @@ def _friction(frames: Sequence[Surface], units: Units) -> list[Panel]:
 
 
 def _on_contact(surface: Surface, title: str, values: Floats, colours: str, label: str) -> Panel:
-    """Values at points of the contact surfaces, over bodies of glass."""
+    """Return values at points of the contact surfaces, over bodies of glass."""
     panel = _graded(title, values, _from_zero(values), mpl.colormaps[colours], label)
     panel.facets = surface.marks["contact"]
     if not surface.plane:
@@ -119,14 +119,14 @@ def _on_contact(surface: Surface, title: str, values: Floats, colours: str, labe
 
 
 def _flow(frames: Sequence[Surface]) -> Panel:
-    """The plastic strain that has accumulated so far."""
+    """Return the plastic strain that has accumulated so far."""
     flow = 100 * np.array([a.at_cells["accumulated_plastic_strain"] for a in frames])
     colours = mpl.colormaps["viridis"]
     return _graded("Accumulated plastic strain", flow, _from_zero(flow), colours, "in %")
 
 
 def _mechanism(frames: Sequence[Surface], largest_dissipation: float) -> Panel:
-    """The dissipation of a mechanism, or the speed where that is not known."""
+    """Return the dissipation of a mechanism, or the speed where that is not known."""
     if "dissipation" in frames[0].at_cells:
         work = np.array([a.at_cells["dissipation"] for a in frames])
         share = np.divide(work, largest_dissipation or 1.0, dtype=np.float64)
@@ -140,7 +140,7 @@ def _mechanism(frames: Sequence[Surface], largest_dissipation: float) -> Panel:
 
 
 def hue(body: int) -> str:
-    """Colour of a body."""
+    """Return the colour of a body."""
     return HUES[body % len(HUES)]
 
 
@@ -174,7 +174,7 @@ def _graded(title: str, values: Floats, norm: Normalize, colours: Colormap, labe
 
 
 def _without_black(name: str) -> Colormap:
-    """A colour map that ends in black, up to where the mesh is still seen on it."""
+    """Return a colour map that ends in black, up to where the mesh is still seen on it."""
     return LinearSegmentedColormap.from_list(name, mpl.colormaps[name](np.linspace(0, 0.85, 256)))
 
 

@@ -13,13 +13,13 @@ def heading(title: str) -> str:
     """Return the heading of a picture.
 
     Args:
-        title: Of the case, whatever it consists of.
+        title: Title of the case, whatever it consists of.
     """
     return drawable(_short(title))
 
 
 def drawable(words: str) -> str:
-    """Words of a case as pictures can show them, such as names of bodies.
+    """Return words of a case as pictures can show them, such as names of bodies.
 
     Args:
         words: Whatever they consist of.

@@ -18,9 +18,10 @@ def draw_history(
     Where no load has a factor, the driving forces of motions are drawn over theirs.
 
     Args:
-        axes: Where.
-        reports: Of all levels, with the ``factors``, ``works`` and ``driving_forces`` of stages.
-        unit: Of works.
+        axes: Axes to draw into.
+        reports: Reports of all levels, with the ``factors``, ``works`` and ``driving_forces`` of
+            stages.
+        unit: Unit of works.
         now: The level to be marked.
     """
     solved = [report for report in reports if report.converged]

@@ -53,7 +53,7 @@ def save_curve(
     """Draw the curve, and save the picture.
 
     Args:
-        reports: Of all levels.
+        reports: Reports of all levels.
         title: Heading.
         path: The png file.
         limit: Limit load, to be marked with its bounds.
@@ -86,8 +86,8 @@ def draw_curve(
     Of a history the factors of loads are drawn (:func:`history_curve.draw_history`).
 
     Args:
-        axes: Where.
-        reports: Of all levels.
+        axes: Axes to draw into.
+        reports: Reports of all levels.
         limit: Limit load, to be marked with its bounds.
         unit: Of α.
         now: The level to be marked.
@@ -140,9 +140,9 @@ def draw_stroke(
     """Draw the driving force over the stroke ζ of the converged levels.
 
     Args:
-        axes: Where.
-        reports: Of all levels.
-        unit: Of works.
+        axes: Axes to draw into.
+        reports: Reports of all levels.
+        unit: Unit of works.
         now: (ζ, force) to be marked.
     """
     solved = [report for report in reports if report.converged]

@@ -107,7 +107,7 @@ def _write(axes: Axes, found: list[Label]) -> None:
 
 
 def _hidden(skin: Arrays, seen: list[dict[int, tuple[float, float, float]]]) -> list[int]:
-    """Numbers of faces that are in none of the views."""
+    """Return numbers of faces that are in none of the views."""
     found = set().union(*seen)
     return [int(number) for number in skin["numbers"] if int(number) not in found]
 
@@ -124,7 +124,7 @@ def _on_curves(skin: Arrays, view: View) -> list[Label]:
 
 
 def _image(skin: Arrays, view: View) -> npt.NDArray[np.uint8]:
-    """The bodies from one direction, shape (height, width, 3)."""
+    """Return the bodies from one direction, shape (height, width, 3)."""
     points, triangles = _points(skin), _triangles(skin)
     plotter = _plotter(skin, view)
     flat = view is PLANE
@@ -173,7 +173,7 @@ def _camera(skin: Arrays, view: View) -> _Camera:
 
 
 def _plotter(skin: Arrays, view: View) -> pv.Plotter:
-    """An empty picture, with a camera that sees all bodies."""
+    """Return an empty picture, with a camera that sees all bodies."""
     plotter = pv.Plotter(off_screen=True, window_size=list(PIXELS))
     plotter.set_background("white")
     aim = _camera(skin, view)

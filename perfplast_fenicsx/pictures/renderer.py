@@ -52,7 +52,7 @@ class Renderer:
 
         Args:
             frames: One skin with one or more states.
-            scene: What is around the bodies.
+            scene: Surroundings of the bodies.
             scale: Of the displacements.
             pixels: Width and height of each image.
             states: What acts in the frames, which arrows and obstacles follow.
@@ -83,7 +83,7 @@ class Renderer:
         return f"Renderer({self._skin!r}, {len(self._frames)} frames)"
 
     def draw(self, frame: int, panel: Panel) -> npt.NDArray[np.uint8]:
-        """An image of a panel, shape (height, width, 3)."""
+        """Return an image of a panel, shape (height, width, 3)."""
         plotter = pv.Plotter(off_screen=True, window_size=list(self._pixels))
         plotter.set_background("white")
         points, colours = self._frames[frame], panel.colours[frame]
@@ -165,7 +165,7 @@ class Renderer:
     def _obstacles_at(
         self, scene: Scene, travels: Sequence[float]
     ) -> list[tuple[pv.DataSet, Paint]]:
-        """All obstacles, each so much of its move away from where it begins."""
+        """Return all obstacles, each so much of its move away from where it begins."""
         near = sample_obstacles(self._skin, self._frames.reshape(-1, 3), scene.obstacles, travels)
         return [
             part
@@ -217,7 +217,7 @@ class Renderer:
         plotter.reset_camera_clipping_range()
 
     def _outlines(self, points: Floats) -> list[tuple[pv.PolyData, pv.PolyData]]:
-        """Edges of the bodies before and after a deformation."""
+        """Return edges of the bodies before and after a deformation."""
         if self._flat:
             return [(_mesh(self._skin.points, self._skin.facets), _mesh(points, self._skin.facets))]
         found = []
@@ -240,7 +240,7 @@ class Renderer:
 
 
 def _axis(skin: Surface) -> pv.PolyData:
-    """The axis of revolution beside the bodies, dashed and dotted."""
+    """Return the axis of revolution beside the bodies, dashed and dotted."""
     low, high = skin.points[:, 1].min(), skin.points[:, 1].max()
     # Of an axis of revolution, and how far it goes beyond the bodies, relative to their height.
     dashes, axis_beyond = 24, 0.05

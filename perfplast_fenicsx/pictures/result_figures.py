@@ -196,8 +196,8 @@ def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[st
     formats = (".gif", ".webp")  # of animations
     if target.suffix.lower() not in formats:
         raise InputError(
-            f"the animation '{target}' ends in '{target.suffix}', which is no format for it; use"
-            f" {' or '.join(formats)}."
+            f"the animation '{target}' ends in '{target.suffix}', which is not a supported format;"
+            f" use {' or '.join(formats)}."
         )
     levels = reader.levels
     if not levels:
@@ -253,7 +253,7 @@ def case(arrays: str | Path, output: str | Path) -> Iterator[str]:
 
 
 def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, float, str] | None:
-    """The mechanism: that of the limit load, else the increment between the last two levels.
+    """Return the mechanism: that of the limit load, else the increment between the last two levels.
 
     Args:
         reader: The results.
@@ -282,7 +282,7 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
 
 
 def _collapse(limit: StoredLimit) -> str:
-    """The limit load in words: of the body where its bracket is known, else of the mesh."""
+    """Return the limit load in words: of the body where its bracket is known, else of the mesh."""
     if not limit.theorem:
         return f"velocity where this path has come to, ζ = {rounded_down(limit.lower)}"
     if limit.strength:

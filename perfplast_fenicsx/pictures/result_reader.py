@@ -186,7 +186,7 @@ class ResultReader:
         return 2 if self.skin.surface.plane else 3
 
     def surface(self, level: StoredLevel) -> Surface:
-        """The skin with the fields of a level."""
+        """Return the skin with the fields of a level."""
         skin = self.skin
         u, pressure, ratio = self._arrays(level.file, DISPLACEMENT, PRESSURE, YIELD_RATIO)
         at_cells = {"yield_ratio": ratio[skin.cells]}
@@ -201,7 +201,7 @@ class ResultReader:
         return dataclasses.replace(skin.surface, at_points=on_skin, at_cells=at_cells)
 
     def mechanism(self, surface: Surface | None) -> tuple[Surface, float] | None:
-        """The collapse mechanism, where the limit load has been found.
+        """Return the collapse mechanism, where the limit load has been found.
 
         Args:
             surface: The last level, whose stress and contact pressure are shown with it; None where
@@ -253,7 +253,7 @@ class ResultReader:
         return StoredFlow(points[:, : cells.shape[1] - 1], cells, *fields)
 
     def _arrays(self, name: str, *places: str) -> list[npt.NDArray[Any]]:
-        """Arrays of a VTKHDF file."""
+        """Return arrays of a VTKHDF file."""
 
         def read(path: Path) -> list[npt.NDArray[Any]]:
             with stored_file(path, BESIDE) as file:
@@ -264,7 +264,7 @@ class ResultReader:
     def _json(self, name: str) -> dict[str, Any]:
         def load(path: Path) -> dict[str, Any]:
             if not isinstance(table := json.loads(path.read_text(encoding="utf-8")), dict):
-                raise ValueError("it is no JSON object")
+                raise ValueError("it is not a JSON object")
             return table
 
         return self.read(name, load)
@@ -289,7 +289,7 @@ class ResultReader:
 
 
 def _remembers(path: Path) -> bool:
-    """Whether a file has a history of plastic flow."""
+    """Return whether a file has a history of plastic flow."""
     return _has(path, ACCUMULATED)
 
 

@@ -18,7 +18,7 @@ def save_shakedown(
 
     Args:
         rows: Of :class:`~perfplast_fenicsx.limit_analysis.shakedown.diagram.Direction`.
-        names: Of the two that vary.
+        names: Names of the two that vary.
         title: Heading.
         path: The png file.
 

@@ -25,8 +25,8 @@ def save_sweep(
     """Draw what was found over the first key, a line for each value of the others.
 
     Args:
-        rows: Of the sweep's table.
-        keys: That were varied.
+        rows: Rows of the sweep's table.
+        keys: Keys that were varied.
         title: Heading.
         path: The png file.
 

@@ -65,7 +65,7 @@ def draw_axes(axes: Axes, view: View) -> None:
     """Arrows that say where x, y and z lead, in axes of their own.
 
     Args:
-        axes: Where; nothing else is in it.
+        axes: Axes to draw into, which are empty.
         view: From where the bodies are seen.
     """
     axes.set(xlim=(-1.45, 1.45), ylim=(-1.45, 1.45), aspect="equal")

@@ -8,7 +8,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def halved(problem: Problem) -> Problem:
-    """The problem on a mesh all of whose edges are cut in half. Collective.
+    """Return the problem on a mesh all of whose edges are cut in half. Collective.
 
     Vertices that lie on each other where bodies touch do so afterwards, and the bodies are the
     same: polygons that stand for circles stay what they are.

@@ -39,7 +39,7 @@ def left_out(problem: Problem) -> list[str]:
 
 
 def _unseen(problem: Problem, obstacle: Obstacle) -> int:
-    """Nodes of this rank that could host a row and do not."""
+    """Return nodes of this rank that could host a row and do not."""
     nodes = surface_nodes(problem.V, problem.tagged_mesh, obstacle.on, problem.fixed)
     nodes = nodes[np.unique(nodes["node"], return_index=True)[1]]
     _, into = obstacle.towards(nodes["x"][:, : problem.bodies.gdim])

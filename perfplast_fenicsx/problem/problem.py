@@ -72,7 +72,7 @@ class Problem:
         bodies: Connected components and their rigid motions.
         laws: The material laws, each on the cells of its bodies.
         initial_strain: e₀, which the laws do not see of ε(u); None for none.
-        shanks: Of bolts, which strain the bodies where they are tightened.
+        shanks: Shanks of bolts, which strain the bodies where they are tightened.
         bcs: Supports, homogeneous as those of increments are.
         fixed: Supported components of each local node, ghosts too, shape (num_nodes, gdim).
         support_names: Supports and moved rigid surfaces as results name them, each once.
@@ -114,7 +114,7 @@ class Problem:
 
         Args:
             tagged_mesh: Mesh with named volumes and surfaces.
-            materials: Of each volume, anything that is a :class:`Material`.
+            materials: Materials of each volume, anything that is a :class:`Material`.
             supports: Where the displacement is known.
             loads: What L₁(v) is the work of and, of those that are constant, L₀(v).
             contacts: Pairs of surfaces that cannot penetrate each other.
@@ -229,16 +229,16 @@ class Problem:
         self.friction.origin[:] = self.motion.slide_at(zeta)
 
     def loaded_at_zero(self) -> bool:
-        """Whether anything but ζ loads or moves the bodies. Collective."""
+        """Return whether anything but ζ loads or moves the bodies. Collective."""
         moves = self.motion.moves_supports or self.motion.driven or self.interferes
         return moves or self.initial_strain is not None or self.loads.has_dead()
 
     def is_elastic_at_first(self) -> bool:
-        """Whether the bodies begin with multiples of one state, but for gaps. Collective."""
+        """Return whether the bodies begin with multiples of one state, but for gaps. Collective."""
         return not self.loaded_at_zero() and not self.friction.count
 
     def create_vector(self) -> PETSc.Vec:
-        """A vector of zeros with an entry for each displacement unknown. Collective."""
+        """Return a vector of zeros with an entry for each displacement unknown. Collective."""
         vector = self.loads.live.duplicate()
         vector.set(0)
         return vector
@@ -250,7 +250,7 @@ class Problem:
     def _supports(
         self, supports: Sequence[Support | RigidSurface]
     ) -> tuple[list[fem.DirichletBC], Floats]:
-        """Conditions of increments, and u_D, constant and times ζ."""
+        """Return conditions of increments, and u_D, constant and times ζ."""
         self.fixed, displacement, holder = known_displacements(self.V, self.tagged_mesh, supports)
         self.support_names = tuple(dict.fromkeys(name_of(support) for support in supports))
         numbers = [self.support_names.index(name_of(support)) for support in supports]

@@ -42,7 +42,7 @@ def variant(
 
     Args:
         problem: What it is a variant of.
-        materials: Of each volume, as of a new problem.
+        materials: Materials of each volume, as of a new problem.
         points: Spaces at other quadrature points, with the displacements of the problem.
         constraints: The contact inequalities.
         sliding: The rows of jumps along surfaces that rub.

@@ -80,7 +80,7 @@ class _Acting:
         on_sides: The largest traction times area of each side, added up, shape (num_cells,).
         forces: Shape (num_cells, d).
         moments: About ``middles``, shape (num_cells, 1 or 3).
-        errors: Of forces and of moments, shape (2, num_cells).
+        errors: Errors of forces and of moments, shape (2, num_cells).
         middles: A place in each cell.
         extents: The largest distance of its vertices from that.
         pieces: Number of the piece of each cell.
@@ -203,7 +203,7 @@ def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floa
 
     Args:
         body: The bodies.
-        shapes: Of the cells.
+        shapes: Shapes of the cells.
         acting: Forces and moments of each cell.
         pushes: Sizes of forces on outer facets besides.
     """

@@ -57,7 +57,7 @@ class Body:
         obstacles: Tags of surfaces that cannot enter a half space.
         obstacle_normals: Unit vectors into these, shape (num_obstacles, d).
         obstacle_adhesion: As of contacts.
-        obstacle_friction: The same.
+        obstacle_friction: As ``obstacle_adhesion``.
     """
 
     vertices: Floats
@@ -116,22 +116,22 @@ class Body:
         if d not in (2, 3) or wrong:
             raise ProofError(f"the shape of {', '.join(wrong) or 'vertices'} fits nothing.")
         if not c:
-            raise ProofError("there is no cell, and nothing to be proven of no body.")
+            raise ProofError("the file has no cells, so there is nothing to check.")
         for name in ("cells", "facets"):
             numbers = getattr(self, name)
             if numbers.size and not (numbers.min() >= 0 and numbers.max() < n):
-                raise ProofError(f"{name} names vertices that there are not.")
+                raise ProofError(f"{name} names vertices that do not exist.")
         every = (getattr(loads, name) for loads in kinds.values() for name in NAMES)
         known = (self.vertices, *every, self.obstacle_normals, self.guided)
         if not all(np.isfinite(values).all() for values in known):
             raise ProofError("vertices, loads or normals are not finite.")
         self.cones.check(self.components)
         if not ((self.cone >= -1) & (self.cone < len(self.cone_bound))).all():
-            raise ProofError("cone names cones that there are not.")
+            raise ProofError("cone names cones that do not exist.")
         self._check_strength()
         units = np.append(self.obstacle_normals, self.guided[self.guided.any(axis=1)], axis=0)
         if not (np.abs(np.linalg.norm(units, axis=1) - 1) <= 1e-12).all():
-            raise ProofError("a normal of an obstacle or a guide is no unit vector.")
+            raise ProofError("a normal of an obstacle or a guide is not a unit vector.")
         for name in RUBBING:
             if (fault := fault_of(getattr(self, name))) is not None:
                 raise ProofError(f"{name} {fault}.")
@@ -149,7 +149,7 @@ class Body:
 
     @classmethod
     def of(cls, arrays: Mapping[str, npt.NDArray], known: "Body | None" = None) -> "Body":
-        """The bodies of arrays by name.
+        """Return the bodies of arrays by name.
 
         Args:
             arrays: The arrays.
@@ -295,7 +295,7 @@ class Body:
         return np.asarray(self.dim * self.volumes[sides // (self.dim + 1)] * slope)
 
     def on(self, tag: np.int64) -> Longs:
-        """Numbers of the facets of a surface."""
+        """Return numbers of the facets of a surface."""
         return np.flatnonzero(self.surface == tag)
 
     @cached_property
@@ -326,10 +326,10 @@ class Body:
             raise ProofError("surface has negative tags.")
         for name, tags in named.items():
             if tags.size and tags.min() < 1:
-                raise ProofError(f"{name} names no surface: tags of surfaces are positive.")
+                raise ProofError(f"{name} has a tag that is not positive, as tags are.")
         for name in ("contacts", "obstacles"):
             if not np.isin(named[name], self.surface).all():
-                raise ProofError(f"{name} names a surface that there is not.")
+                raise ProofError(f"{name} names a surface that does not exist.")
         if len(np.unique(np.sort(self.contacts, axis=1), axis=0)) < len(self.contacts):
             raise ProofError("contacts names two surfaces twice.")
 

@@ -70,7 +70,7 @@ def _levels(boxes: Floats) -> Longs:
 
 
 def _on_grid(ones: Longs, others: Longs) -> Iterator[tuple[Longs, Longs]]:
-    """The pairs that have places on a grid in common, each at the first of these.
+    """Yield the pairs that have places on a grid in common, each at the first of these.
 
     Args:
         ones: First and last places, of which there are two along an axis at most, (2, n, d).
@@ -94,7 +94,7 @@ def _on_grid(ones: Longs, others: Longs) -> Iterator[tuple[Longs, Longs]]:
 
 
 def _entries(grid: Longs) -> tuple[Longs, Longs, Longs]:
-    """Number of each place that a box has, the box, and the place."""
+    """Return the number of each place that a box has, the box, and the place."""
     found = []
     for corner in product((0, 1), repeat=grid.shape[2]):
         place = grid[0] + np.array(corner)

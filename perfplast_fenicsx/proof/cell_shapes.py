@@ -26,8 +26,8 @@ def check_cells(places: Floats, volumes: Floats, gradients: Callable[[], Floats]
     """Make sure that shapes are not lost to rounding.
 
     Args:
-        places: Of the cells' vertices, shape (num_cells, d + 1, d).
-        volumes: Of the cells.
+        places: Places of the cells' vertices, shape (num_cells, d + 1, d).
+        volumes: Volumes of the cells.
         gradients: Gives those of their barycentric coordinates, where there is a volume.
 
     Raises:
@@ -50,7 +50,7 @@ def check_sections(
     """Make sure that cells can be sections of rings, and of what is known of these.
 
     Args:
-        places: Of the cells' vertices.
+        places: Places of the cells' vertices.
         pores: Pressures in pores of each kind of loads, which may cancel.
         held: Components of rigid surfaces that cannot move, shape (num_rigid, 2).
         loose: Whether a cone has no bound.

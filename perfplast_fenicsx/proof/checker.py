@@ -84,10 +84,10 @@ def check(path: str | Path) -> dict[str, Checked]:
                 faults, words = _together(halves["lower"], halves["upper"])
     except MemoryError as fault:
         raise ProofError(
-            f"'{path}' is no proof of bounds: it is too large for this machine."
+            f"'{path}' is not a proof of bounds: it is too large for this machine."
         ) from fault
     except (OSError, KeyError, AttributeError, TypeError, ValueError, RuntimeError) as fault:
-        raise ProofError(f"'{path}' is no proof of bounds: {fault}") from fault
+        raise ProofError(f"'{path}' is not a proof of bounds: {fault}") from fault
     if not halves:
         raise ProofError(f"'{path}' has neither a lower nor an upper bound.")
     found = {kind: half.checked for kind, half in halves.items()}
@@ -168,7 +168,7 @@ def _left(body: Body, arrays: Mapping[str, npt.NDArray], kinds: Sequence[Loads])
 
     Args:
         body: The bodies.
-        arrays: Of the half.
+        arrays: Arrays of the half.
         kinds: All loads at the bound, each kind by itself.
     """
     d = body.dim
@@ -263,7 +263,7 @@ def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
 
 
 def _with(half: Checked, faults: list[str]) -> Checked:
-    """A half with faults beside its own."""
+    """Return a half with faults beside its own."""
     return replace(half, proven=None, faults=(*half.faults, *faults))
 
 

@@ -15,7 +15,7 @@ class Strengths(NamedTuple):
         family: A number of MᵀM and the direction of q, for a matrix M of size 1, or of all cones of
             principal stresses with the same ratio of c to a tensile strength.
         slope: |q|, or the sine.
-        bound: Of cones whose M has size 1.
+        bound: Bound of cones whose M has size 1.
         axial: Whether M q = 0, or the cone is one of principal stresses: less of a slope and no
             higher apex make it smaller.
     """
@@ -33,13 +33,13 @@ class Strengths(NamedTuple):
 
 
 def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
-    """Whether sets of cells are not known to hold those of others.
+    """Return whether sets of cells are not known to hold those of others.
 
     With slopes α < α' on one axis the set of α is in that of α' if its apex is no higher,
     c/α ≤ c'/α': both are so at the apex, and below it the other one opens by more.
 
     Args:
-        lower: Of cells, n of them.
+        lower: Lower bound of cells, n of them.
         upper: Of those that ought to hold them, as many.
     """
     rounding = 1e-12  # of a bound over the size of its matrix
@@ -54,7 +54,7 @@ def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
 
 
 def strengths_of(*bodies: Body) -> list[Strengths]:
-    """Strengths of the cells of each body.
+    """Return strengths of the cells of each body.
 
     Elastic cells are as bodies of infinite strength that keep their volume.
     """
@@ -94,7 +94,7 @@ def _shape(matrices: Floats) -> Floats:
 
 
 def _alike_rows(rows: Floats) -> Longs:
-    """A number for each row, the same for those that are rounded to the same."""
+    """Return a number for each row, the same for those that are rounded to the same."""
     digits = 11  # after the point, that entries of cones of size 1 are compared with
     _, numbers = np.unique(np.round(rows, digits), axis=0, return_inverse=True)
     return np.asarray(numbers.ravel(), dtype=np.int64)

@@ -47,7 +47,7 @@ STEEPEST = 1 - 1e-9
 
 
 def vectors(tensors: Floats) -> Floats:
-    """Vectors of symmetric matrices, shape (..., m) of (..., d, d)."""
+    """Return vectors of symmetric matrices, shape (..., m) of (..., d, d)."""
     d = tensors.shape[-1]
     pairs = [(0, 1)] if d == 2 else [(1, 2), (0, 2), (0, 1)]
     columns = [tensors[..., i, i] for i in range(d)]
@@ -276,7 +276,7 @@ class Cones:
         return found
 
     def principal_power(self, at: Longs, rates: Floats) -> Floats:
-        """The same of other cells of principal stresses, convex in the rates."""
+        """Return the same of other cells of principal stresses, convex in the rates."""
         factors = power_factors(self.bound[at], self.sine[at], self.tension[at])
         of_trace, of_sizes = (factor[:, None] for factor in factors)
         (traces, sizes), s = rate_sizes(rates), self.sine[at, None]

@@ -6,7 +6,7 @@ from perfplast_fenicsx.proof.body import Body, Floats
 
 
 def cuts_of(body: Body) -> Floats:
-    """The middle of each pair of such facets with the same vertices, shape (num_pairs, d).
+    """Return the middle of each pair of such facets with the same vertices, shape (num_pairs, d).
 
     Nothing keeps the bodies from parting or entering each other there. A stress that they bear so
     is one of bodies without that cut as well; a velocity is not.

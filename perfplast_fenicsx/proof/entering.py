@@ -82,7 +82,7 @@ def entering_of(body: Body, at_facets: Floats, fastest: float) -> Entering:
 
 
 def _largest_share(parts: Floats, wholes: Floats) -> float:
-    """The largest part of its whole; parts of nothing are nothing."""
+    """Return the largest part of its whole; parts of nothing are nothing."""
     return float((parts / np.where(wholes > 0, wholes, 1.0)).max(initial=0))
 
 

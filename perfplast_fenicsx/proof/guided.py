@@ -14,7 +14,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 def with_guided(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Arrays with no such direction where a file has none."""
+    """Return arrays with no such direction where a file has none."""
     if "guided" in arrays or "facets" not in arrays:
         return dict(arrays)
     return {**arrays, "guided": np.zeros(np.shape(arrays["facets"]))}
@@ -40,7 +40,7 @@ def left_free(vectors: Floats, held: Flags, guided: Floats) -> Floats:
 
 
 def differ(one: Floats, other: Floats) -> Flags:
-    """Whether directions differ, shape (n,), by more than rounding and sign."""
+    """Return whether directions differ, shape (n,), by more than rounding and sign."""
     rounding = 1e-9
     apart = [np.abs(one + sign * other).max(axis=1, initial=0) for sign in (-1, 1)]
     return np.asarray(np.minimum(*apart) > rounding)

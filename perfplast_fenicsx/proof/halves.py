@@ -31,7 +31,7 @@ def differences(lower: Body, upper: Body) -> list[str]:
 
     Args:
         lower: The bodies of the lower half.
-        upper: Those of the upper one.
+        upper: The bodies of the upper half.
     """
     if lower.dim != upper.dim:
         return ["one half is plane, and the other in space"]
@@ -72,18 +72,18 @@ def _told(what: str, places: Floats) -> list[str]:
 
 
 def _kinds(lower: Body, upper: Body) -> Iterator[tuple[Loads, Loads]]:
-    """Loads of each kind, of both."""
+    """Yield loads of each kind, of both."""
     yield lower.sought, upper.sought
     yield lower.constant, upper.constant
     yield lower.others, upper.others
 
 
 def _differ(one: Floats, other: Floats, nothing: Floats) -> Flags:
-    """Whether vectors at some places differ by more than rounding.
+    """Return whether vectors at some places differ by more than rounding.
 
     Args:
         one: Shape (n, places, components).
-        other: The same.
+        other: The other one, in the same form.
         nothing: What differs by no more is the same, shape (n,).
     """
     off = np.abs(one - other).max(axis=(1, 2), initial=0)
@@ -113,7 +113,7 @@ def _linear(places: Floats, vertices: Floats, values: Floats) -> Floats:
 
     Args:
         places: Shape (n, places, d).
-        vertices: Of the simplices, of any dimension, shape (n, k, d).
+        vertices: Vertices of the simplices, of any dimension, shape (n, k, d).
         values: There, shape (n, k, components).
     """
     inverse = np.linalg.pinv(vertices[:, 1:] - vertices[:, :1])
@@ -182,7 +182,7 @@ def _weaker_somewhere(
 
 
 def _pores_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
-    """Whether pressures in the pores of cells do, at the vertices of the smaller one."""
+    """Return whether pressures in the pores of cells do, at the vertices of the smaller one."""
     found = np.zeros(len(a), dtype=bool)
     places = lower.vertices[lower.cells], upper.vertices[upper.cells]
     smaller = lower.volumes[a] <= upper.volumes[b]
@@ -205,7 +205,7 @@ def _pores_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
 
 
 def _same_plates(lower: Body, upper: Body) -> bool:
-    """Whether rigid surfaces are the same, with the same forces and moments."""
+    """Return whether rigid surfaces are the same, with the same forces and moments."""
     orders = [np.argsort(body.rigid) for body in (lower, upper)]
     tags, held = (
         [getattr(body, name)[order] for body, order in zip((lower, upper), orders, strict=True)]
@@ -227,7 +227,7 @@ def _same_plates(lower: Body, upper: Body) -> bool:
 
 
 def _contacts(body: Body) -> Floats:
-    """Rows of each contact: its tags in order, adhesion and friction."""
+    """Return rows of each contact: its tags in order, adhesion and friction."""
     rows = np.column_stack(
         [np.sort(body.contacts, axis=1), body.contact_adhesion, body.contact_friction]
     )
@@ -235,7 +235,7 @@ def _contacts(body: Body) -> Floats:
 
 
 def _obstacles(body: Body) -> Floats:
-    """Rows of each obstacle: its tag and normal, adhesion and friction."""
+    """Return rows of each obstacle: its tag and normal, adhesion and friction."""
     rows = np.column_stack(
         [body.obstacles, body.obstacle_normals, body.obstacle_adhesion, body.obstacle_friction]
     )

@@ -29,7 +29,7 @@ def least_radii(body: Body, stress: Floats) -> Floats:
 
 
 def least_of(radii: Floats) -> float:
-    """The least radius, the smallest number where there is none at all."""
+    """Return the least radius, the smallest number where there is none at all."""
     least = float(radii.min())
     return least if 0 < least < BARE else TINY
 

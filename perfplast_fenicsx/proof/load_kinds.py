@@ -23,7 +23,7 @@ EVERY = tuple(f"{kind}{name}" for kind in KINDS for name in NAMES)
 
 
 def with_all(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Arrays with zeros for the loads of which a file has none."""
+    """Return arrays with zeros for the loads of which a file has none."""
     like = {"body_force": "body_force", "traction": "traction", "pore_pressure": "cells"}
     shapes = {name: np.shape(arrays[of]) for name, of in like.items() if of in arrays}
     axes = np.shape(arrays.get("vertices", ()))[1:]
@@ -67,18 +67,18 @@ class Loads:
         return Loads(*(factor * getattr(self, name) for name in NAMES))
 
     def total(self, stress: Floats) -> Floats:
-        """The stresses in equilibrium, of effective ones at the cells' vertices."""
+        """Return the stresses in equilibrium, of effective ones at the cells' vertices."""
         return stress - self.pore_pressure[..., None, None] * np.eye(stress.shape[-1])
 
     def same(self, other: "Loads") -> bool:
-        """Whether others are the same to the last digit."""
+        """Return whether others are the same to the last digit."""
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in NAMES)
 
     def pore_work(self, volumes: Floats, growth: Floats) -> float:
         """∫u div v, exact.
 
         Args:
-            volumes: Of the cells.
+            volumes: Volumes of the cells.
             growth: div v at their vertices, linear between, shape (num_cells, d + 1).
         """
         n = growth.shape[1]
@@ -97,7 +97,7 @@ class Loads:
         """A stress that they cause: the largest traction, pressure in pores and that of a column.
 
         Args:
-            places: Of the cells' vertices, shape (num_cells, d + 1, d).
+            places: Places of the cells' vertices, shape (num_cells, d + 1, d).
         """
         largest = np.linalg.norm(self.traction, axis=2).max(initial=0)
         largest += np.abs(self.pore_pressure).max(initial=0)

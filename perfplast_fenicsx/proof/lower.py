@@ -183,7 +183,7 @@ def _balance(body: Body, stress: Floats, loads: Loads) -> tuple[Floats, Floats]:
 
 
 def _sizes(body: Body, loads: Loads) -> tuple[Floats, Floats]:
-    """Magnitudes of forces in cells and on facets, of bodies of revolution over 2π."""
+    """Return magnitudes of forces in cells and on facets, of bodies of revolution over 2π."""
     if not body.is_revolved:
         return loads.sizes(body.volumes, body.areas)
     pushes = np.linalg.norm(applied(body, loads), axis=2).mean(axis=1)

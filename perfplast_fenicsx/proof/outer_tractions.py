@@ -19,9 +19,10 @@ class Outer:
     """Residuals on outer facets.
 
     Attributes:
-        ratios: Of each condition, relative to the weakest that a row touches, or to what it may be.
+        ratios: Ratios of each condition, relative to the weakest that a row touches, or to what it
+            may be.
         lost: Forces without balance of each facet, shape (num_facets,).
-        of_plates: Those of each rigid surface, shape (num_rigid,).
+        of_plates: The same of the plates of each rigid surface, shape (num_rigid,).
         reacts: Magnitudes of forces of contact and of rigid surfaces on each facet.
         reason: Why the conditions of contact cannot be checked, or None.
     """
@@ -52,7 +53,7 @@ def outer_tractions(
         stress: In equilibrium with the loads.
         loads: All at once.
         rigid: Rigid surfaces.
-        strengths: Of the cells (:func:`least_radii`).
+        strengths: Strengths of the cells (:func:`least_radii`).
     """
     d = body.dim
     cells, places = body.outer // (d + 1), body.places
@@ -140,7 +141,7 @@ def outer_tractions(
 
 
 def _order(body: Body, pair: Touching) -> Longs:
-    """Places of what is known on facets opposite, in the order of that on the first ones."""
+    """Return places of what is known on facets opposite, in the order of that on the first ones."""
     if not body.is_revolved:
         return pair.order
     return np.column_stack([pair.order, np.full(len(pair.order), 2)])

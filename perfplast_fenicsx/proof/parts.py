@@ -50,7 +50,7 @@ def mean_shares(values: Floats) -> Floats:
     """Return the means of linear functions times each barycentric coordinate of simplices.
 
     Args:
-        values: Of the functions at the vertices k, shape (..., dim + 1, n).
+        values: Values of the functions at the vertices k, shape (..., dim + 1, n).
 
     Returns:
         ∫ λ_k f over the volume, the same shape: f_k and the sum of all, over (dim + 1)(dim + 2).

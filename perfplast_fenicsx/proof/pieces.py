@@ -21,7 +21,7 @@ def pieces_of(body: Body) -> Longs:
 def largest_share(
     body: Body, left: tuple[Floats, ...], applied: tuple[Floats, ...], strengths: Floats
 ) -> float:
-    """The largest share that forces without balance have of the loads of one piece.
+    """Return the largest share that forces without balance have of the loads of one piece.
 
     A piece without loads could be free of stress, so that what is left there is harmless. A share
     of all loads is rounding wherever it is left, but not more of it than the cells of a piece could

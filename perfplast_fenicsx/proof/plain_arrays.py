@@ -25,7 +25,7 @@ class ProofError(ValueError):
 
 
 def plain(name: str, values: Any) -> npt.NDArray:
-    """An array of the kind that its name asks for: float64, int64 or bool.
+    """Return an array of the kind that its name asks for: float64, int64 or bool.
 
     Raises:
         ProofError: If it has numbers of another kind, or flags that are neither 0 nor 1.
@@ -68,7 +68,7 @@ def check_sizes(name: str, sizes: npt.ArrayLike) -> None:
 
 
 def number_of(name: str, values: Any) -> float:
-    """A number that is claimed.
+    """Return a number that is claimed.
 
     Raises:
         ProofError: If it is not one finite real number.
@@ -82,7 +82,7 @@ def number_of(name: str, values: Any) -> float:
 
 
 def bound_of(values: Any, with_constant: bool) -> float:
-    """The bound that is claimed.
+    """Return the bound that is claimed.
 
     Args:
         values: As given.
@@ -110,7 +110,7 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
     """
     group = file[kind]
     if not isinstance(group, h5py.Group):
-        raise ProofError("a half is no group of arrays.")
+        raise ProofError("a half is not a group of arrays.")
     found: dict[str, npt.NDArray] = {}
     most_axes = 4  # of an array of a proof
     for name in (*FLOATS, *LONGS, *FLAGS):
@@ -118,7 +118,7 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
             continue
         data = group[name]
         if not isinstance(data, h5py.Dataset) or data.shape is None:
-            raise ProofError(f"{name} is no array.")
+            raise ProofError(f"{name} is not an array.")
         if len(data.shape) > most_axes:
             raise ProofError(f"the shape of {name} fits nothing.")
         if data.dtype.kind not in "biuf":
@@ -134,12 +134,12 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
 
 
 def equal(one: npt.NDArray, other: npt.NDArray) -> bool:
-    """Whether arrays are the same to the last digit; what is no number is so in both."""
+    """Return whether arrays are the same to the last digit; what is no number is so in both."""
     return np.array_equal(one, other, equal_nan=other.dtype.kind == "f")
 
 
 def checked(arrays: Mapping[str, npt.NDArray], names: tuple[str, ...]) -> dict[str, npt.NDArray]:
-    """Arrays by name, of the kinds that they ought to have.
+    """Return arrays by name, of the kinds that they ought to have.
 
     Raises:
         ProofError: If one is missing or of another kind.

@@ -27,7 +27,7 @@ def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
 
     Args:
         body: The bodies, with strengths that are divided.
-        arrays: Of the half.
+        arrays: Arrays of the half.
 
     Raises:
         ProofError: If the factor is not positive, the flags do not fit the bodies, or one strength

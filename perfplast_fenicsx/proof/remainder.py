@@ -110,7 +110,7 @@ def remainder_of(
         body: The bodies, of cells in the plane or in space.
         stress: At the vertices of each cell, effective where there is a pressure in pores.
         kinds: Loads of each kind, and their factors.
-        shapes: Of the cells.
+        shapes: Shapes of the cells.
     """
     d = body.dim
     areas = shapes.areas

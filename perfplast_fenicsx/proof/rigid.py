@@ -27,7 +27,7 @@ class Rigid:
         free: Which of the components of force and moment count, shape (3 or 6,).
         middle: c.
         extent: The largest distance from it.
-        area: Of the surface; of a body of revolution over 2π.
+        area: Area of the surface; of a body of revolution over 2π.
         turn: What forces on file are over: 2π of bodies of revolution, else 1.
     """
 
@@ -47,12 +47,12 @@ class Rigid:
         return found
 
     def resultant(self, body: Body, tractions: Floats) -> Floats:
-        """The same of tractions at the facets' vertices, linear between; exact.
+        """Return the same of tractions at the facets' vertices, linear between; exact.
 
         Args:
             body: The bodies.
-            tractions: Of all facets, shape (num_facets, d, d); of bodies of revolution coefficients
-                of r times these, shape (num_facets, 3, 2).
+            tractions: Tractions of all facets, shape (num_facets, d, d); of bodies of revolution
+                coefficients of r times these, shape (num_facets, 3, 2).
         """
         d, here = body.dim, tractions[self.facets]
         areas = body.areas[self.facets]
@@ -67,7 +67,7 @@ class Rigid:
         return found
 
     def motion(self, x: Floats, v: Floats) -> tuple[Floats, float]:
-        """The rigid motion next to velocities, in the mean, and the largest difference.
+        """Return the rigid motion next to velocities, in the mean, and the largest difference.
 
         Args:
             x: Places, shape (n, d).
@@ -89,7 +89,7 @@ class Rigid:
 
 
 def rigid_of(body: Body) -> list[Rigid]:
-    """The rigid surfaces of a file."""
+    """Return the rigid surfaces of a file."""
     found = []
     for number, tag in enumerate(body.rigid):
         facets, held = body.on(tag), body.rigid_held[number]

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 
 def with_rigid(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Arrays with no rigid surfaces where none are named."""
+    """Return arrays with no rigid surfaces where none are named."""
     d = np.shape(arrays.get("vertices", ()))[1:]
     none: dict[str, npt.NDArray] = {}
     if "rigid" not in arrays:

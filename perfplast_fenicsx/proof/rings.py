@@ -26,7 +26,7 @@ ENDS = np.array([[0, 1], [0, 2], [1, 2]])
 
 
 def normals_of(body: Body) -> int:
-    """How many components of a stress, the first, are normal ones."""
+    """Return how many components of a stress, the first, are normal ones."""
     return 3 if body.is_revolved else body.dim
 
 
@@ -43,7 +43,7 @@ def radii_of(body: Body) -> Floats:
 
 
 def times_radius(radii: Floats, values: Floats) -> Floats:
-    """Coefficients of r times what is linear, in cells or on facets.
+    """Return coefficients of r times what is linear, in cells or on facets.
 
     Args:
         radii: At the vertices, shape (n, k).
@@ -58,12 +58,12 @@ def times_radius(radii: Floats, values: Floats) -> Floats:
 
 
 def coefficients_of_radius(radii: Floats) -> Floats:
-    """Those of r, shape (n, 6) of (n, 3), or (n, 3) of (n, 2)."""
+    """Return those of r, shape (n, 6) of (n, 3), or (n, 3) of (n, 2)."""
     return times_radius(radii, np.ones((*radii.shape, 1)))[..., 0]
 
 
 def applied(body: Body, loads: Loads) -> Floats:
-    """Tractions of loads at the vertices of facets, or coefficients of r times these."""
+    """Return tractions of loads at the vertices of facets, or coefficients of r times these."""
     if not body.is_revolved:
         return loads.traction
     return times_radius(body.vertices[body.facets][..., 0], loads.traction)
@@ -97,14 +97,14 @@ def whole_stress(body: Body, stress: Floats, force: Floats) -> tuple[Floats, Flo
 
 
 def bernstein(v: Floats) -> Floats:
-    """Coefficients of quadratics from their values at vertices and middles of edges."""
+    """Return coefficients of quadratics from their values at vertices and middles of edges."""
     found = v.copy()
     found[:, 3:] = 2 * v[:, 3:] - v[:, ENDS].mean(axis=2)
     return found
 
 
 def ring_rates(body: Body, v: Floats) -> Floats:
-    """Coefficients of r²ε as vectors, shape (num_cells, 6, 4).
+    """Return coefficients of r²ε as vectors, shape (num_cells, 6, 4).
 
     Args:
         body: The bodies.
@@ -119,7 +119,7 @@ def ring_rates(body: Body, v: Floats) -> Floats:
 
 @lru_cache
 def _means() -> Floats:
-    """Means of products of Bernstein's polynomials and linear ones, shape (6, 3)."""
+    """Return means of products of Bernstein's polynomials and linear ones, shape (6, 3)."""
     of_edges = [[2 if a in ends else 1 for a in range(3)] for ends in ENDS]
     return np.concatenate([1 + 2 * np.eye(3), of_edges]) / 30
 
@@ -200,7 +200,7 @@ def on_axis(body: Body, values: Floats) -> float:
 
 
 def speed_of(body: Body, v: Floats) -> float:
-    """The largest velocity u = v/r is at most that of the coefficients."""
+    """Return the largest velocity u = v/r is at most that of the coefficients."""
     rho = coefficients_of_radius(radii_of(body))
     sizes = np.abs(bernstein(v)).max(axis=2)
     return float((sizes[rho > 0] / rho[rho > 0]).max(initial=0))

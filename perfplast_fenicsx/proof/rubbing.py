@@ -22,7 +22,7 @@ OF = {
 
 
 def with_rubbing(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Arrays with zeros for what does not rub."""
+    """Return arrays with zeros for what does not rub."""
     none = {
         name: np.zeros(np.asarray(arrays[of]).shape[:1])
         for name, of in OF.items()
@@ -38,7 +38,7 @@ def fault_of(values: Floats) -> str | None:
 
 
 def loose(adhesion: Floats, friction: Floats) -> bool:
-    """Whether any slips and parts, and dissipates nothing by that."""
+    """Return whether any slips and parts, and dissipates nothing by that."""
     return bool(((friction > 0) & (adhesion == 0)).any())
 
 
@@ -50,9 +50,9 @@ def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) 
 
     Args:
         shear: ‖τ‖ at the vertices of facets, shape (n, d).
-        pressure: The same.
-        adhesion: Of each facet, shape (n,).
-        friction: The same.
+        pressure: As ``shear``.
+        adhesion: Adhesion of each facet, shape (n,).
+        friction: As ``adhesion``.
     """
     beyond = shear - friction[:, None] * pressure
     adheres = adhesion > 0

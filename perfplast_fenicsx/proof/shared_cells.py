@@ -20,7 +20,7 @@ TOUCHING = 1e-6
 def shared_cells(
     one: Body, other: Body, differ: Callable[[Longs, Longs], Flags]
 ) -> tuple[Longs, Longs]:
-    """Pairs of cells that have a volume in common and differ.
+    """Return pairs of cells that have a volume in common and differ.
 
     Args:
         one: The cells of a half.
@@ -50,7 +50,7 @@ def boxes_of(places: Floats) -> Floats:
 
 
 def have_common_volume(ones: Floats, others: Floats) -> Flags:
-    """Whether simplices have.
+    """Return whether simplices have.
 
     Args:
         ones: Places of their vertices, shape (num_pairs, d + 1, d).
@@ -111,14 +111,14 @@ def _edges(simplices: Floats) -> Floats:
 
 
 def _facing(simplices: Floats) -> Floats:
-    """Normals of the facets, shape (n, d + 1, d)."""
+    """Return normals of the facets, shape (n, d + 1, d)."""
     sides = simplices[:, 1:] - simplices[:, :1]
     inner = np.linalg.inv(sides).transpose(0, 2, 1)
     return np.concatenate([inner.sum(axis=1, keepdims=True), inner], axis=1)
 
 
 def _apart(ones: Floats, others: Floats, axes: Floats) -> Flags:
-    """Whether shadows on one of the axes do not overlap; axes of no length do not count."""
+    """Return whether shadows on one of the axes do not overlap; axes of no length do not count."""
     with np.errstate(all="ignore"):
         axes = axes / np.linalg.norm(axes, axis=2, keepdims=True)
     first, second = (np.einsum("pvi,pai->pav", x, axes) for x in (ones, others))

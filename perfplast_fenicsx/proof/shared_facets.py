@@ -70,7 +70,7 @@ def shared_facets(one: Body, other: Body) -> SharedFacets:
 
 
 def _widths(body: Body, facets: Longs) -> Floats:
-    """The least width of facets: their length, or their area over their longest edge."""
+    """Return the least width of facets: their length, or their area over their longest edge."""
     x = body.vertices[body.facets[facets]]
     longest = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
     return np.asarray(2 * body.areas[facets] / longest if body.dim == 3 else longest)
@@ -81,8 +81,8 @@ def _common(large: Floats, small: Floats, normals: Floats, slack: Floats) -> Flo
 
     Args:
         large: Places of vertices, shape (num_pairs, d, d).
-        small: The same.
-        normals: Of the plane.
+        small: As ``large``.
+        normals: Normals of the plane.
         slack: Distance that counts as none.
     """
     if large.shape[2] == 2:
@@ -100,7 +100,7 @@ def _common(large: Floats, small: Floats, normals: Floats, slack: Floats) -> Flo
 
 
 def _turned(triangles: Floats) -> Floats:
-    """Triangles in the plane whose vertices follow each other to the left."""
+    """Return triangles in the plane whose vertices follow each other to the left."""
     sides = triangles[:, 1:] - triangles[:, :1]
     left = np.linalg.det(sides) > 0
     return np.where(left[:, None, None], triangles, triangles[:, [0, 2, 1]])

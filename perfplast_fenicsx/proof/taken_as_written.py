@@ -9,7 +9,7 @@ from perfplast_fenicsx.proof.rings import around, normals_of, times_radius
 
 
 def taken_as_written(body: Body) -> str:
-    """The bodies, strengths, supports, contact and loads of a half, in one sentence."""
+    """Return the bodies, strengths, supports, contact and loads of a half, in one sentence."""
     d = body.dim
     shape = "triangles" if d == 2 else "tetrahedra"
     shape += ", sections of rings around x = 0," if body.is_revolved else ""

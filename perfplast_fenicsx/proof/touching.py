@@ -72,7 +72,7 @@ def _close(body: Body, facets: Longs) -> Floats:
 
 
 def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs]:
-    """Pairs of facets that may lie on one line along their normal, among them all that do.
+    """Return pairs of facets that may lie on one line along their normal, among them all that do.
 
     Normal and foot of the line, put together, are seen along one direction, and sorted there.
     """

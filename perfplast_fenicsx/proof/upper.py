@@ -239,8 +239,8 @@ def _means(values: Floats, strength: Floats) -> Floats:
     """Return the means in cells of the products of two functions that are linear in them.
 
     Args:
-        values: Of the one at the vertices, shape (num_cells, d + 1).
-        strength: Of the other.
+        values: Values of the one at the vertices, shape (num_cells, d + 1).
+        strength: Strength of the other.
     """
     return np.einsum("cv,cv->c", mean_shares(values[..., None])[..., 0], strength)
 
@@ -257,7 +257,7 @@ def strain_rates(body: Body, v: Floats) -> Floats:
 
 
 def _facet_nodes(body: Body) -> Longs:
-    """Places in the cell of each facet's vertices and of the middles of its edges."""
+    """Return places in the cell of each facet's vertices and of the middles of its edges."""
     d = body.dim
     number = np.zeros((d + 1, d + 1), dtype=np.int64)
     for node, (a, b) in enumerate(combinations(range(d + 1), 2), start=d + 1):
@@ -277,7 +277,7 @@ def _work(body: Body, loads: Loads, v: Floats, at_facets: Floats) -> float:
 
 
 def _quadratic(count: int) -> list[tuple[int, int]]:
-    """The products of barycentric coordinates: squares, then those of two."""
+    """Return the products of barycentric coordinates: squares, then those of two."""
     return [(a, a) for a in range(count)] + list(combinations(range(count), 2))
 
 

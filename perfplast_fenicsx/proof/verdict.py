@@ -83,14 +83,14 @@ def rounding_of(bound: float, power: float) -> float:
 
 
 def share_of(part: float, whole: float) -> float:
-    """A part of a whole, ∞ if it is no number, or something of nothing."""
+    """Return a part of a whole, ∞ if it is no number, or something of nothing."""
     if part == 0:
         return 0.0
     return part / whole if math.isfinite(part) and whole > 0 else math.inf
 
 
 def faults_of(measured: Mapping[str, float]) -> list[str]:
-    """The conditions that fail."""
+    """Return the conditions that fail."""
     faults = [
         f"{name.replace('_', ' ')} of {value:.1e} is left"
         for name, value in measured.items()

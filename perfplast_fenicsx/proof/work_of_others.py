@@ -33,7 +33,7 @@ def most_work(
         loads: Those of any factor.
         v: Velocity at the nodes of each cell, shape (num_cells, nodes_per_cell, d).
         at_facets: At those of each facet, shape (num_facets, nodes_per_facet, d).
-        rates: Of strain at the vertices of each cell, shape (num_cells, d + 1, d, d).
+        rates: Rates of strain at the vertices of each cell, shape (num_cells, d + 1, d, d).
         usual: Velocity that counts at least: what rests moves by rounding alone, and the factor
             that this leaves is reported.
     """

@@ -28,7 +28,7 @@ def write_beside(folders: Sequence[str | Path], output: str | Path | None = None
     """Write a page of two runs beside each other. Not collective.
 
     Args:
-        folders: Of the results, two.
+        folders: Folders of the results, two.
         output: The file; by default ``beside_NAME.html`` in the first folder, with the second
             one's name.
 
@@ -52,7 +52,7 @@ def write_beside(folders: Sequence[str | Path], output: str | Path | None = None
 
 
 def beside(readers: Sequence[ResultReader]) -> str:
-    """The HTML of two runs.
+    """Return the HTML of two runs.
 
     Raises:
         InputError: If a file of the results cannot be read.
@@ -116,7 +116,7 @@ def _remarks(readers: Sequence[ResultReader]) -> str:
 
 
 def _numbers(readers: Sequence[ResultReader]) -> str:
-    """A row for each number that either run has."""
+    """Return a row for each number that either run has."""
     same_units = _units(readers[0]) == _units(readers[1])
     same_loads = _meaning(readers[0]) == _meaning(readers[1])
     ends = [last_load(reader) for reader in readers]
@@ -159,7 +159,7 @@ def _difference(a: float | None, b: float | None) -> str:
 
 
 def _pictures(readers: Sequence[ResultReader]) -> str:
-    """The pictures on file, each beside that of the other run."""
+    """Return the pictures on file, each beside that of the other run."""
     text = ""
     for figure in figures():
         words, files = figure.title, [reader.path / figure.file for reader in readers]
@@ -180,7 +180,7 @@ def _figure(letter: str, file: Path, words: str) -> str:
 
 
 def _cases(readers: Sequence[ResultReader]) -> str:
-    """Lines of the case files that are not in both."""
+    """Return lines of the case files that are not in both."""
     cases = [reader.summary.case for reader in readers]
     if not all(cases):
         return "<p>A Python program has made one of the runs, so that there are no two cases.</p>"

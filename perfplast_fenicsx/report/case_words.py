@@ -58,7 +58,7 @@ class CaseWords:
 
         Args:
             given: What the problem was made of.
-            units: Of numbers by kind.
+            units: Units of numbers by kind.
             axes: Letters of the model's axes.
             staged: Whether there are stages, with a factor for each name.
         """
@@ -68,7 +68,7 @@ class CaseWords:
         self._full = "in full all the time" if staged else "in full at any ζ"
 
     def bodies(self) -> list[Row]:
-        """Each body's name, and its material."""
+        """Return each body's name, and its material."""
         rows = []
         for name, material in self._given.get("materials", {}).items():
             numbers, remembers = material, ""
@@ -79,7 +79,7 @@ class CaseWords:
         return folded(rows, "bodies")
 
     def supports(self) -> list[Row]:
-        """Each held surface, and how."""
+        """Return each held surface, and how."""
         rows = []
         for support in self._given.get("supports", []):
             along = self._letters(support["components"])
@@ -157,7 +157,7 @@ class CaseWords:
         return folded(rows, "places")
 
     def number(self, value: Any, kind: str) -> str:
-        """A number, formula or vector with the unit of its kind, if any."""
+        """Return a number, formula or vector with the unit of its kind, if any."""
         if isinstance(value, Sequence) and not isinstance(value, str):
             text = f"({', '.join(map(plain, value))})"
         else:
@@ -165,7 +165,7 @@ class CaseWords:
         return f"{text} {self._units.get(kind, '')}".rstrip()
 
     def _load(self, load: Table) -> str:
-        """A load's kind and size."""
+        """Return a load's kind and size."""
         known = LOADS.get(load["kind"])
         words, unit = (known.words, known.quantities["value"]) if known else (load["kind"], "")
         acts = [f"{words} {self.number(load['value'], unit)}"] if load["value"] != [] else []
@@ -174,7 +174,7 @@ class CaseWords:
         return " and ".join(acts)
 
     def _letters(self, components: str) -> str:
-        """Components by the letters of the model's axes."""
+        """Return components by the letters of the model's axes."""
         # The letters that case files have for components, whatever the axes are called.
         axes = "xyz"
         names = dict(zip(axes, self._axes, strict=False))
@@ -199,7 +199,7 @@ class CaseWords:
 
 
 def folded(rows: Sequence[Row], what: str) -> list[Row]:
-    """Rows of which many say the same, those in one row with all their names.
+    """Return rows of which many say the same, those in one row with all their names.
 
     Args:
         rows: Names and what is said of them.
@@ -220,5 +220,5 @@ def folded(rows: Sequence[Row], what: str) -> list[Row]:
 
 
 def plain(value: Any) -> str:
-    """A number in a few digits; a formula as it is."""
+    """Return a number in a few digits; a formula as it is."""
     return f"{value + 0.0:.6g}" if isinstance(value, int | float) else str(value)

@@ -23,8 +23,8 @@ class Sheet:
 
     Attributes:
         name: Class of the drawing, by which the page chooses.
-        width: Of all.
-        height: Of all.
+        width: Width of all.
+        height: Height of all.
         left: Room for the numbers of the axis at the left.
         most: Numbers along x.
     """
@@ -54,8 +54,8 @@ class Curve:
     """Curves with their axes and bounds.
 
     Attributes:
-        x_label: Of the axis.
-        y_label: Of the axis.
+        x_label: Label of the axis.
+        y_label: Label of the axis.
         lines: The curves.
         band: Bounds of y, shaded; None without.
         band_words: What they bound.
@@ -73,7 +73,7 @@ class Curve:
 def curve_of(
     reports: Sequence[LevelReport], limit: StoredLimit | None, driven: bool, unit: str
 ) -> Curve | None:
-    """The curve of a run; None where it has no two points."""
+    """Return the curve of a run; None where it has no two points."""
     solved = [a for a in reports if a.converged and math.isfinite(a.alpha)]
     if not solved:
         return None
@@ -120,7 +120,7 @@ def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]
 
 
 def to_svg(curve: Curve, sheet: Sheet = WIDE) -> str:
-    """The drawing, with a text for those who do not see it."""
+    """Return the drawing, with a text for those who do not see it."""
     left, right, foot = sheet.left, sheet.width - EDGE, sheet.height - BOTTOM
     x_of = _axis(curve.far)
     xs = [x_of(a) for line in curve.lines for a in line.x] + [0.0]
@@ -183,7 +183,7 @@ def far_ticks(near: float, top: float) -> list[float]:
 
 
 def _axis(far: float) -> Callable[[float], float]:
-    """The axis of x: straight near 0 and logarithmic far from it, where ``far`` says so."""
+    """Return the axis of x: straight near 0 and logarithmic far from it, where ``far`` says so."""
     return (lambda x: math.asinh(x / far)) if far > 0 else (lambda x: x)
 
 
@@ -195,7 +195,7 @@ def _range(values: Sequence[float]) -> tuple[float, float]:
 
 
 def _frame(left: int, right: int, foot: int) -> str:
-    """The axes at the left and below."""
+    """Return the axes at the left and below."""
     return f'<path class="frame" d="M{left} {EDGE}V{foot}H{right}"/>'
 
 
@@ -206,7 +206,7 @@ def _drawn(
     left: int,
     curved: bool,
 ) -> str:
-    """A curve with a mark at each point, whose words are shown below the mouse."""
+    """Return a curve with a mark at each point, whose words are shown below the mouse."""
     colour, shape = COLOURS[number % len(COLOURS)], MARKS[number % len(MARKS)]
     points = [place(x, y) for x, y in zip(line.x, line.y, strict=True)]
     along = [place(x, y) for x, y in zip(*between(line.x, line.y), strict=True)]

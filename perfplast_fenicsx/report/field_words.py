@@ -43,6 +43,6 @@ def words_of(name: str, units: Mapping[str, str]) -> FieldWords:
 
 
 def rank_of(name: str) -> int:
-    """Its place among the fields that are offered; those not known come last."""
+    """Return its place among the fields that are offered; those not known come last."""
     order = list(WORDS)
     return order.index(name) if name in order else len(order)

@@ -52,10 +52,10 @@ def mesh_page(
     tables: Mapping[str, Sequence[Sequence[str]]] | None = None,
     size: str = "Area",
 ) -> str:
-    """The HTML of a mesh.
+    """Return the HTML of a mesh.
 
     Args:
-        title: Of the page.
+        title: Title of the page.
         skin: What :func:`perfplast_fenicsx.geometry.skin.skin_of` has found, as an .npz file.
         faces: Its free faces.
         tables: What else is listed, by its heading: rows of equal length, the first one of heads.

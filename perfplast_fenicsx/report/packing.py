@@ -23,7 +23,7 @@ def pack_integers(values: npt.NDArray[np.integer[Any]]) -> Packed:
 
 
 def pack_numbers(values: npt.NDArray[np.floating[Any]]) -> Packed:
-    """Numbers to 1/65535 of their range; those that are not finite become the smallest."""
+    """Return numbers to 1/65535 of their range; those that are not finite become the smallest."""
     values = values.astype(np.float64)
     finite = np.isfinite(values)
     seen = values[finite] if finite.any() else np.zeros(1)
@@ -39,7 +39,7 @@ def pack_numbers(values: npt.NDArray[np.floating[Any]]) -> Packed:
 
 
 def size_of(packed: Any) -> int:
-    """Characters that packed arrays take, at any depth."""
+    """Return characters that packed arrays take, at any depth."""
     if isinstance(packed, dict):
         return sum(map(size_of, packed.values()))
     if isinstance(packed, list):

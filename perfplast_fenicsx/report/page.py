@@ -37,7 +37,7 @@ SCRIPTS = (
 
 
 def page_of(reader: ResultReader, view: View) -> str:
-    """The HTML of a report.
+    """Return the HTML of a report.
 
     Args:
         reader: The results.
@@ -74,7 +74,7 @@ def page_of(reader: ResultReader, view: View) -> str:
 
 
 def asset(name: str) -> str:
-    """A file that pages are made of."""
+    """Return a file that pages are made of."""
     return resources.files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
 
 
@@ -102,7 +102,7 @@ def _verdict(verdict: Verdict, meaning: str) -> str:
 
 
 def _words(text: str) -> str:
-    """A sentence whose load factors are not torn apart at the end of a line."""
+    """Return a sentence whose load factors are not torn apart at the end of a line."""
     return escape(text).replace("ζ = ", "ζ&nbsp;=&nbsp;").replace(" %", "&nbsp;%")
 
 
@@ -191,7 +191,7 @@ def _bolts(reader: ResultReader) -> str:
 
 
 def _limit_forces(reader: ResultReader) -> str:
-    """Forces and moments of loads and supports where a limit load was sought."""
+    """Return forces and moments of loads and supports where a limit load was sought."""
     summary = reader.summary
     limit = summary.limit or {}
     body = limit.get("body") or {}
@@ -217,7 +217,7 @@ def _limit_forces(reader: ResultReader) -> str:
 
 
 def _combinations(reader: ResultReader) -> str:
-    """The table of all combinations of which this run is one, the worst first."""
+    """Return the table of all combinations of which this run is one, the worst first."""
     rows = read_table(reader.path.parent)
     name = reader.path.name
     if name not in [row["combination"] for row in rows]:

@@ -78,7 +78,7 @@ def _in_words(halves: Mapping[str, Checked]) -> str:
 
 
 def fingerprint(paths: Sequence[Path]) -> str:
-    """The SHA-256 of files one after the other, as ``cat FILES | sha256sum`` has it."""
+    """Return the SHA-256 of files one after the other, as ``cat FILES | sha256sum`` has it."""
     found = hashlib.sha256()
     for path in paths:
         with path.open("rb") as file:

@@ -71,7 +71,7 @@ def _width(reader: ResultReader) -> float | None:
 
 
 def bolts(readers: Sequence[ResultReader]) -> list[Quantity]:
-    """The forces of bolts at the last solved level, of all that some run has."""
+    """Return the forces of bolts at the last solved level, of all that some run has."""
     forces = [_last("bolts")(reader) or {} for reader in readers]
     names = dict.fromkeys(name for of_run in forces for name in of_run)
 

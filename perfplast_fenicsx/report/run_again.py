@@ -10,7 +10,7 @@ OF_SOLVERS = re.compile(r"-perfplast_([a-z]+_)?\d+_\S+ \S+ ?")
 
 
 def command_of(summary: Summary) -> str:
-    """The command, as a shell has it; empty where a Python program has made the run."""
+    """Return the command, as a shell has it; empty where a Python program has made the run."""
     if not summary.case:
         return ""
     launch = f"mpirun -n {summary.ranks} " if summary.ranks > 1 else ""

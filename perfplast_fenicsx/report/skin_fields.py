@@ -85,7 +85,7 @@ def read_state(reader: ResultReader, name: str) -> SkinState:
 
 
 def rows_of(data: Any, rows: Longs) -> npt.NDArray[Any]:
-    """Rows of a data set, in single precision.
+    """Return rows of a data set, in single precision.
 
     Args:
         data: The data set.
@@ -103,7 +103,7 @@ def as_number(name: str, values: Floats) -> Floats:
     """Return the numbers that are shown of a field.
 
     Args:
-        name: Of the field.
+        name: Name of the field.
         values: Numbers, vectors (n, 3) or tensors (n, 9) or (n, 3, 3).
 
     Returns:

@@ -7,7 +7,7 @@ from perfplast_fenicsx.pictures.boundary_surface import Surface
 
 
 def skin_lines(surface: Surface) -> tuple[Longs, Longs]:
-    """Edges of triangles that are shown as lines.
+    """Return edges of triangles that are shown as lines.
 
     Returns:
         Indices of points, shape (num_lines, 2), and the body of each, in rising order.

@@ -29,13 +29,13 @@ GRADES = (Grade("✓", "met", "good"), Grade("≈", "nearly", "fair"), Grade("�
 
 
 def grade(certificate: float) -> Grade:
-    """The grade of what is 0 for a solution."""
+    """Return the grade of what is 0 for a solution."""
     size = abs(certificate)
     return GRADES[0] if size <= TIGHT else GRADES[1] if size <= CREDIBLE else GRADES[2]
 
 
 def judged(certificate: float) -> str:
-    """A certificate as a mark and its number."""
+    """Return a certificate as a mark and its number."""
     found = grade(certificate)
     return (
         f'<span class="mark {found.style}"><span aria-hidden="true">{found.sign}</span>'
@@ -46,7 +46,7 @@ def judged(certificate: float) -> str:
 def level_table(
     reports: Sequence[LevelReport], driven: bool, unit_of_work: str = "", unit_of_length: str = ""
 ) -> str:
-    """A row for each level; units stand in brackets where they are known."""
+    """Return a row for each level; units stand in brackets where they are known."""
     staged = any(report.stage for report in reports)
     rubs = any(report.friction_dissipation or report.slipping for report in reports)
     heads = ["step", *(["stage"] if staged else []), "ζ", "driving force" if driven else "work α"]
@@ -74,7 +74,7 @@ def level_table(
 
 
 def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: str) -> str:
-    """A row for each load, support, obstacle and contact."""
+    """Return a row for each load, support, obstacle and contact."""
     heads = ["exerted on the bodies by", *(f"{axis}{_bracket(unit)}" for axis in axes)]
     largest = max((abs(a) for forces in reactions.values() for a in forces), default=0.0)
 
@@ -88,7 +88,7 @@ def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: st
 
 
 def bolt_table(reports: Sequence[LevelReport], unit: str) -> str:
-    """The force of each bolt, a row for each solved level; nothing without bolts."""
+    """Return the force of each bolt, a row for each solved level; nothing without bolts."""
     solved = [(n, report) for n, report in enumerate(reports, 1) if report.converged]
     if not solved or not solved[0][1].bolts:
         return ""
@@ -102,7 +102,7 @@ def bolt_table(reports: Sequence[LevelReport], unit: str) -> str:
 
 
 def force_table(what: str, axes: str, unit: str, rows: Sequence[tuple[str, list[float]]]) -> str:
-    """A row for each force, or moment, that :func:`force_rows.force_rows` has."""
+    """Return a row for each force, or moment, that :func:`force_rows.force_rows` has."""
     heads = [what, *(f"{axis}{_bracket(unit)}" for axis in axes)]
     cells = [[escape(name), *(f"{number:.6g}" for number in row)] for name, row in rows]
     return table(heads, cells)
@@ -113,13 +113,13 @@ def _bracket(unit: str) -> str:
 
 
 def pairs(rows: Iterable[tuple[str, str]]) -> str:
-    """Names and what is said of them."""
+    """Return names and what is said of them."""
     items = "".join(f"<div><dt>{escape(a)}</dt><dd>{escape(b)}</dd></div>" for a, b in rows)
     return f"<dl>{items}</dl>" if items else ""
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """A table that scrolls in itself where the page is narrow; the cells are HTML."""
+    """Return a table that scrolls in itself where the page is narrow; the cells are HTML."""
     head = "".join(f'<th scope="col">{name}</th>' for name in heads)
     body = "".join(
         f'<tr><th scope="row">{row[0]}</th>{"".join(f"<td>{cell}</td>" for cell in row[1:])}</tr>'

@@ -37,7 +37,7 @@ class Verdict:
 
 
 def verdict_on(reader: ResultReader) -> Verdict:
-    """The verdict on the results that are on file."""
+    """Return the verdict on the results that are on file."""
     if reader.limit is not None:
         table = reader.summary.limit or {}
         found = _of_limit(reader.limit, table)
@@ -55,7 +55,7 @@ def verdict_on(reader: ResultReader) -> Verdict:
 
 
 def _of_path(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
-    """Where a path loses equilibrium for which no limit theorem holds."""
+    """Return where a path loses equilibrium for which no limit theorem holds."""
     found = PathBracket(limit.lower, limit.upper).in_words("ζ = ")
     pair = table.get("drucker")
     beside = f"Beside it: {pair['words']}." if pair else NO_PAIR
@@ -65,7 +65,7 @@ def _of_path(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
 
 
 def _of_strength(table: Mapping[str, Any]) -> Verdict:
-    """The factor by which strengths may fall."""
+    """Return the factor by which strengths may fall."""
     lower, upper = table["lower"], table["upper"]
     estimate = table.get("estimate", False)
     sides = factor_words(lower, upper, estimate, many=True)
@@ -93,7 +93,7 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
 
 
 def _of_envelope(table: Mapping[str, Any]) -> Verdict:
-    """Which multiples of two or three loads are carried."""
+    """Return which multiples of two or three loads are carried."""
     letters = "abc"[: len(table["names"])]
     times = [f"{a} times '{name}'" for a, name in zip(letters, table["names"], strict=True)]
     noun, degrees = ("pair", "each degree") if len(letters) == 2 else ("triple", "every 5 degrees")
@@ -112,7 +112,7 @@ def _of_envelope(table: Mapping[str, Any]) -> Verdict:
 
 
 def _of_shakedown(table: Mapping[str, Any]) -> Verdict:
-    """How many times loads may vary in a domain."""
+    """Return how many times loads may vary in a domain."""
     corners = "; ".join(
         ", ".join(f"{factor:g} × {name}" for name, factor in zip(table["names"], row, strict=True))
         for row in table["corners"]
@@ -266,13 +266,13 @@ def _so_far(last: LevelReport, driven: bool) -> str:
 
 
 def _stopped(summary: Summary, levels: int) -> bool:
-    """Whether levels that were to come are missing, or a limit load that was looked for."""
+    """Return whether levels that were to come are missing, or a limit load that was looked for."""
     if summary.planned is not None:
         return levels < summary.planned
     return bool(summary.case)  # a Python program says nothing of what it plans
 
 
 def _coulomb(given: Mapping[str, Any]) -> bool:
-    """Whether there is friction that follows the pressure."""
+    """Return whether there is friction that follows the pressure."""
     places = [*given.get("contacts", []), *given.get("obstacles", [])]
     return any(place.get("coulomb") for place in places)

@@ -37,7 +37,7 @@ class View:
 
     Attributes:
         data: What ``decode.js`` reads; None where there is nothing to show.
-        remarks: What is left out, and why, in sentences.
+        remarks: Remarks on what is left out, and why, in sentences.
     """
 
     data: dict[str, Any] | None
@@ -100,7 +100,7 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
 
 
 def chosen_levels(count: int, most: int) -> list[int]:
-    """Numbers from 0 of levels that are shown, evenly, the last one always among them."""
+    """Return numbers from 0 of levels that are shown, evenly, the last one always among them."""
     if not count:
         return []
     return sorted({int(a) for a in np.linspace(count - 1, 0, min(count, max(most, 1))).round()})
@@ -168,7 +168,7 @@ class _Packer:
 
 
 def _offered(states: list[dict[str, Any]], units: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Fields in the order in which they are offered, with the ranges over all levels."""
+    """Return fields in the order in which they are offered, with the ranges over all levels."""
     names = sorted({name for state in states for name in state["fields"]}, key=rank_of)
     offered = []
     for name in names:

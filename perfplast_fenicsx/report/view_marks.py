@@ -16,7 +16,7 @@ HEAD, TICK = 0.25, 0.015
 
 
 def view_marks(reader: ResultReader) -> list[dict[str, Any]]:
-    """Lines that move with points of the skin, by kind.
+    """Return lines that move with points of the skin, by kind.
 
     Returns:
         Of each kind ``colour``, ``anchors``, a point for each end of a line, and ``offsets`` from
@@ -42,7 +42,7 @@ def view_marks(reader: ResultReader) -> list[dict[str, Any]]:
 
 
 def _arrows(reader: ResultReader) -> tuple[Floats, Floats]:
-    """Ends of lines, shape (2 n, 3), and the places of the skin that they belong to."""
+    """Return ends of lines, shape (2 n, 3), and the places of the skin that they belong to."""
     surface = reader.skin.surface
     arrows = load_arrows(surface, surface.points, reader.scene.on_surfaces)
     tails, tips = arrows.starts, arrows.starts + arrows.vectors
@@ -58,7 +58,7 @@ def _arrows(reader: ResultReader) -> tuple[Floats, Floats]:
 
 
 def _ticks(reader: ResultReader) -> tuple[Floats, Floats]:
-    """The same of supports: a line along each axis that is held."""
+    """Return the same of supports: a line along each axis that is held."""
     surface, tags = reader.skin.surface, reader.skin.tags
     ends, held = [np.zeros((0, 3))], [np.zeros((0, 3))]
     half = TICK * surface.size

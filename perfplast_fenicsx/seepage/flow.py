@@ -88,7 +88,7 @@ class SteadyFlow:
             its name (volume per time).
         iterations: Newton steps of SNES-VI.
         axis: Number of the coordinate that points upwards.
-        unit_weight: Of water.
+        unit_weight: Unit weight of water.
     """
 
     points: Floats
@@ -160,7 +160,7 @@ def flow_of(loads: Iterable[object]) -> SteadyFlow | None:
     """Return the flow whose pressure is among some loads, None if no water flows.
 
     Args:
-        loads: Of any kind.
+        loads: Loads of any kind.
     """
     fields = (getattr(load, "field", None) for load in loads)
     return next((field.flow for field in fields if isinstance(field, FlowPressure)), None)
@@ -185,7 +185,7 @@ def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
             " kind of [model]."
         )
     if has_curved_cells(tagged_mesh.mesh):
-        raise InputError("seepage wants straight cells; mesh the bodies with order = 1.")
+        raise InputError("seepage needs straight cells; mesh the bodies with order = 1.")
     dim = tagged_mesh.mesh.geometry.dim
     if seepage.axis >= dim:
         raise InputError(f"up = '{seepage.up}' is no coordinate of {dim} dimensions; give 'y'.")
@@ -232,7 +232,7 @@ class Network:
         cells: Points of each cell, shape (num_cells, d + 1).
         bodies: Cells of each body by its name, as slices.
         axis: Number of the coordinate that points upwards.
-        height: Of the ground (length).
+        height: Height of the ground (length).
         rounding: Norm of F that rounding leaves (volume per time).
     """
 

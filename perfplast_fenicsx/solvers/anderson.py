@@ -19,7 +19,7 @@ rank."""
 
 
 def elastic_weights(problem: Problem) -> Weights:
-    """Roots of 3κ and of 2μ, each times the volume that belongs to a point. Collective."""
+    """Return roots of 3κ and of 2μ, each times the volume that belongs to a point. Collective."""
     Q = problem.Q
     owned = Q.dofmap.index_map.size_local
     volume = fem.assemble_vector(fem.form(ufl.TestFunction(Q) * problem.dx)).array[:owned]
@@ -88,7 +88,7 @@ class Anderson:
         return strain.x.array[: len(self._spherical) * width].reshape(-1, width)
 
     def _weigh(self, strains: Strains) -> Strains:
-        """Coordinates in which ‖·‖_C is the Euclidean norm."""
+        """Return coordinates in which ‖·‖_C is the Euclidean norm."""
         mean = strains[:, :3].sum(axis=1, keepdims=True) / 3
         weighed = self._deviatoric * strains
         weighed[:, :3] += (self._spherical - self._deviatoric) * mean

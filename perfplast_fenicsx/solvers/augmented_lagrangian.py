@@ -74,7 +74,7 @@ class AugmentedLagrangianOptions:
             )
         if not 0 < self.relaxation < 2:
             raise InputError(
-                f"relaxation = {self.relaxation} is not between 0 and 2; 1 means none."
+                f"relaxation = {self.relaxation} is not between 0 and 2; 1 means no relaxation."
             )
         check_choice("acceleration", self.acceleration, ("none", "anderson"))
         check_end(self.tolerance, self.max_iterations)
@@ -96,7 +96,7 @@ class AugmentedLagrangian(LevelSolver):
         for on in problem.laws:
             if not on.law.projects:
                 raise InputError(
-                    f"{type(on.law).__name__} is no projection on a yield set, which ALG2"
+                    f"{type(on.law).__name__} is not a projection on a yield set, which ALG2"
                     f' (method = "{self.method}") is built on; take method = "newton".'
                 )
         self.options = options or AugmentedLagrangianOptions()
@@ -200,7 +200,7 @@ class AugmentedLagrangian(LevelSolver):
         )
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Whether J_ζ falls on for ever. Collective."""
+        """Return whether J_ζ falls on for ever. Collective."""
         due = len(history) % CHECK_EVERY == 0
         if not due or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None
@@ -233,5 +233,5 @@ class AugmentedLagrangian(LevelSolver):
 
 
 def _ratio(change2: float, size2: float) -> float:
-    """Quotient of two norms given by their squares; 0 where the second vanishes."""
+    """Return the quotient of two norms given by their squares; 0 where the second vanishes."""
     return float(np.sqrt(max(change2, 0) / size2)) if size2 > 0 else 0.0

@@ -14,7 +14,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def closing_work(problem: Problem, before: State, last: State, alpha: float) -> float:
-    """Where half of the pairs that close before α have done so, or α itself. Collective.
+    """Return where half of the pairs that close before α have done so, or α itself. Collective.
 
     It is α where no more close than are closed already: contact then grows from what there is, as
     that of round bodies, and is no event.

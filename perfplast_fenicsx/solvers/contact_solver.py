@@ -62,7 +62,7 @@ def make_tfeti(
     """Make an iterate whose contact programs are solved by Total FETI. Collective.
 
     Args:
-        problem: What is solved.
+        problem: The problem that is solved.
         linear: The linear solver, which counts what is solved.
         subdivision: How many subdomains there are to be.
 

@@ -56,7 +56,7 @@ def _rounds(
     bounds: Floats,
     most: float,
 ) -> Level:
-    """Rounds from first bounds until these settle. Collective.
+    """Return rounds from first bounds until these settle. Collective.
 
     Args:
         problem: Whose friction is brought up to date.
@@ -114,7 +114,7 @@ def _bounds(problem: Problem, forces: Floats) -> Floats:
 
 
 def _together(rounds: list[Level], converged: bool, reason: str) -> Level:
-    """The last round with the counts of all."""
+    """Return the last round with the counts of all."""
     last, reports = rounds[-1], [level.report for level in rounds]
     sums = {
         name: sum(getattr(report, name) for report in reports)

@@ -140,7 +140,7 @@ class Iterate:
         return self.problem.comm.allreduce(self.problem.friction.energy(self.jumps()))
 
     def _rubbing(self, beta: float) -> float:
-        """Derivative of that along δu, at u + β δu. Collective."""
+        """Return the derivative of that along δu, at u + β δu. Collective."""
         friction = self.problem.friction
         if not friction.count:
             return 0.0
@@ -199,7 +199,7 @@ class Iterate:
         return ROUNDING * terms, ROUNDING * max(terms, strains)
 
     def _longest(self) -> float:
-        """How long the step may be with u + β δu in K_h."""
+        """Return how long the step may be with u + β δu in K_h."""
         friction, comm, most = self.problem.friction, self.problem.comm, LONGEST
         if friction.count:
             turn = friction.last_turn(self.jumps(), friction.jumps(self._delta_y), comm)
@@ -265,7 +265,7 @@ class Iterate:
         return RIGID**2 * self.fields.jagged_norm2()
 
     def load_change(self, change: float, zeta: float) -> float:
-        """A change of ζ relative to ζ, or to what else there is of forces. Collective.
+        """Return a change of ζ relative to ζ, or to what else there is of forces. Collective.
 
         ζ may be exactly 0, where supports that move and constant loads balance alone, or bodies
         move as if rigid.
@@ -295,7 +295,7 @@ class Iterate:
         self.fields.update()
 
     def state(self, zeta: float, active: PairFlags) -> State:
-        """A copy of u, and the history after it, which later steps leave alone."""
+        """Return a copy of u, and the history after it, which later steps leave alone."""
         u = fem.Function(self.problem.V, name="displacement")
         u.x.array[:] = self.fields.u.x.array
         return State(u, zeta, self.work(), active.copy(), self.fields.updated_history())

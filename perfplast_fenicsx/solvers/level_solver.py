@@ -150,7 +150,7 @@ class LevelSolver(Stepper, ABC):
     Attributes:
         method: Its name in case files.
         prescribes: What it is given, ζ or α.
-        problem: What is solved.
+        problem: The problem that is solved.
         linear: The linear solver and its counts.
         iterate: u and its fields.
         program: Solver of the contact quadratic programs.
@@ -172,7 +172,7 @@ class LevelSolver(Stepper, ABC):
         """Compile the forms and create the solvers, or borrow another algorithm's. Collective.
 
         Args:
-            problem: What is solved.
+            problem: The problem that is solved.
             end: Tolerance of the steps, and most of them.
             criterion: What is said of a level that has met its stopping criterion.
             lender: Whose solvers are used.
@@ -242,7 +242,7 @@ class LevelSolver(Stepper, ABC):
         )
 
     def _largest_force(self) -> float:
-        """The largest nodal force of the stress at the iterate. Collective."""
+        """Return the largest nodal force of the stress at the iterate. Collective."""
         return float(self.iterate.fields.assemble_all_forces().norm(PETSc.NormType.NORM_INFINITY))
 
     def _pushes(self, state: State) -> Floats:

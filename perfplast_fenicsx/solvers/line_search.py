@@ -60,7 +60,7 @@ def step_length(
 
 
 def longest_slide(last_turn: float, strain2: float, change2: float) -> float:
-    """How long a step may be on which bodies slide.
+    """Return how long a step may be on which bodies slide.
 
     Args:
         last_turn: β at which the last place turns back on it.

@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 
 def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
-    """Whether a path begins with ζ = 0 although its values do not. Collective.
+    """Return whether a path begins with ζ = 0 although its values do not. Collective.
 
     So it does where loads are constant, or bolts are tightened.
     """
@@ -195,7 +195,7 @@ def extrapolate(
     prescribes: Prescribed = Prescribed.WORK,
     longest: float = math.inf,
 ) -> State | None:
-    """The state at a prescribed value on the line through two states.
+    """Return the state at a prescribed value on the line through two states.
 
     Its active set and history are those of the last level.
 

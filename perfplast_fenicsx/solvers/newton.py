@@ -73,7 +73,7 @@ class Newton(LevelSolver):
         return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Whether J_ζ falls on for ever. Collective."""
+        """Return whether J_ζ falls on for ever. Collective."""
         if len(history) < 3:
             return None
         far = BEYOND * self._first_work
@@ -102,7 +102,7 @@ def newton_direction(
 
     Args:
         solver: Whose iterate it is.
-        options: Of the Newton method.
+        options: Options of the Newton method.
         zeta: Load factor.
         active: Active set to begin with.
         history: The steps so far, which determine the accuracy of this one.

@@ -26,7 +26,7 @@ class Subdivision:
     asked: int | None
 
     def wanted(self, num_dofs: int, gdim: int) -> int:
-        """How many subdomains a problem is to have."""
+        """Return how many subdomains a problem is to have."""
         # Displacement unknowns of a subdomain, by dimension, where users say nothing.
         unknowns_each = {2: 4000, 3: 6000}
         return self.asked or max(1, num_dofs // unknowns_each[gdim])
@@ -109,7 +109,7 @@ def regularisation(
     that convergence is quadratic. Larger values than 1e-3 only make near-collapse states slower.
 
     Args:
-        options: Of the Newton method.
+        options: Options of the Newton method.
         history: The steps so far.
         lifted: Whether supports alone have just been moved: cells at them are then strained beyond
             all measure, and the first step is elastic.
@@ -126,7 +126,7 @@ def regularisation(
 
 
 def most_sets(options: NewtonOptions, history: Sequence[Iteration]) -> int | None:
-    """How often the next step may update its active set; None: until it is right.
+    """Return how often the next step may update its active set; None: until it is right.
 
     One update a step costs one linear system, and near the solution it is the right one. A damped
     step shows that its model was poor; the last few of thousands of pairs can wait for the step

@@ -55,10 +55,10 @@ class Leap:
 def next_work(
     problem: Problem, reached: Reached, leap: Leap | None
 ) -> tuple[float, State | None, Leap | None]:
-    """The work of the next level, and what it starts from. Collective.
+    """Return the work of the next level, and what it starts from. Collective.
 
     Args:
-        problem: What is loaded.
+        problem: The problem that is loaded.
         reached: How far it has come.
         leap: What a mechanism suggests, if there is one.
 

@@ -24,7 +24,7 @@ def stage_path(
     Where something loads the bodies before the first stage, the first level is ζ = 0.
 
     Args:
-        solver: Of the history's problem; one that prescribes load factors.
+        solver: Solver of the history's problem; one that prescribes load factors.
         history: The stages.
         monitor: Called on every rank after each iteration.
         start: A state of these stages to go on from; None for the virgin bodies.
@@ -61,7 +61,7 @@ def _solved(
     start: State | None,
     monitor: Monitor | None,
 ) -> Level:
-    """The level of a time, at which bolts are tightened if its stage does so. Collective."""
+    """Return the level of a time, at which bolts are tightened if its stage does so. Collective."""
 
     def solve() -> Level:
         history.go_to(time)
@@ -72,7 +72,7 @@ def _solved(
 
 
 def _told(history: LoadingHistory, level: Level) -> Level:
-    """The level with what stages are called in its report. Collective."""
+    """Return the level with what stages are called in its report. Collective."""
     report, stage = level.report, history.label(level.state.zeta)
     factors, reason = history.factors(level.state.zeta), report.reason
     if not report.converged and stage:

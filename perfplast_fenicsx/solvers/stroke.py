@@ -12,7 +12,7 @@ def stroke(solver: LevelSolver, until: float) -> list[float]:
     First yield is a guess where there are gaps or constant loads.
 
     Args:
-        solver: Of a problem in which ζ moves something; its iterate is changed.
+        solver: Solver of a problem in which ζ moves something; its iterate is changed.
         until: The last load factor.
 
     Raises:

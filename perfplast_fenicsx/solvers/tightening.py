@@ -54,7 +54,7 @@ def tighten_anew(shanks: Shanks, wanted: Mapping[str, float], solve: Callable[[]
     """Tighten, or loosen, some of the bolts beside what acts; others keep their length. Collective.
 
     Args:
-        shanks: Those of the problem, tightened before.
+        shanks: Shanks of the problem, tightened before.
         wanted: Forces by name.
         solve: Solves a level with the shortenings that the shanks have then.
 
@@ -83,7 +83,7 @@ def _shorten(
     one bolt.
 
     Args:
-        shanks: Of the problem; they have shortenings.
+        shanks: Shanks of the problem; they have shortenings.
         wanted: Forces by name.
         before: Forces at these shortenings.
         solve: Solves a level with the shortenings that the shanks have then.

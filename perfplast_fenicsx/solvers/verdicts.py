@@ -17,7 +17,7 @@ small. Levels with a coarser tolerance may have ten times that."""
 
 
 def above_limit(zeta: float, history: Sequence[Iteration], grows: bool = True) -> str:
-    """The verdict that (P)_ζ has no solution, with its evidence.
+    """Return the verdict that (P)_ζ has no solution, with its evidence.
 
     Args:
         zeta: Load factor.
@@ -41,7 +41,7 @@ def above_limit(zeta: float, history: Sequence[Iteration], grows: bool = True) -
 
 
 def not_credible(duality_gap: float) -> str:
-    """The verdict on an end of the steps at a state that is no solution."""
+    """Return the verdict on an end of the steps at a state that is no solution."""
     return (
         f"the steps have become small at a state that is no solution (duality gap"
         f" {duality_gap:.2g}), as where bodies lose all contact"
@@ -49,7 +49,7 @@ def not_credible(duality_gap: float) -> str:
 
 
 def slides_on(unbalanced: float, duality_gap: float) -> str:
-    """The verdict on an end of the steps where surfaces still slide."""
+    """Return the verdict on an end of the steps where surfaces still slide."""
     return (
         "the steps have become small while bodies slide on: friction is out of balance by"
         f" {unbalanced:.2g} of the largest force between surfaces (duality gap {duality_gap:.2g}),"
@@ -58,7 +58,7 @@ def slides_on(unbalanced: float, duality_gap: float) -> str:
 
 
 def no_convergence(max_iterations: int, called: str, history: Sequence[Iteration]) -> str:
-    """The verdict on a level that has used up its iterations.
+    """Return the verdict on a level that has used up its iterations.
 
     Args:
         max_iterations: So many.

@@ -112,7 +112,7 @@ class WorkNewton(LevelSolver):
         return None
 
     def at_rest(self, monitor: Monitor | None = None) -> Level:
-        """The level ζ = 0, where the work is α₀. Collective."""
+        """Return the level ζ = 0, where the work is α₀. Collective."""
         return Newton(self.problem, self.options, lender=self).solve(0.0, None, monitor)
 
     def first_step(self, rest: State) -> float:
@@ -138,7 +138,7 @@ class WorkNewton(LevelSolver):
         return loads.alpha(unit.x.petsc_vec) / (overstress if overstress > 0 else 1.0)
 
     def first_yield(self) -> State:
-        """The state at which the first point yields, were all gaps closed. Collective.
+        """Return the state at which the first point yields, were all gaps closed. Collective.
 
         Elastic bodies in contact without gaps respond in proportion to the load, so one elastic
         contact problem is enough. Without any plastic body it is the one of ζ = 1.
@@ -156,7 +156,7 @@ class WorkNewton(LevelSolver):
         return self._yielding(rtol=1e-8, rounds=None)
 
     def near_yield(self) -> State:
-        """A state near :meth:`first_yield`, which is not worth much work. Collective.
+        """Return a state near :meth:`first_yield`, which is not worth much work. Collective.
 
         Its work has two digits, so that it does not depend on what solvers leave.
 

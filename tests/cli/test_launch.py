@@ -108,7 +108,7 @@ def test_ranks_of_a_launcher_are_recognised() -> None:
     ("variables", "says"),
     [
         ({"OMPI_COMM_WORLD_SIZE": "2", "OMPI_COMM_WORLD_RANK": "0"}, "a run of its own"),
-        ({"OMPI_COMM_WORLD_SIZE": "3"}, "-n 2 is said inside of mpirun -n 3"),
+        ({"OMPI_COMM_WORLD_SIZE": "3"}, "-n 2 is given inside mpirun -n 3"),
     ],
 )
 def test_processes_that_are_no_ranks_end_in_a_sentence(

@@ -76,7 +76,7 @@ def test_half_the_size(
 
 def test_restart_goes_on_with_one_run(comm: MPI.Intracomm, capsys: Any) -> None:
     assert main(["run", "a.toml", "--restart", "a", "--refine"]) == BAD_INPUT
-    assert "--refine begins two" in one_line(comm, capsys)
+    assert "--refine starts two" in one_line(comm, capsys)
 
 
 def summary(cells: int, **more: Any) -> dict[str, Any]:

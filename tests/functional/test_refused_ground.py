@@ -88,7 +88,7 @@ REFUSED = {
     "strength of loads that grow": (changed(ground(PYRAMID), GROWS), "the load on 'top' grows"),
     "a sheet of tetrahedra": (
         changed(ground(PYRAMID), ("[loading]", '[model]\nkind = "plane-stress"\n[loading]')),
-        "wants a mesh of triangles, but this one has tetrahedra",
+        "needs a mesh of triangles, but this one has tetrahedra",
     ),
     **{
         f"{key} = {value} of {law}": (changed(ground(law, **{key: value})), says)

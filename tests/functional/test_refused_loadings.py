@@ -97,7 +97,7 @@ REFUSED = {
     ),
     "more levels than can be": (
         BLOCKS + CONTACT + stage("top = 1.0") + "steps = 1000000000000\n",
-        "steps = 1000000000000 is no number of levels",
+        "steps = 1000000000000 is not a valid number of levels",
     ),
     "a value that is no number": (
         BLOCKS + CONTACT + moved("top", '"far"') + LOADING,
@@ -128,7 +128,7 @@ REFUSED = {
         + CONTACT
         + LOADING
         + '[solve]\nmethod = "augmented-lagrangian"\n',
-        "is no projection on a yield set",
+        "is not a projection on a yield set",
     ),
     "subdomains and friction": (
         BLOCKS + CONTACT + "tresca = 1.0\n" + LOADING + '[solve]\ncontact_solver = "tfeti"\n',

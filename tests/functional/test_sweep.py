@@ -147,7 +147,7 @@ def test_places() -> None:
     assert found["m"] == {"x": 2}
     assert found["load"] == [{"on": "top", "p": 3}, {"name": "wind", "t": [0.0, 4], "u": 5}]
     assert given["m"] == {"x": 1}
-    with pytest.raises(InputError, match="is a value, and no table"):
+    with pytest.raises(InputError, match="is a value, not a table"):
         varied(given, {"m.x.y": 1})
     with pytest.raises(InputError, match="several entries are called"):
         varied({"load": [{"on": "top"}, {"on": "top"}]}, {"load.top.p": 1})

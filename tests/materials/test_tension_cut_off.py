@@ -66,7 +66,7 @@ def test_it_falls_with_the_others() -> None:
 
 @pytest.mark.parametrize("given", [0.0, -1.0, math.nan, math.inf])
 def test_what_is_no_strength_is_named(given: float) -> None:
-    with pytest.raises(InputError, match=r"tensile_strength.*no positive"):
+    with pytest.raises(InputError, match=r"tensile_strength.*not a positive"):
         Tresca(1e4, 0.3, 10.0, tensile_strength=given)
     with pytest.raises(InputError, match="radenkovic"):
         MohrCoulomb(1e4, 0.3, 10.0, 20.0, 0.0, 10.0, "radenkovic", tensile_strength=1.0)

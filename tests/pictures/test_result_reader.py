@@ -310,7 +310,7 @@ def test_bad_folders(
     ("more", "part"),
     [
         (["-o", "/dev/null/a.gif"], "cannot be written"),
-        (["-o", "a.avi"], "ends in '.avi', which is no format for it; use .gif or .webp"),
+        (["-o", "a.avi"], "ends in '.avi', which is not a supported format; use .gif or .webp"),
     ],
 )
 def test_bad_files_for_an_animation(

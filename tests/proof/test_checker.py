@@ -249,7 +249,7 @@ def flat(them: Arrays) -> None:
         (swap_a_node, "not continuous"),
         (torn, "bound the cells"),
         (flat, "no volume"),
-        (add("cells", (0, 0), 10**6), "there are not"),
+        (add("cells", (0, 0), 10**6), "do not exist"),
         (times("cone_bound", -1.0), "not positive"),
         (times("obstacle_normals", 2.0), "unit vector"),
         (times("vertices", np.nan), "not finite"),
@@ -268,7 +268,7 @@ def test_what_is_no_proof_is_refused(
 
 
 def test_files_that_are_none(shared_tmp_path: Path) -> None:
-    with pytest.raises(ProofError, match="no proof of bounds"):
+    with pytest.raises(ProofError, match="not a proof of bounds"):
         check(shared_tmp_path / "nothing.h5")
 
 

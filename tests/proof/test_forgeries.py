@@ -343,7 +343,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "nodes of vertices alone": (high(make("nodes", lambda a: a[:, :3])), "do not fit"),
     "node that there is not": (high(put("nodes", (0, 0), 10**9)), "without a velocity"),
     "node before the first": (high(put("nodes", (0, 0), -1)), "without a velocity"),
-    "vertex before the first": (both(put("cells", (0, 0), -1)), "there are not"),
+    "vertex before the first": (both(put("cells", (0, 0), -1)), "do not exist"),
     "no velocity": (high(drop("velocity")), "missing"),
     "no stress": (low(drop("stress")), "missing"),
     "no contacts array": (both(drop("contacts")), "missing"),
@@ -377,7 +377,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         ),
         "bound the cells",
     ),
-    "a facet twice": (both(put("facets", 0, -1)), "there are not"),
+    "a facet twice": (both(put("facets", 0, -1)), "do not exist"),
     # both halves are of different bodies
     "larger in the upper half": (high(times("vertices", 1.01)), "volume or place"),
     "elsewhere in the upper half": (high(make("vertices", lambda a: a + 1.0)), "volume or place"),
@@ -407,11 +407,11 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         "only",
     ),
     # tags that are none
-    "a contact of no surface": (both(put("contacts", (0, 0), 0)), "names no surface"),
-    "an obstacle of no surface": (both(put("obstacles", 0, 0)), "names no surface"),
+    "a contact of no surface": (both(put("contacts", (0, 0), 0)), "not positive"),
+    "an obstacle of no surface": (both(put("obstacles", 0, 0)), "not positive"),
     "a contact of a surface that there is not": (
         both(put("contacts", (0, 0), 4711)),
-        "that there is not",
+        "does not exist",
     ),
     "a surface below zero": (both(put("surface", 0, -1)), "negative tags"),
     "a contact twice": (
@@ -506,16 +506,16 @@ def test_arrays_that_are_not_in_the_file(honest: Halves, tmp_path: Path) -> None
     with h5py.File(path, "a") as file:
         del file["upper/velocity"]
         file.create_group("upper/velocity")
-    refused(path, "velocity is no array")
+    refused(path, "velocity is not an array")
     with h5py.File(path, "w") as file:
         file["lower"] = 1.0
-    refused(path, "no group")
+    refused(path, "not a group")
     write(path, {"upper": honest["upper"]})
     with h5py.File(path, "a") as file:
         file["lower"] = h5py.ExternalLink("other.h5", "lower")
     refused(path, "lower is a link")
     path.write_text("lower")
-    refused(path, "no proof of bounds")
+    refused(path, "not a proof of bounds")
 
 
 def refused(path: Path, words: str) -> None:

@@ -94,7 +94,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "no guide for the stress": (low(drop("guided")), "different supports"),
     "none for the velocity": (high(drop("guided")), "different supports"),
     "no guides at all": (both(drop("guided")), "outer tractions"),
-    "directions that are longer": (both(times("guided", 1.1)), "no unit vector"),
+    "directions that are longer": (both(times("guided", 1.1)), "not a unit vector"),
     "no number": (both(times("guided", np.nan)), "not finite"),
     "one direction for every facet": (
         both(make("guided", lambda g: np.tile(g[g.any(axis=1)][0], (len(g), 1)))),

@@ -34,7 +34,7 @@ class Contact(FrictionTerms):
         associated: Whether slip follows the normal of that friction's cone, as of a joint that
             dilates: surfaces part by μ times what they slip. Bounds of the body alone know it.
         reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
-        name: What stages call an overlap that grows; that of the primary surface without it.
+        name: Name of an overlap that grows, for stages; by default that of the primary surface.
 
     Raises:
         InputError: If friction is negative, or if nothing overlaps that could grow.

@@ -30,18 +30,18 @@ class FrictionTerms:
         """
         if self.associated and not self.coulomb:
             raise InputError(
-                "associated = true needs friction that follows the pressure; give coulomb, a"
+                "associated = true needs friction that grows with the pressure; give coulomb, a"
                 " number above zero, or leave associated out."
             )
         if not (self.reduced or self.rubs):
             raise InputError(
-                "reduced = false is of friction that a factor of safety divides; give tresca or"
-                " coulomb, or leave reduced out."
+                "reduced = false applies to friction, which a factor of safety divides; give tresca"
+                " or coulomb, or leave reduced out."
             )
         for key, value in (("tresca", self.tresca), ("coulomb", self.coulomb)):
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise InputError(
-                    f"{key} = {value} is no friction; give zero or more, or leave it out for none."
+                    f"{key} = {value} is not a valid friction; give zero or more, or leave it out."
                 )
 
     @property

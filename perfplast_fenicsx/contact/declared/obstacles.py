@@ -35,7 +35,7 @@ class Plane(_NamedFriction):
         tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
         coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
             ``tresca`` is an adhesion.
-        name: What its force is called in results; that of its surface without it.
+        name: Name of its force in results; by default that of its surface.
         associated: Whether slip parts body and obstacle by μ times what it is, as of a joint that
             dilates. Bounds of the body alone know it.
         reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
@@ -52,7 +52,7 @@ class Plane(_NamedFriction):
     reduced: bool = True
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
-        """Distance of points to the obstacle and the unit direction that leads into it.
+        """Return the distance of points to the obstacle and the unit direction that leads into it.
 
         Args:
             x: Points, shape (n, gdim).
@@ -81,7 +81,7 @@ class Sphere(_NamedFriction):
         tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
         coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
             ``tresca`` is an adhesion.
-        name: What its force is called in results; that of its surface without it.
+        name: Name of its force in results; by default that of its surface.
         reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
     """
 
@@ -114,7 +114,7 @@ class Cylinder(_NamedFriction):
         tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
         coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
             ``tresca`` is an adhesion.
-        name: What its force is called in results; that of its surface without it.
+        name: Name of its force in results; by default that of its surface.
         reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
     """
 
@@ -149,7 +149,7 @@ OBSTACLES = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
 
 
 def move_of(obstacle: Obstacle, gdim: int) -> Floats:
-    """How far an obstacle moves for ζ = 1 (length), shape (gdim,).
+    """Return how far an obstacle moves for ζ = 1 (length), shape (gdim,).
 
     Raises:
         InputError: If that does not fit the mesh.

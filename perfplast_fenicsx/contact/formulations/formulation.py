@@ -27,8 +27,8 @@ class NodesOrMortar:
 
     Attributes:
         contact: The two surfaces.
-        place: Where it is, for messages.
-        number: Of the contact.
+        place: Place in the input, for messages.
+        number: Number of the contact.
         taken: See :func:`surface_nodes.surface_node_type`, of each local node; None for nothing.
     """
 
@@ -63,13 +63,13 @@ def find_constraints(
     obstacles: Sequence[Obstacle],
     fixed: npt.NDArray[np.bool_],
 ) -> Constraints:
-    """The rows of all contacts and, after them, of all obstacles. Collective.
+    """Return the rows of all contacts and, after them, of all obstacles. Collective.
 
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        contacts: What is in contact.
-        obstacles: What does not move.
+        contacts: The contacts.
+        obstacles: The obstacles.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
 
     Raises:
@@ -102,7 +102,7 @@ def find_constraints(
 def _is_held(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, contact: Contact, fixed: npt.NDArray[np.bool_]
 ) -> bool:
-    """Whether supports hold a component of a node in contact. Collective."""
+    """Return whether supports hold a component of a node in contact. Collective."""
     names = [name for name in (contact.primary, contact.secondary) if name in tagged_mesh.surfaces]
     facets = np.concatenate([np.zeros(0, np.int32), *map(tagged_mesh.facets, names)])
     nodes = fem.locate_dofs_topological(V, V.mesh.topology.dim - 1, np.unique(facets))

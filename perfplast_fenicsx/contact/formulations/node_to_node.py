@@ -36,8 +36,8 @@ class NodeToNode:
 
     Attributes:
         contact: The two surfaces.
-        place: Where it is, for messages.
-        number: Of the contact.
+        place: Place in the input, for messages.
+        number: Number of the contact.
         taken: See :func:`surface_nodes.surface_node_type`, of each local node; None for nothing.
     """
 
@@ -85,7 +85,7 @@ class NodeToNode:
 
 
 def _pair_type(gdim: int) -> np.dtype:
-    """The type of a pair's row.
+    """Return the type of a pair's row.
 
     Its fields are the local block dof of the ``host`` on its rank, the global one of the ``guest``,
     the ``gap``, the unit ``normal`` out of the primary surface, the ``sign``: 1 if the host lies on

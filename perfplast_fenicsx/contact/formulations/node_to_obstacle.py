@@ -28,9 +28,9 @@ class NodeToObstacle:
     A node that supports leave no freedom along n has no row.
 
     Attributes:
-        obstacle: What does not move.
-        place: Where it is, for messages.
-        number: Of the obstacle, counted after the contacts.
+        obstacle: The obstacle.
+        place: Place in the input, for messages.
+        number: Number of the obstacle, counted after the contacts.
     """
 
     obstacle: Obstacle

@@ -44,7 +44,7 @@ def tangential_rows(
         V: Displacement space.
         constraints: The rows of contact, whose sources say what rubs.
         contacts: As declared, of which none may rub where it is tied.
-        obstacles: The same.
+        obstacles: As ``contacts``.
         ties: Which nothing can rub on.
         taken: Components of local nodes that supports hold or ties host, shape (num_nodes, gdim).
         guided: Directions that nodes are held along, one a row, which have taken a component of
@@ -119,7 +119,7 @@ def _check_ties(
 
 
 def _places(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
-    """Rows of contact with friction: those of hosts with one row. Collective."""
+    """Return rows of contact with friction: those of hosts with one row. Collective."""
     rows = rows_that_rub(comm, constraints)
     hosts, counts = np.unique(constraints.host, return_counts=True)
     return rows[counts[np.searchsorted(hosts, constraints.host[rows])] == 1]
@@ -177,7 +177,7 @@ def _directions(normal: Floats, spaces: Floats) -> tuple[Floats, npt.NDArray]:
 def _of(
     constraints: Constraints, place: Longs, row: Longs, node: Longs, weight: Floats
 ) -> tuple[Longs, Longs, Floats]:
-    """Terms of chosen rows, with their new numbers."""
+    """Return terms of chosen rows, with their new numbers."""
     chosen = np.full(len(constraints.host), -1)
     chosen[place] = np.arange(len(place))
     kept = chosen[row] >= 0

@@ -24,7 +24,7 @@ def tied_rows(
     ties: Sequence[Tie],
     fixed: npt.NDArray[np.bool_],
 ) -> Constraints:
-    """The rows of all ties. Collective.
+    """Return the rows of all ties. Collective.
 
     A component of a node that supports hold, or another tie, hosts no row: its function goes to
     neighbours, as in contact.
@@ -32,7 +32,7 @@ def tied_rows(
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        ties: What is glued.
+        ties: The ties.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
 
     Raises:
@@ -53,7 +53,7 @@ def _rows(
     number: int,
     taken: npt.NDArray[np.bool_],
 ) -> list[Constraints]:
-    """The rows of one tie, by component; marks what hosts them as taken. Collective."""
+    """Return the rows of one tie, by component; marks what hosts them as taken. Collective."""
     place = f"tie {number + 1} ('{tie.primary}', '{tie.secondary}')"
     if tie.primary == tie.secondary:
         raise InputError(f"{place}: a surface cannot be tied to itself; name two surfaces.")

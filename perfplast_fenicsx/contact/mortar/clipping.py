@@ -129,7 +129,7 @@ def _triangles(guest: Floats) -> Overlaps:
 
 
 def _clipped(guest: Floats) -> tuple[Floats, Longs]:
-    """The reference triangle clipped by counterclockwise triangles.
+    """Return the reference triangle clipped by counterclockwise triangles.
 
     Returns:
         Corners of the polygons, shape (n, most, 2), and how many each has, 0 to 6.

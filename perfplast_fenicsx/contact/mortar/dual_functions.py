@@ -18,7 +18,7 @@ from perfplast_fenicsx.contact.surfaces.surface_facets import EDGES, STRAIGHT, F
 
 
 def coupled(gdim: int, count: int) -> bool:
-    """Whether the Ñ of a host facet with so many nodes are not its N."""
+    """Return whether the Ñ of a host facet with so many nodes are not its N."""
     return count == 6 and gdim == 3
 
 

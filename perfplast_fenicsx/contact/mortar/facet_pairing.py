@@ -24,7 +24,7 @@ def rendezvous(
     Args:
         comm: The ranks.
         hosts: This rank's facets of the surface that carries the multipliers.
-        guests: Those of the other surface.
+        guests: The same of the other surface.
         reach: Largest distance (length).
     """
     centre = hosts["x"].mean(axis=1)
@@ -49,7 +49,7 @@ def rendezvous(
 
 
 def candidates(host: Pieces, guest: Pieces, reach: float, behind: float) -> tuple[Longs, Longs]:
-    """Pairs of pieces of which the guest may be met along the host's normal.
+    """Return pairs of pieces of which the guest may be met along the host's normal.
 
     Args:
         host: Pieces of one surface.
@@ -88,7 +88,7 @@ def candidates(host: Pieces, guest: Pieces, reach: float, behind: float) -> tupl
 def _opposite(
     host: Pieces, guest: Pieces, first: Longs, second: Longs, reach: float, behind: float
 ) -> npt.NDArray[np.bool_]:
-    """Whether pieces face each other, and one may meet the other along its normal."""
+    """Return whether pieces face each other, and one may meet the other along its normal."""
     n = host.normal[first]
     facing = np.einsum("ni,ni->n", n, guest.normal[second])
     between: Floats = guest.centre[second] - host.centre[first]

@@ -47,8 +47,8 @@ def facing_facets(
     Args:
         comm: The ranks.
         hosts: This rank's facets of the surface that carries the multipliers.
-        guests: Those of the other surface.
-        size: Of both surfaces (length).
+        guests: The same of the other surface.
+        size: Size of both surfaces (length).
         around: See :func:`mortar_integrals.integrate`.
         onward: Whether each host facet searches up to this size.
     """
@@ -85,7 +85,7 @@ def _radius(facets: Facets) -> float:
 
 
 def _of(found: Integrals, some: PairFlags) -> Integrals:
-    """The integrals of some host facets, renumbered."""
+    """Return the integrals of some host facets, renumbered."""
     number, kept = np.cumsum(some) - 1, some[found.host]
     return Integrals(
         number[found.host[kept]],

@@ -33,8 +33,8 @@ class Mortar:
 
     Attributes:
         contact: The two surfaces.
-        place: Where it is, for messages.
-        number: Of the contact.
+        place: Place in the input, for messages.
+        number: Number of the contact.
     """
 
     contact: Contact
@@ -103,7 +103,7 @@ class Mortar:
         straight = ""
         if chosen.host.facets["x"].shape[1] == gdim and missed > OVERLAP * size:
             straight = (
-                f"; straight facets there miss the curved surfaces that they stand for by up to"
+                f"; straight facets there deviate from the curved surfaces by up to"
                 f" {missed:.2g}: expect errors of some per cent in pressures where they are coarse,"
                 " and a tenth of them on a mesh of second order"
             )
@@ -114,7 +114,7 @@ class Mortar:
         )
 
     def _gap(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
-        """Gap of each row (length). Collective."""
+        """Return the gap of each row (length). Collective."""
         comm, (rows,) = V.mesh.comm, chosen.rows
         at_nodes = self._gap_at_nodes(V, chosen, primary)
         gap = in_basis(comm, chosen.facing.hosts, chosen.facing.found, at_nodes)[rows.place]
@@ -154,7 +154,7 @@ class Mortar:
 
 
 def _held_everywhere(comm: MPI.Intracomm, surfaces: Sequence[Surface]) -> npt.NDArray[np.bool_]:
-    """Components that supports hold at every node, shape (gdim,). Collective."""
+    """Return components that supports hold at every node, shape (gdim,). Collective."""
     free = np.concatenate([surface.nodes["free"] for surface in surfaces]).any(axis=0)
     comm.Allreduce(MPI.IN_PLACE, free, MPI.LOR)
     held: npt.NDArray[np.bool_] = ~free

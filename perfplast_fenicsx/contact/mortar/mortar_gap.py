@@ -67,7 +67,7 @@ def distances(
 
 
 def in_basis(comm: MPI.Intracomm, hosts: Facets, found: Integrals, gap: Floats) -> Floats:
-    """Coefficients of a gap in the functions of its rows. Collective.
+    """Return coefficients of a gap in the functions of its rows. Collective.
 
     They are its values at nodes but on triangles of second order, whose functions are Bernstein's.
 
@@ -93,7 +93,7 @@ def in_basis(comm: MPI.Intracomm, hosts: Facets, found: Integrals, gap: Floats) 
 
 
 def _met(x: Floats, normal: Floats, facet: Floats) -> tuple[Floats, Floats]:
-    """Where lines x + t·normal meet facets, each one its own.
+    """Return where lines x + t·normal meet facets, each one its own.
 
     Returns:
         By what share of the facet the line passes it by, 0 where it does not; t. Shape (n,).

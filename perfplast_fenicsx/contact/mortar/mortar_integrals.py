@@ -123,7 +123,7 @@ def integrate(
 
 
 def _chunks(first: Longs) -> list[slice]:
-    """Parts of a sorted list, between different entries; one at least."""
+    """Return parts of a sorted list, between different entries; one at least."""
     borders = [0]
     chunk = 50_000  # pairs of pieces that are clipped at once
     while borders[-1] < len(first):
@@ -190,7 +190,7 @@ def _products(
 def _nearest(
     host: Pieces, guest: Pieces, h: Longs, g: Longs, in_host: Floats, in_guest: Floats
 ) -> Longs:
-    """The overlaps that are with the first layer met along the host's normal."""
+    """Return the overlaps that are with the first layer met along the host's normal."""
     between = np.einsum("nc,nci->ni", in_guest, guest.x[g])
     between -= np.einsum("nc,nci->ni", in_host, host.x[h])
     far = np.abs(np.einsum("ni,ni->n", between, host.normal[h]))
@@ -211,7 +211,7 @@ def _added(key: Longs, values: Floats) -> tuple[Longs, Floats]:
 
 
 def _at(group: Longs, count: int, values: Floats) -> Floats:
-    """Sums of values by group, shape (count, ...)."""
+    """Return sums of values by group, shape (count, ...)."""
     every = np.arange(len(group) + 1)
     rows = csr_array((np.ones(len(group)), group, every), shape=(len(group), count)).T.tocsr()
     sums: Floats = (rows @ values.reshape(len(values), math.prod(values.shape[1:]))).reshape(

@@ -29,7 +29,8 @@ class MortarRows:
         d: ∫Ñ of each host, with what it was handed (length, area), shape (num_rows,).
         row: Row of each term, shape (num_terms,).
         node: Global block dof of each term.
-        weight: Of each term; those of the host's surface add up to 1 in a row, the others to −1.
+        weight: Weight of each term; those of the host's surface add up to 1 in a row, the others to
+            −1.
         along: Weight times normal of each term, where that turns on the way to other nodes, shape
             (num_terms, gdim); None where it is that of the host.
         own: Whether the term is of the host's surface.
@@ -49,7 +50,7 @@ class MortarRows:
         """Return the factors of the terms of normal jumps, shape (num_terms, gdim).
 
         Args:
-            normal: Of each row's host, shape (num_rows, gdim).
+            normal: Normal of each row's host, shape (num_rows, gdim).
         """
         return self.weight[:, None] * normal[self.row] if self.along is None else self.along
 
@@ -159,7 +160,7 @@ def _heirs(
 
 
 def _term_type(gdim: int, found: Integrals) -> np.dtype:
-    """A term of the row of the node at ``place``, before it is divided by d.
+    """Return a term of the row of the node at ``place``, before it is divided by d.
 
     Its ``value`` is what multiplies displacements, ``along``, where normals turn, those with them.
     """
@@ -177,7 +178,7 @@ def _term_type(gdim: int, found: Integrals) -> np.dtype:
 def _terms(
     hosts: Facets, guests: Facets, found: Integrals
 ) -> tuple[npt.NDArray[np.void], npt.NDArray[np.integer]]:
-    """All terms of the facets here, and the ranks that they go to."""
+    """Return all terms of the facets here, and the ranks that they go to."""
     each, gdim = hosts["node"].shape[1], hosts["x"].shape[2]
     basis = np.linalg.inv(own_basis(gdim, each)).T
     facet, i, k = np.nonzero(found.d[:, :, None] * basis)

@@ -39,9 +39,9 @@ class Side:
     Attributes:
         host: That surface.
         guest: The other one.
-        facing: What lies opposite what.
+        facing: Facing facets.
         rows: The rows, a set for each of the ways in which nodes are able to be hosts.
-        distances: Of the host's nodes to the guest.
+        distances: Distances of the host's nodes to the guest.
         covered: Covered shares of both surfaces, the host's first.
     """
 
@@ -75,11 +75,11 @@ def choose_side(
 
     Args:
         comm: The ranks.
-        place: Of the contact, for messages.
+        place: Place of the contact, for messages.
         surfaces: The primary and the secondary one.
         hosts: "primary" or "secondary" if it is given.
         able: Says which nodes may be hosts.
-        kinematics: Of the mesh.
+        kinematics: Kinematics of the mesh.
         onward: See :func:`facing_facets.facing_facets`.
 
     Raises:
@@ -127,7 +127,7 @@ def _side(
     kinematics: Kinematics,
     onward: bool,
 ) -> Side:
-    """The rows if one surface's nodes are the hosts. Collective."""
+    """Return the rows if one surface's nodes are the hosts. Collective."""
     corners = np.concatenate([surface.nodes["x"] for surface in (host, guest)])
     facing = facing_facets(
         comm, host.facets, guest.facets, extent(comm, corners), kinematics.around, onward

@@ -53,8 +53,8 @@ def overlap_points(
     Args:
         hosts: Facets that carry multipliers.
         guests: Facets of the other surface.
-        pieces: Of both.
-        numbers: Of the host's and the guest's piece of each overlap.
+        pieces: Pieces of both.
+        numbers: Numbers of the host's and the guest's piece of each overlap.
         found: The overlaps.
         degree: Up to which polynomials are integrated exactly on straight facets.
     """
@@ -99,7 +99,7 @@ def _tangents(x: Floats, at: Floats) -> list[Floats]:
 
 
 def _carried(x: Floats, normal: Floats, facet: Floats, at: Floats) -> Floats:
-    """Where lines along normals meet facets: one step of Newton's, from near there.
+    """Return where lines along normals meet facets: one step of Newton's, from near there.
 
     Args:
         x: Points of the lines, shape (n, q, gdim).

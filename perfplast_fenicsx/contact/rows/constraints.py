@@ -29,11 +29,11 @@ class Source(FrictionTerms):
     """A contact, an obstacle or what else has rows: the data that is passed on besides its rows.
 
     Attributes:
-        name: What resultants call it.
+        name: Name in resultants.
         on: Surface of its hosts, for messages and pressures.
-        called: What stages call it.
+        called: Name in stages.
         tresca: See :class:`friction_terms.FrictionTerms`; ``coulomb`` too.
-        coulomb: The same.
+        coulomb: As ``tresca``.
         move: How far what is opposite moves by itself for ζ = 1 (length, one number a direction);
             empty for not at all.
         grows: Whether ζ multiplies the overlap that its bodies have.
@@ -81,8 +81,8 @@ class Constraints:
             proportional to; not positive where that is unknown or nothing, shape (m_local,).
         in_mean: Whether any row holds a mean of the jump on a surface, so that bodies may enter
             each other a little between nodes and at them.
-        remarks: What there is to say of how contacts were made, a sentence each.
-        sources: What the rows come from, the same on every rank.
+        remarks: Remarks on what there is to say of how contacts were made, a sentence each.
+        sources: Sources of the rows, the same on every rank.
     """
 
     B: PETSc.Mat
@@ -123,7 +123,7 @@ class Formulation(Protocol):
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
     ) -> Constraints:
-        """The rows of these surfaces. Collective.
+        """Return the rows of these surfaces. Collective.
 
         Each host has a component that no support holds and that has its share in the row
         (:func:`surface_nodes.can_host`).
@@ -162,11 +162,11 @@ def make_constraints(
         terms: Lists of terms, each of nodes on one side: local rows, shape (n,), global block dofs
             of the nodes, shape (n,), and coefficients c, shape (n, gdim).
         in_mean: See :class:`Constraints`.
-        remarks: The same.
+        remarks: As ``in_mean``.
         area: The same; without it there can be no friction.
         shares: The same, of each term of each list; None where coefficients are along the row's
             normal, and say it.
-        sources: The same.
+        sources: As ``shares``.
     """
     comm, gdim = V.mesh.comm, V.dofmap.index_map_bs
     rows = (len(host), comm.allreduce(len(host)))
@@ -191,7 +191,7 @@ def make_constraints(
 
 
 def named(comm: MPI.Intracomm, constraints: Constraints) -> Constraints:
-    """The same rows with sources that ``surface`` indexes. Collective.
+    """Return the same rows with sources that ``surface`` indexes. Collective.
 
     Rows without sources get one for each number that they have, ``surface NUMBER``, which nothing
     rubs on or moves; it is one between bodies if none of its rows is without guests.
@@ -220,7 +220,7 @@ def named(comm: MPI.Intracomm, constraints: Constraints) -> Constraints:
 
 
 def _without_guests(constraints: Constraints) -> npt.NDArray[np.bool_]:
-    """Rows that only their hosts have a part in."""
+    """Return rows that only their hosts have a part in."""
     row, _, share = entries_of(constraints.shares)
     alone: npt.NDArray[np.bool_] = np.bincount(row[share != 0], minlength=len(constraints.host)) < 2
     return alone
@@ -239,7 +239,7 @@ def joined(
 
 
 def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
-    """The rows of all parts, on each rank one below the other. Collective.
+    """Return the rows of all parts, on each rank one below the other. Collective.
 
     Sources are those of the first part; ``surface`` has other numbers after its rows.
     """

@@ -40,7 +40,7 @@ class FreeMotions:
 
     Attributes:
         bodies: All of them.
-        names: What they are called.
+        names: Their names, for messages.
         basis: F, orthonormal, as columns of coefficients of all bodies' rigid motions, shape
             (bodies.count * bodies.num_modes, count).
         at_nodes: F at the local (owned) displacement unknowns, shape (num_unknowns, count).
@@ -158,8 +158,8 @@ def held_motions(
 
     Args:
         V: Displacement space.
-        bodies: That move.
-        names: What they are called.
+        bodies: The bodies that move.
+        names: Their names, for messages.
         motions: What supports and contact say of their motions.
     """
     free = motions.free()
@@ -215,7 +215,7 @@ def _untangled(bodies: Bodies, free: Floats) -> tuple[Floats, list[tuple[Ints, I
 
 
 def _pivots(comm: MPI.Intracomm, motions: Floats) -> Ints:
-    """Rows of this rank that distinguish motions best, one for each motion. Collective."""
+    """Return rows of this rank that distinguish motions best, one for each motion. Collective."""
     left, chosen = motions.copy(), []
     for _ in range(motions.shape[1]):
         squares = np.einsum("nk,nk->n", left, left)

@@ -56,16 +56,16 @@ class Friction:
         return f"Friction({self.count} places)"
 
     def at(self, unknowns: Ints) -> "Friction":
-        """The same with the local unknowns of rows in place of the numbers of rows."""
+        """Return the same with the local unknowns of rows in place of the numbers of rows."""
         return replace(self, index=np.append(unknowns, np.int32(-1))[self.index])
 
     def smooth(self) -> "Friction":
-        """The same places without any resistance."""
+        """Return the same places without any resistance."""
         none = np.zeros_like(self.bound)
         return replace(self, coulomb=none, adhesion=none, bound=none, follows_pressure=False)
 
     def nowhere(self) -> "Friction":
-        """The same without any place."""
+        """Return the same without any place."""
         return Friction(
             pair=self.pair[:0],
             index=self.index[:0],
@@ -124,7 +124,7 @@ class Friction:
         return float(self.bound[moves] @ along)
 
     def last_turn(self, slip: Floats, change: Floats, comm: MPI.Intracomm) -> float:
-        """The largest β ≥ 1 at which a place stops moving back on a change. Collective.
+        """Return the largest β ≥ 1 at which a place stops moving back on a change. Collective.
 
         There its ``slip`` + β ``change`` is shortest; 1 where none moves back so far.
         """
@@ -135,13 +135,13 @@ class Friction:
 
 
 def norms(vectors: Floats) -> Floats:
-    """Length of each row."""
+    """Return the length of each row."""
     lengths: Floats = np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
     return lengths
 
 
 def shrunk(vectors: Floats, bound: Floats) -> Floats:
-    """The nearest vectors that are not longer than their bounds.
+    """Return the nearest vectors that are not longer than their bounds.
 
     Args:
         vectors: Shape (n, k).

@@ -59,7 +59,7 @@ class JumpBasis:
     sliding: Ints
 
     def holding(self, held: Ints, left: PairFlags) -> "JumpBasis":
-        """The basis in which more entries of y are zero for ever. Collective.
+        """Return the basis in which more entries of y are zero for ever. Collective.
 
         Args:
             held: Local (owned) indices of all that are.
@@ -144,7 +144,7 @@ def make_basis(
 
 
 def _without_supports(B: PETSc.Mat, free: npt.NDArray[np.bool_]) -> tuple[Longs, Longs, Floats]:
-    """Entries of B, zero at components that supports hold, on whatever rank. Collective."""
+    """Return entries of B, zero at components that supports hold, on whatever rank. Collective."""
     moving, kept = B.copy(), B.createVecRight()
     kept.array[:] = free.ravel()
     moving.diagonalScale(None, kept)
@@ -155,7 +155,7 @@ def _without_supports(B: PETSc.Mat, free: npt.NDArray[np.bool_]) -> tuple[Longs,
 
 
 def _terms_of(chosen: Longs, pair: Longs, num_pairs: int) -> tuple[Longs, Longs]:
-    """Where the terms of chosen pairs, which may repeat, stand in a list sorted by pair.
+    """Return where the terms of chosen pairs, which may repeat, stand in a list sorted by pair.
 
     Returns:
         For each term the place of its pair in ``chosen``, and its own place in the list.
@@ -171,7 +171,7 @@ def _terms_of(chosen: Longs, pair: Longs, num_pairs: int) -> tuple[Longs, Longs]
 def _choose(
     comm: MPI.Intracomm, host: Ints, coefficient: Floats, surface: Ints, names: Sequence[str]
 ) -> tuple[Longs, Floats, Longs]:
-    """Which component each pair replaces, and the inverse of the replaced part at each host.
+    """Return which component each pair replaces, and the inverse of the replaced part at each host.
 
     Gaussian elimination with column pivoting, for all hosts at once: k conditions at a host replace
     k of its components.
@@ -179,9 +179,9 @@ def _choose(
     Args:
         comm: The ranks.
         host: Of each pair, shape (num_pairs,).
-        coefficient: Of the host's free components in its row, shape (num_pairs, gdim).
+        coefficient: Coefficient of the host's free components in its row, shape (num_pairs, gdim).
         surface: Number of the name of each of the first pairs.
-        names: Of contacts, for messages.
+        names: Names of contacts, for messages.
 
     Returns:
         The component of each pair; the row of the inverse that gives this component, shape

@@ -47,7 +47,7 @@ def in_words(loose: Sequence[LooseMotion], names: Sequence[str]) -> str:
 
     Args:
         loose: At least one motion.
-        names: Those of all bodies.
+        names: Names of all bodies.
     """
     by_motion: dict[str, list[str]] = {}
     for one in loose:
@@ -61,14 +61,14 @@ def in_words(loose: Sequence[LooseMotion], names: Sequence[str]) -> str:
         if any(motion.startswith(kind) for motion in by_motion)
     ]
     return (
-        f"loosely held: {motions}. Only the facets of round surfaces resist these motions, and what"
-        f" they come to says nothing of the bodies. It matters where loads {' or '.join(acting)};"
-        " then hold the bodies by a [[support]], or glue what touches by a [[tie]]"
+        f"loosely held: {motions}. Only the facets of round surfaces resist these motions, so"
+        f" their size has no meaning. It matters where loads {' or '.join(acting)}; then hold the"
+        " bodies by a [[support]], or glue what touches by a [[tie]]"
     )
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Names in a row."""
+    """Return names in a row."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
@@ -149,7 +149,7 @@ def _weak(
     Args:
         comm: The ranks.
         rows: Functionals of its motions, shape (n, num_modes).
-        motions: Those of the places of the rows, shape (n, gdim, num_modes).
+        motions: Motions of the places of the rows, shape (n, gdim, num_modes).
         exact: Rows whose normals are those of the body, and not of facets, shape (n,).
     """
     solid, facets = (comm.allreduce(some.T @ some) for some in (rows[exact], rows[~exact]))

@@ -30,8 +30,8 @@ class OneSidedMotions:
 
     Attributes:
         V: Displacement space.
-        bodies: That move.
-        names: What they are called.
+        bodies: The bodies that move.
+        names: Their names, for messages.
         basis: Motions that supports, ties and friction leave, but for those that contact does not
             stop either way, as columns of coefficients of all bodies' rigid motions.
         jumps: What these close of the pairs hosted here, shape (num_pairs, number of motions).
@@ -70,7 +70,7 @@ class OneSidedMotions:
         )
 
     def _gain(self, force: PETSc.Vec) -> Floats:
-        """Work of nodal forces on each motion, relative to Σ ‖force‖. Collective."""
+        """Return the work of nodal forces on each motion, relative to Σ ‖force‖. Collective."""
         bodies, owned = self.bodies, self.V.dofmap.index_map.size_local
         f = force.array_r.reshape(owned, bodies.gdim)
         modes = bodies.rigid_modes(self.V.tabulate_dof_coordinates()[:owned])
@@ -82,7 +82,7 @@ class OneSidedMotions:
         return gain
 
     def _most(self, gain: Floats, least: Sequence[Floats]) -> Floats | None:
-        """The motion in the cone that gains most, with no coefficient beyond ±1. Collective.
+        """Return the motion in the cone that gains most, with no coefficient beyond ±1. Collective.
 
         It is a linear program; rows of pairs come into it as its motions would close them.
 

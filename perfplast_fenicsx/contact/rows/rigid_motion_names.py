@@ -7,7 +7,7 @@ from perfplast_fenicsx.mesh.connected_bodies import Bodies
 
 
 def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
-    """A rigid motion of a body in words.
+    """Return a rigid motion of a body in words.
 
     Args:
         bodies: Whose rigid motions are meant.

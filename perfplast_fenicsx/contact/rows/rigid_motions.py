@@ -41,7 +41,7 @@ class RigidMotions:
         self._supports = self._comm.allreduce(self._held.T @ self._held)
 
     def free(self) -> Floats:
-        """Motions that supports, ties and contact leave free, both ways. Collective.
+        """Return motions that supports, ties and contact leave free, both ways. Collective.
 
         Returns:
             Orthonormal columns, shape (bodies.count * bodies.num_modes, number of motions).
@@ -58,10 +58,10 @@ class RigidMotions:
         return np.asarray(nearly @ vectors[:, values <= rounding**2 * max(largest, 1e-300)])
 
     def one_sided(self, free: Floats) -> tuple[Floats, Floats]:
-        """Motions that supports and ties leave, but for the free ones. Collective.
+        """Return motions that supports and ties leave, but for the free ones. Collective.
 
         Args:
-            free: What :meth:`free` returns.
+            free: The result of :meth:`free`.
 
         Returns:
             Orthonormal columns; and what they close of the pairs hosted here, shape (num_pairs,
@@ -85,7 +85,7 @@ class RigidMotions:
         return held
 
     def _left_free(self, held: PairFlags) -> int:
-        """How many motions supports and these pairs leave nearly free. Collective."""
+        """Return how many motions supports and these pairs leave nearly free. Collective."""
         rows = self._jumps[held]
         gram = self._supports + self._comm.allreduce(rows.T @ rows)
         return int(null_space(gram).shape[1])
@@ -133,7 +133,7 @@ def null_space(gram: Floats) -> Floats:
 
 
 def _supported(V: fem.FunctionSpace, bodies: Bodies, fixed: npt.NDArray[np.bool_]) -> Floats:
-    """Components that supports hold, in the rigid motions.
+    """Return components that supports hold, in the rigid motions.
 
     Returns:
         Shape (number on this rank, bodies.count * bodies.num_modes).

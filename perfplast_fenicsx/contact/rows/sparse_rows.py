@@ -27,14 +27,14 @@ def matrix_of_entries(
     entries: Sequence[Entries],
     block_size: int = 1,
 ) -> PETSc.Mat:
-    """A matrix of entries that may come in any order, without zeros. Collective.
+    """Return a matrix of entries that may come in any order, without zeros. Collective.
 
     Args:
         comm: The ranks.
-        rows: Of the matrix.
-        columns: Of the matrix.
+        rows: Rows of the matrix.
+        columns: Columns of the matrix.
         entries: In any number of parts; what comes twice is added.
-        block_size: Of rows and columns.
+        block_size: Block size of rows and columns.
     """
     none: Entries = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
     row, column, value = (np.concatenate(parts) for parts in zip(none, *entries, strict=True))
@@ -46,7 +46,7 @@ def matrix_of_entries(
 
 
 def entries_of(A: PETSc.Mat) -> tuple[Longs, Longs, Floats]:
-    """The owned entries, row by row."""
+    """Return the owned entries, row by row."""
     pointer, column, value = A.getValuesCSR()
     row = np.repeat(np.arange(len(pointer) - 1), np.diff(pointer))
     return row, column.astype(np.int64), value

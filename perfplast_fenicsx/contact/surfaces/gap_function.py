@@ -33,10 +33,10 @@ def normals_and_gaps(
 
     Args:
         comm: The ranks.
-        place: Where the contact is, for messages.
+        place: Place of the contact in the input, for messages.
         contact: Its gap, a number or a formula, or None to measure it; whether it may be negative.
         matching: Nodes of both surfaces, rows of :func:`surface_nodes.surface_node_type`.
-        size: Of the surfaces (length).
+        size: Size of the surfaces (length).
 
     Raises:
         NoPartners: Nodes without a partner opposite them.
@@ -95,7 +95,7 @@ def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -
         raise InputError(
             f"{place}: the surfaces overlap at first, by up to {overlap:.6g}, or face away from"
             " each other, as two sides of one body do; move one of them, name two that face each"
-            " other, or say that an overlap is meant by interference = true of a contact."
+            " other, or give the contact interference = true if the overlap is meant."
         )
     return np.where(gap > OVERLAP * size, gap, 0.0)
 

@@ -148,7 +148,7 @@ def _match_near(
 
 
 def _labelled(comm: MPI.Intracomm, nodes: SurfaceNodes) -> npt.NDArray[np.void]:
-    """Rows with the rank and the place they come from."""
+    """Return rows with the rank and the place they come from."""
     labelled = np.empty(
         len(nodes), dtype=[("row", nodes.dtype), ("rank", np.int32), ("place", np.int64)]
     )
@@ -157,7 +157,7 @@ def _labelled(comm: MPI.Intracomm, nodes: SurfaceNodes) -> npt.NDArray[np.void]:
 
 
 def _misfit(primary: SurfaceNodes, secondary: SurfaceNodes, rounding: float) -> Floats:
-    """How far nodes are from lying opposite each other; arrays that broadcast together."""
+    """Return how far nodes are from lying opposite each other; arrays that broadcast together."""
     n, m = primary["normal"], secondary["normal"]
     facing = np.einsum("...i,...i->...", n, m)
     mean = n - m

@@ -29,7 +29,7 @@ _SPLIT = {
 
 
 def facet_type(gdim: int, nodes: int, points: int) -> np.dtype:
-    """The type of a facet's row.
+    """Return the type of a facet's row.
 
     Its fields are the coordinates ``x`` of the points that its geometry is made of, and of its
     nodes the coordinates ``at``, the outward unit ``normal`` of the face there, the global block
@@ -122,7 +122,7 @@ class Pieces:
 
 
 def pieces_of(facets: Facets) -> Pieces:
-    """The pieces of facets."""
+    """Return the pieces of facets."""
     x = facets["x"]
     count, points, gdim = x.shape
     ends = np.eye(gdim)[:, 1:]

@@ -21,7 +21,7 @@ SurfaceNodes = npt.NDArray[np.void]
 
 
 def surface_node_type(gdim: int) -> np.dtype:
-    """The type of a row.
+    """Return the type of a row.
 
     Its fields are the coordinates ``x`` (3 numbers), the ``rank`` that owns the node, its local
     block dof ``node`` there and its global one ``number``, the ``size`` of the facets around it
@@ -47,7 +47,7 @@ def surface_node_type(gdim: int) -> np.dtype:
 def surface_nodes(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str, fixed: npt.NDArray[np.bool_]
 ) -> SurfaceNodes:
-    """Rows of the nodes that this rank owns. Collective.
+    """Return rows of the nodes that this rank owns. Collective.
 
     Args:
         V: Displacement space.
@@ -61,7 +61,7 @@ def surface_nodes(
 def rows_of_nodes(
     V: fem.FunctionSpace, faces: FaceNodes, fixed: npt.NDArray[np.bool_]
 ) -> SurfaceNodes:
-    """Rows of nodes whose faces are known. Not collective."""
+    """Return rows of nodes whose faces are known. Not collective."""
     rows = np.empty(len(faces.node), dtype=surface_node_type(V.mesh.geometry.dim))
     rows["x"] = V.tabulate_dof_coordinates()[faces.node]
     rows["rank"] = V.mesh.comm.rank
@@ -89,7 +89,7 @@ def check_outside(comm: MPI.Intracomm, place: str, surface: str, nodes: SurfaceN
 
 
 def can_host(nodes: SurfaceNodes, normal: Floats) -> npt.NDArray[np.bool_]:
-    """Whether supports leave nodes enough freedom along normals to host the jump.
+    """Return whether supports leave nodes enough freedom along normals to host the jump.
 
     Args:
         nodes: Shape (n,).
@@ -126,6 +126,6 @@ def crowded(nodes: SurfaceNodes, normal: Floats) -> Floats:
 
 
 def extent(comm: MPI.Intracomm, x: Floats) -> float:
-    """Diagonal of the box around points of all ranks (length). Collective."""
+    """Return the diagonal of the box around points of all ranks (length). Collective."""
     low, high = bounding_box(comm, x)
     return float(np.linalg.norm(high - low))

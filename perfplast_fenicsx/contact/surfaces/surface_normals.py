@@ -81,7 +81,7 @@ def face_nodes(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> F
 
 
 def faces_of(V: fem.FunctionSpace, facets: SurfaceFacets) -> tuple[FaceNodes, FaceNumbers]:
-    """The nodes of facets, as :func:`face_nodes`, and where each facet finds its own.
+    """Return the nodes of facets, as :func:`face_nodes`, and where each facet finds its own.
 
     Collective.
     """
@@ -132,7 +132,7 @@ def faces_of(V: fem.FunctionSpace, facets: SurfaceFacets) -> tuple[FaceNodes, Fa
 
 
 def _faces(node: Longs, normals: Floats) -> Longs:
-    """Number of the face of each row among those of its node.
+    """Return the number of the face of each row among those of its node.
 
     A face is all that differs by less than 40° from one of its facets. Where facets are coarse it
     matters which. It is the one that lies flattest to a direction, so that it is the same on all
@@ -159,7 +159,7 @@ def _faces(node: Longs, normals: Floats) -> Longs:
 
 
 def surface_facets(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> SurfaceFacets:
-    """The exterior facets of a surface on this rank. Not collective."""
+    """Return the exterior facets of a surface on this rank. Not collective."""
     facets = np.intersect1d(tagged_mesh.facets(surface), exterior_facets(tagged_mesh))
     return outer_facets(V, tagged_mesh, facets)
 
@@ -208,10 +208,10 @@ def outer_facets(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, facets: Ints) ->
 
 
 def _crossed(geometry: basix.finite_element.FiniteElement, x: Floats, points: Floats) -> Floats:
-    """Normals at points of facets, as long as a facet's area element there.
+    """Return normals at points of facets, as long as a facet's area element there.
 
     Args:
-        geometry: Of the coordinates.
+        geometry: Geometry of the coordinates.
         x: Coordinates of facets, shape (n, points of a facet, gdim).
         points: On the reference facet, shape (p, gdim − 1).
 

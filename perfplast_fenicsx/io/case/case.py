@@ -109,7 +109,7 @@ class Case:
         return self.loading.in_turn()
 
     def combined(self, combination: Combination) -> "Case":
-        """The case of one of its combinations.
+        """Return the case of one of its combinations.
 
         Raises:
             InputError: If a load is unknown, or its loads do not go with the control.
@@ -206,11 +206,11 @@ class Case:
             return LoadingHistory(problem, self.stages)
 
     def solver(self, problem: Problem) -> Any:
-        """The algorithm of ``[solve]`` for a problem. Collective."""
+        """Return the algorithm of ``[solve]`` for a problem. Collective."""
         return METHODS[self.method].solver(problem, self.options)
 
     def limit_method(self, problem: Problem) -> LimitMethod | None:
-        """How the limit load of a problem is found; None where levels are given."""
+        """Return how the limit load of a problem is found; None where levels are given."""
         if self.loading.limit_tolerance is None:
             return None
         if self.loading.limit_method is not None:
@@ -219,11 +219,11 @@ class Case:
         return LimitMethod.PATH if by_path else method_for(problem)
 
     def method_on(self, problem: Problem) -> str:
-        """The name of what solves a problem: an algorithm, or the interior point method."""
+        """Return the name of what solves a problem: an algorithm, or the interior point method."""
         direct = self.limit_method(problem) is LimitMethod.INTERIOR_POINT
         return str(LimitMethod.INTERIOR_POINT) if direct else self.method
 
 
 def _moves(one: Support | RigidSurface | Obstacle) -> bool:
-    """Whether it is moved by a given way."""
+    """Return whether it is moved by a given way."""
     return one.moves if isinstance(one, Support | RigidSurface) else any(one.move)

@@ -71,11 +71,11 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD, trust: boo
 
 
 def case_of(path: Path, text: str, table: Table) -> Case:
-    """A case as its file has it, or with other values. Not collective.
+    """Return a case as its file has it, or with other values. Not collective.
 
     Args:
         path: The file.
-        text: What it says.
+        text: Its text.
         table: The same as TOML; where it says something else, that counts.
 
     Raises:
@@ -210,7 +210,7 @@ def with_fields(table: Table, law: type[Any], folder: Path, place: str) -> Table
 
 
 def _numbered(tables: list[Table], place: str) -> list[tuple[str, Table]]:
-    """Tables of an array with their places; the number is left out where there is one."""
+    """Return tables of an array with their places; the number is left out where there is one."""
     if len(tables) == 1:
         return [(place, tables[0])]
     return [(f"{place} number {i}", table) for i, table in enumerate(tables, start=1)]

@@ -72,7 +72,7 @@ _SCALARS: dict[Any, Schema] = {
 
 
 def case_schema() -> Schema:
-    """The schema of a whole case file."""
+    """Return the schema of a whole case file."""
     meaning = arguments(Document)
     tables = _tables()
     properties: Schema = {}
@@ -99,7 +99,7 @@ def case_schema() -> Schema:
 
 
 def _tables() -> dict[str, Schema]:
-    """Each table, or each item of an array of tables, by its key at the top level."""
+    """Return each table, or each item of an array of tables, by its key at the top level."""
     methods = {name: entry.options for name, entry in METHODS.items()}
     return {
         "mesh": _mesh(),
@@ -134,7 +134,7 @@ def _tables() -> dict[str, Schema]:
 
 
 def _of_type(hint: Any) -> Schema:
-    """An annotation of a field."""
+    """Return an annotation of a field."""
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint in _SCALARS:
         return dict(_SCALARS[hint])
@@ -153,7 +153,7 @@ def _of_type(hint: Any) -> Schema:
 
 
 def _table(described: type[Any], own: Schema | None = None) -> Schema:
-    """A dataclass as a table.
+    """Return a dataclass as a table.
 
     Args:
         described: The dataclass.
@@ -174,13 +174,13 @@ def _table(described: type[Any], own: Schema | None = None) -> Schema:
 
 
 def _object(properties: Schema, required: Sequence[str]) -> Schema:
-    """A table with these keys and no others."""
+    """Return a table with these keys and no others."""
     schema: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
     return schema | ({"required": list(required)} if required else {})
 
 
 def _told(schema: Schema, text: str) -> Schema:
-    """A schema with what it means, in plain words."""
+    """Return a schema with what it means, in plain words."""
     plain = re.sub(r":\w+:`[~.]?([^`]+)`", r"\1", text).replace("``", "'")
     plain = re.sub(r"\s+", " ", plain).replace(" Collective.", "").strip()
     return schema | ({"description": plain} if plain else {})
@@ -189,12 +189,12 @@ def _told(schema: Schema, text: str) -> Schema:
 def _choice(
     key: str, choices: Mapping[str, type[Any]], default: str | None = None, required: bool = True
 ) -> Schema:
-    """A table whose key ``key`` says which of several dataclasses it is.
+    """Return a table whose key ``key`` says which of several dataclasses it is.
 
     Args:
         key: The key.
         choices: The dataclasses by its values.
-        default: What it is without the key.
+        default: Value without the key.
         required: Whether the key has to be there, if it has no default.
     """
     names: Schema = {"enum": list(choices)} | ({"default": default} if default else {})

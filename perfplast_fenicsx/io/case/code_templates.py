@@ -85,8 +85,8 @@ def check_filled_in(table: Mapping[str, object], place: str) -> None:
     """Refuse what a template has left open.
 
     Args:
-        table: Of a case.
-        place: Where it is.
+        table: Table of a case.
+        place: Place in the input, for messages.
 
     Raises:
         InputError: If a value begins as :data:`OPEN`.
@@ -103,6 +103,6 @@ def check_filled_in(table: Mapping[str, object], place: str) -> None:
 
 
 def templates_in_words(names: Sequence[str] = tuple(TEMPLATES)) -> str:
-    """The names of templates with the first line of each."""
+    """Return the names of templates with the first line of each."""
     width = max(map(len, names))
     return "\n".join(f"{name:{width}}  {TEMPLATES[name].splitlines()[0][2:]}" for name in names)

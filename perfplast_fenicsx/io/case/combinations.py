@@ -24,8 +24,9 @@ class Combination:
     the combination itself is the design load, ζ = 1.
 
     Args:
-        name: Of the combination, and of the folder of its results.
-        factors: Of loads, by their names, or by their surfaces or volumes where they have none.
+        name: Name of the combination, and of the folder of its results.
+        factors: Factors of loads, by their names, or by their surfaces or volumes where they have
+            none.
     """
 
     name: str
@@ -37,23 +38,23 @@ class Combination:
         barred = '/\\:*?"<>|'
         if outside or not self.name or not self.name.isprintable() or set(self.name) & set(barred):
             raise InputError(
-                f"name = {self.name!r} is no name of a folder; give one without {barred}, and with"
-                " neither a blank nor a dot at its ends."
+                f"name = {self.name!r} cannot be the name of a folder; give one"
+                f" without {barred}, and with neither a blank nor a dot at its ends."
             )
         for load, factor in self.factors.items():
             if not (factor >= 0 and math.isfinite(factor)):
                 raise InputError(
-                    f"the factor of '{load}' is {factor:g}; give a number from 0 on, and a load the"
-                    " other way where that is meant."
+                    f"the factor of '{load}' is {factor:g}; give 0 or more, and turn the load"
+                    " around if it acts the other way."
                 )
         if not any(self.factors.values()):
             raise InputError(f"'{self.name}' has no factor above 0; give one, or leave it out.")
 
     def of(self, loads: Sequence[Load], idle: Collection[str] = ()) -> list[Load]:
-        """The loads that act in it.
+        """Return the loads that act in it.
 
         Args:
-            loads: Of the case.
+            loads: Loads of the case.
             idle: Names of what strains or moves the bodies, which changes no limit load.
 
         Raises:
@@ -63,7 +64,7 @@ class Combination:
         for name in self.factors:
             if name in idle and name not in known:
                 raise InputError(
-                    f"'{name}' is no load: temperatures, initial stresses, preloads and given"
+                    f"'{name}' is not a load: temperatures, initial stresses, preloads and given"
                     " motions change no limit load of bodies that flow, and have no factor; leave"
                     " it out of factors."
                 )
@@ -93,7 +94,7 @@ class DesignTable:
 
 
 def read_combinations(tables: Sequence[tuple[str, Table]]) -> list[Combination]:
-    """The combinations of a case.
+    """Return the combinations of a case.
 
     Args:
         tables: With their places.
@@ -112,7 +113,7 @@ def read_combinations(tables: Sequence[tuple[str, Table]]) -> list[Combination]:
 
 
 def designed_for(loading: Control, place: str) -> Control:
-    """A control whose design load is the combination itself, where it names none.
+    """Return a control whose design load is the combination itself, where it names none.
 
     Raises:
         InputError: If no limit load is sought, or none by the interior point method.
@@ -136,7 +137,7 @@ def designed_for(loading: Control, place: str) -> Control:
 def reduced(
     materials: Mapping[str, Material], table: Table, place: str
 ) -> tuple[dict[str, Material], str]:
-    """Materials with strengths that are divided by partial factors, and what is said of it.
+    """Return materials with strengths that are divided by partial factors, and what is said of it.
 
     Raises:
         InputError: If a body is unknown, a factor none, or a material has no reduced strength.
@@ -151,7 +152,7 @@ def reduced(
             if body not in materials:
                 raise InputError(f"strength names '{body}', no body; {nearest(body, materials)}")
             if not (factor > 0 and math.isfinite(factor)):
-                raise InputError(f"strength = {factor:g} divides no strength; give one above 0.")
+                raise InputError(f"strength = {factor:g} is not positive; give one above 0.")
             if factor == 1:
                 continue
             weaker = getattr(materials[body], "divided_by", None)

@@ -37,7 +37,7 @@ class GeometryFile:
     adapt: Table | None = None
 
     def mesh(self, comm: MPI.Intracomm, case: Path, trust: bool = False) -> TaggedMesh:
-        """The mesh of a case, which rank 0 makes unless it is there. Collective.
+        """Return the mesh of a case, which rank 0 makes unless it is there. Collective.
 
         Args:
             comm: The ranks.
@@ -107,7 +107,7 @@ def read_ground(
         regions: Each ``[[region]]``.
         strata: Each ``[[stratum]]``.
         lines: Each ``[[line]]``.
-        name: Of the case file.
+        name: Name of the case file.
 
     Raises:
         InputError: If keys are wrong, or the ground cannot be what is drawn.
@@ -133,12 +133,12 @@ def read_ground(
 def read_geometry(
     table: Table, mesh: Table, place: str, ground: DrawnGround | None = None
 ) -> GeometryFile | GroundInCase:
-    """The geometry.
+    """Return the geometry.
 
     Args:
         table: ``[geometry]``.
         mesh: ``[mesh]``, of which ``adapt`` alone may be there.
-        place: Where the table is.
+        place: Place of the table in the input, for messages.
         ground: What the case draws, if it does.
 
     Raises:

@@ -18,9 +18,9 @@ class GravityTable:
 
     Args:
         acceleration: A number a direction, such as [0.0, 0.0, -9810.0].
-        density: Of bodies by their names; those without one weigh nothing.
+        density: Density of bodies by their names; those without one weigh nothing.
         constant: Whether the weight acts in full at any load factor; otherwise ζ multiplies it.
-        name: What messages and stages call it.
+        name: Name in messages and stages.
     """
 
     acceleration: list[float]
@@ -29,7 +29,7 @@ class GravityTable:
     name: str = "gravity"
 
     def loads(self, bodies: Iterable[str]) -> list[BodyForce]:
-        """A load for each body that weighs something.
+        """Return a load for each body that weighs something.
 
         Args:
             bodies: Names of all bodies.
@@ -39,7 +39,7 @@ class GravityTable:
         """
         known, found = list(bodies), []
         if not self.density:
-            raise InputError("density is empty; give a number for each body that weighs.")
+            raise InputError("density is empty; give a number for each body that has a weight.")
         if not all(map(math.isfinite, self.acceleration)):
             raise InputError(f"acceleration = {self.acceleration} is not finite; correct it.")
         for body, density in self.density.items():

@@ -51,11 +51,11 @@ def load_table() -> type[Any]:
 
 
 def read_load(table: Table, place: str) -> Load:
-    """The load that a table describes.
+    """Return the load that a table describes.
 
     Args:
-        table: What TOML has read.
-        place: Where it is, for messages.
+        table: The table, as TOML has read it.
+        place: Place in the input, for messages.
 
     Raises:
         InputError: If it has none or several of the kinds, keys of another kind, or numbers that
@@ -87,12 +87,12 @@ def read_load(table: Table, place: str) -> Load:
 
 
 def _key(kind: str, field: str) -> str:
-    """The key of a field of a kind of load: its value goes by the kind."""
+    """Return the key of a field of a kind of load: its value goes by the kind."""
     return kind if field == "value" else field
 
 
 def _with(key: str) -> str:
-    """The kinds that have a field."""
+    """Return the kinds that have a field."""
     kinds = [kind for kind, cls in LOADS.items() if key in typing.get_type_hints(cls)]
     return " or ".join(kinds)
 

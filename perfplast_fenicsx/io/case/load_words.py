@@ -11,11 +11,11 @@ if TYPE_CHECKING:  # what reads results for reports starts no MPI
 
 
 def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
-    """A load in words, such as ``pressure 1 MPa on 'top'``.
+    """Return a load in words, such as ``pressure 1 MPa on 'top'``.
 
     Args:
         load: It.
-        units: Of its numbers.
+        units: Units of its numbers.
         whole: As for :meth:`units.Units.table`.
     """
     table = units.table(whole)
@@ -77,7 +77,7 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
 
 
 def _value(value: Any) -> str:
-    """A number, a formula, or one a direction."""
+    """Return a number, a formula, or one a direction."""
     if isinstance(value, WordedFormula):
         return value.words
     if isinstance(value, str):

@@ -15,7 +15,7 @@ from perfplast_fenicsx.problem.declared.stage import Stage
 
 
 def read_loading(top: Document, name: str) -> Control:
-    """How the bodies are loaded.
+    """Return how the bodies are loaded.
 
     Raises:
         InputError: If there is not exactly one of both tables, or its keys are wrong.
@@ -61,7 +61,7 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
             found[name] = remembers
             continue
         raise InputError(
-            f"the material of '{name}' remembers no plastic flow, as stages want it; give"
+            f"the material of '{name}' has no plastic history, which stages need; give"
             " values of the load factor, or law = 'von-mises'."
         )
     return found

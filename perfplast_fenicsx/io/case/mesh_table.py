@@ -29,12 +29,12 @@ CaseMesh = MeshFile | MeshBuilder | GeometryFile | GroundInCase
 def read_mesh(
     table: Table, geometry: Table | None, name: str, ground: DrawnGround | None = None
 ) -> CaseMesh:
-    """The mesh, or what it is made of.
+    """Return the mesh, or what it is made of.
 
     Args:
         table: ``[mesh]``.
         geometry: ``[geometry]``, if there is one.
-        name: Of the case file.
+        name: Name of the case file.
         ground: What the case draws, if it does.
 
     Raises:
@@ -88,7 +88,7 @@ def load_mesh(
 
 
 def read_adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:
-    """How the mesh is adapted; None where it is not.
+    """Return how the mesh is adapted; None where it is not.
 
     Raises:
         InputError: If no bounds of the body are sought, or keys are wrong.

@@ -17,9 +17,9 @@ def read_method(
     """Method and options; ALG1 for loads and ALG3 for works where none is named.
 
     Args:
-        table: What it says.
-        loading: What is asked for.
-        place: What messages call it.
+        table: The table.
+        loading: The loading that the case asks for.
+        place: Place in the input, for messages.
         coulomb: Whether there is Coulomb's friction.
 
     Raises:

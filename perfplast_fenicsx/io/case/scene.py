@@ -29,10 +29,10 @@ class Scene:
 
     Attributes:
         title: Heading of pictures.
-        loads: What acts, times ζ but for constant ones.
+        loads: Loads; ζ multiplies all of them except constant ones.
         contacts: Pairs of surfaces.
         obstacles: Rigid ones.
-        units: What numbers are in.
+        units: Units of the numbers.
         axisymmetric: Whether the mesh is half a section of bodies of revolution.
         driven: Whether ζ moves supports and obstacles, and no load grows.
     """
@@ -114,11 +114,11 @@ class _Document:
 
 
 def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
-    """The content of ``scene.json``.
+    """Return the content of ``scene.json``.
 
     Args:
         table: As JSON has it.
-        place: Of the file, for messages.
+        place: Place of the file, for messages.
 
     Raises:
         InputError: If it is not what :func:`write_scene` writes.

@@ -38,10 +38,10 @@ def at(place: str) -> Iterator[None]:
 
 
 def convert(table: Table, schema: type[T], place: str) -> T:
-    """A table as an instance of its dataclass.
+    """Return a table as an instance of its dataclass.
 
     Args:
-        table: What TOML has read.
+        table: The table, as TOML has read it.
         schema: A dataclass, frozen or not.
         place: Where the table is, for the message, e.g. ``"case.toml, [material.upper]"``.
 
@@ -67,7 +67,7 @@ def convert(table: Table, schema: type[T], place: str) -> T:
 def choose(
     table: Table, key: str, choices: Mapping[str, T], place: str, default: str | None = None
 ) -> tuple[str, T, Table]:
-    """The choice named by ``table[key]``, and the table without that key.
+    """Return the choice named by ``table[key]``, and the table without that key.
 
     Raises:
         InputError: If the key is missing without a default, or names none of the choices.
@@ -82,7 +82,7 @@ def choose(
 
 
 def shown(value: object) -> str:
-    """A value as TOML writes it, cut short."""
+    """Return a value as TOML writes it, cut short."""
     if isinstance(value, bool):
         text = "true" if value else "false"
     elif isinstance(value, Mapping):
@@ -111,7 +111,7 @@ def _converted(value: object, key: str, hint: Any, place: str) -> Any:
 
 
 def described(hint: Any, key: str) -> str:
-    """A type in words.
+    """Return a type in words.
 
     Args:
         hint: The annotation of a field.

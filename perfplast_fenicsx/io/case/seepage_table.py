@@ -17,7 +17,7 @@ def read_seepage(table: Table, place: str) -> Seepage:
 
     Args:
         table: ``[seepage]``.
-        place: Where it is.
+        place: Place in the input, for messages.
 
     Raises:
         InputError: If keys or values are wrong.

@@ -24,7 +24,7 @@ class SupportTable:
             normal; a number, or a formula in x, y, z such as "0.01*y". There is none by default.
         constant: Whether it is the same at any load factor, as always but under control =
             "displacement" and in stages that name it: these multiply it unless this is true.
-        name: What results and stages call it; that of its surface without it.
+        name: Name in results and stages; by default that of its surface.
     """
 
     on: str
@@ -34,7 +34,7 @@ class SupportTable:
     name: str = ""
 
     def support(self, driven: bool) -> Support:
-        """The support, where motions follow the load factor, or do not.
+        """Return the support, where motions follow the load factor, or do not.
 
         Raises:
             InputError: If it is to follow where none does.
@@ -52,16 +52,16 @@ class RigidSurfaceTable:
 
     Args:
         on: Physical surface.
-        point: What it turns about (length; 2 or 3 numbers); the origin without.
-        displacement: Of that point (length; 2 or 3 numbers), 0 if there is a rotation alone.
+        point: Centre of the rotation (length; 2 or 3 numbers); by default the origin.
+        displacement: Displacement of that point (length; 2 or 3 numbers); by default 0.
         rotation: A number in the plane, one for each axis in space (rad), 0 if there is a
             displacement alone.
-        components: Those of the letters x, y, z that a known motion holds; the default holds all. A
-            bar that is twisted so by its end may warp there.
+        components: Letters of x, y, z that a known motion holds; the default holds
+            all. A bar that is twisted so by its end may warp there.
         constant: As for supports.
         name: As for supports.
-        held: Those of the letters x, y, z along which a surface that is free cannot move, as at a
-            plane of symmetry; it then does not turn either.
+        held: Letters of x, y, z along which a free surface cannot move, as at a plane of symmetry;
+            it then does not turn either.
     """
 
     on: str
@@ -74,7 +74,7 @@ class RigidSurfaceTable:
     held: str = ""
 
     def surface(self, driven: bool) -> RigidSurface:
-        """The surface, where motions follow the load factor, or do not.
+        """Return the surface, where motions follow the load factor, or do not.
 
         Raises:
             InputError: If it is to follow where none does.
@@ -86,12 +86,12 @@ class RigidSurfaceTable:
 
 
 def read_contact(table: Table, moved: Callable[[str, str], bool], place: str) -> Contact:
-    """A contact, whose overlap may follow the load factor.
+    """Return a contact, whose overlap may follow the load factor.
 
     Args:
         table: Its keys.
         moved: See :meth:`~perfplast_fenicsx.controls.control.Control.moved`.
-        place: Where it is, for messages.
+        place: Place in the input, for messages.
 
     Raises:
         InputError: If keys are wrong, or it is to follow where none does.

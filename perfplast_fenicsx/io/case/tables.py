@@ -23,12 +23,12 @@ class Document:
         stratum: Ground that is drawn in the case as layers, from the surface downwards.
         line: Lines of drawn ground that name pieces of its boundary, and that the mesh follows.
         material: The law of each body; NAME is that of its physical volume.
-        load: What pushes and pulls, at least once unless control = "displacement". The load factor
-            ζ multiplies all loads but those that are constant.
+        load: Loads, at least one unless control = "displacement". The load factor ζ multiplies all
+            loads except constant ones.
         loading: How far the bodies are loaded, and by what it is controlled; it is missing where
             there are stages.
         stage: A history of loading, instead of [loading]: the bodies then remember plastic flow.
-        model: What the coordinates of a mesh in the plane mean.
+        model: Meaning of the coordinates of a plane mesh.
         title: For people; the name of the file where it is missing.
         gravity: The weight of bodies, by their densities.
         water: Water in the pores of ground and above it, by its table.
@@ -36,19 +36,19 @@ class Document:
         combination: Loads that act together with factors, each solved by itself; a table of
             results, the worst one first.
         design: Partial factors on strengths.
-        support: What holds the bodies.
-        temperature: Where the temperature changes.
-        initial_stress: Where bodies have stress before they are deformed.
+        support: Supports of the bodies.
+        temperature: Changes of temperature.
+        initial_stress: Stress of bodies before they are deformed.
         bolt: Bolts that are tightened before any load acts.
-        contact: Which bodies touch, or may touch, each other.
+        contact: Surfaces of bodies that touch, or may touch, each other.
         obstacle: Rigid obstacles, which may move.
-        tie: Which bodies are glued together.
-        rigid_surface: Which surfaces move as rigid bodies.
+        tie: Surfaces of bodies that are glued together.
+        rigid_surface: Surfaces that move as rigid bodies.
         element: The finite elements.
         solve: The algorithm and its options.
-        output: What is written.
-        report: What the report is headed with.
-        units: What the numbers are in.
+        output: Files that a run writes.
+        report: Heading of the report.
+        units: Units of the numbers.
     """
 
     material: dict[str, Table]
@@ -104,8 +104,8 @@ class ReportHead:
     """Whose computation it is: at the head of the report, with the date, and in ``summary.json``.
 
     Args:
-        project: What it belongs to.
-        number: Of the case or the document, as text, such as ``"2026-17 b"``.
+        project: Project that the case belongs to.
+        number: Number of the case or the document, as text, such as ``"2026-17 b"``.
         author: Who answers for it.
     """
 
@@ -133,8 +133,8 @@ class ModelOptions:
 
     Args:
         kind: The default is plane strain.
-        thickness: Of sheets in plane stress (length), 1 by default: forces and moments that are
-            given of a whole surface are spread over it.
+        thickness: Thickness of sheets in plane stress (length), 1 by default. Forces and moments of
+            a whole surface are spread over it.
     """
 
     kind: Literal["plane-strain", "plane-stress", "axisymmetric"] | None = None
@@ -148,7 +148,7 @@ class ModelOptions:
             )
 
     def of(self, tagged_mesh: TaggedMesh) -> TaggedMesh:
-        """The mesh with that meaning. Collective.
+        """Return the mesh with that meaning. Collective.
 
         Raises:
             InputError: If it is one of tetrahedra, or reaches to where the radius is negative, or
@@ -171,7 +171,8 @@ class ElementOptions:
     """The finite element.
 
     Args:
-        degree: Of the displacements, 1 or 2; of mechanisms (control = "bounds") 2 by default.
+        degree: Degree of the displacements, 1 or 2; of mechanisms (control = "bounds") 2 by
+            default.
     """
 
     degree: Literal[1, 2] = 1
@@ -197,7 +198,7 @@ class MeshBuilder:
 
     Args:
         builder: Its name.
-        arguments: What the builder takes, each a key of its own.
+        arguments: Arguments of the builder, each a key of its own.
         adapt: As for files.
     """
 

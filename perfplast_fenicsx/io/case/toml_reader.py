@@ -15,7 +15,7 @@ LARGEST_FILE = 1_000_000
 
 
 def read_text(path: Path) -> str:
-    """The text of a file that is to be TOML. Not collective.
+    """Return the text of a file that is to be TOML. Not collective.
 
     Raises:
         InputError: If it is no regular file, cannot be read, is very large or no text.
@@ -41,7 +41,7 @@ def read_text(path: Path) -> str:
 
 
 def _content(path: Path) -> bytes:
-    """The first bytes, one more than are allowed."""
+    """Return the first bytes, one more than are allowed."""
     mode = path.stat().st_mode  # opening a FIFO would wait for its other end
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise OSError(errno.EINVAL, "no regular file")
@@ -73,7 +73,7 @@ def parse(text: str, name: str) -> Table:
 
     Args:
         text: The file's.
-        name: Of the file, for the message.
+        name: Name of the file, for the message.
 
     Raises:
         InputError: If the text is not TOML, or none that can be used: nested very deep, or with

@@ -22,10 +22,10 @@ def odd_magnitudes(
     """Return a sentence for each number that is unlikely in these units. Collective.
 
     Args:
-        units: What the case says they are in.
-        materials: Of each body.
+        units: Units that the case names.
+        materials: Materials of each body.
         comm: The ranks.
-        points: Of the mesh, on this rank, shape (n, 3).
+        points: Points of the mesh, on this rank, shape (n, 3).
     """
     told = []
     for body, material in materials.items():
@@ -52,12 +52,12 @@ def odd_magnitudes(
 
 
 def read_units(table: Table, materials: Mapping[str, Material], name: str) -> Units:
-    """The units.
+    """Return the units.
 
     Args:
-        table: As TOML has it.
-        materials: Of each body.
-        name: Of the case file.
+        table: The table, as TOML has read it.
+        materials: Materials of each body.
+        name: Name of the case file.
 
     Raises:
         InputError: If keys are wrong or contradict each other, or a material has the numbers that a

@@ -19,7 +19,7 @@ class Variation:
     Attributes:
         key: Dotted, such as ``material.block.yield_stress`` or ``load.live.pressure``: tables by
             their names, entries of an array of tables by their name or surface, or their number.
-        values: What TOML may have there.
+        values: Values, as TOML may have them.
     """
 
     key: str
@@ -27,7 +27,7 @@ class Variation:
 
 
 def read_variation(text: str) -> Variation:
-    """The variation that is written as KEY=VALUES.
+    """Return the variation that is written as KEY=VALUES.
 
     Args:
         text: Values are FROM:TO:NUMBER, evenly apart with both ends, or a list with commas.
@@ -59,7 +59,7 @@ def read_variation(text: str) -> Variation:
 
 
 def _all_different(values: list[Any], whole: str) -> tuple[Any, ...]:
-    """The values, none of which would be solved twice."""
+    """Return the values, none of which would be solved twice."""
     for number, value in enumerate(values):
         if value in values[:number]:
             raise InputError(
@@ -70,7 +70,7 @@ def _all_different(values: list[Any], whole: str) -> tuple[Any, ...]:
 
 
 def _value(text: str, whole: str) -> Any:
-    """A value as TOML has it; a word without quotes is a text."""
+    """Return a value as TOML has it; a word without quotes is a text."""
     if not text.strip():
         raise InputError(f"--vary {whole}: there is an empty value; leave out the comma.")
     try:
@@ -80,7 +80,7 @@ def _value(text: str, whole: str) -> Any:
 
 
 def grid(variations: Sequence[Variation]) -> list[dict[str, Any]]:
-    """All cases of a sweep: a value for each key, the last key going fastest.
+    """Return all cases of a sweep: a value for each key, the last key going fastest.
 
     Raises:
         InputError: If a key is given twice, or there are very many cases.
@@ -97,11 +97,11 @@ def grid(variations: Sequence[Variation]) -> list[dict[str, Any]]:
 
 
 def varied(table: Table, values: Mapping[str, Any]) -> Table:
-    """A case file's content with other values.
+    """Return a case file's content with other values.
 
     Args:
-        table: As TOML has it.
-        values: By their keys, of :class:`Variation`.
+        table: The table, as TOML has read it.
+        values: Values by their keys, of :class:`Variation`.
 
     Raises:
         InputError: If there is no table that a key names.
@@ -117,7 +117,7 @@ def varied(table: Table, values: Mapping[str, Any]) -> Table:
         elif isinstance(place, dict):
             place[last] = value
         else:
-            raise InputError(f"--vary {key}: '{tables[-1]}' is a value, and no table.")
+            raise InputError(f"--vary {key}: '{tables[-1]}' is a value, not a table.")
     return found
 
 
@@ -132,7 +132,7 @@ def _inside(place: Any, part: str, key: str) -> Any:
 
 
 def _index(entries: Sequence[Any], part: str, key: str) -> int:
-    """The number of an entry that is called so, or has this number."""
+    """Return the number of an entry that is called so, or has this number."""
     # Keys by which an entry of an array of tables is known.
     named_by = ("name", "on", "primary")
     names = [

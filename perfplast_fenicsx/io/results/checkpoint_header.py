@@ -34,14 +34,14 @@ class Header:
 
     Attributes:
         schema: :data:`SCHEMA`.
-        version: Of the program.
+        version: Version of the program.
         case: The case file's content.
         case_hash: Its hash.
         mesh_hash: That of the mesh.
-        reports: Of the levels so far.
-        search: What is known of the limit load.
+        reports: Reports of the levels so far.
+        search: State of the search for a limit load.
         timings: Wall time by activity (s).
-        checksums: Of the arrays.
+        checksums: Checksums of the arrays.
     """
 
     schema: int
@@ -56,7 +56,7 @@ class Header:
 
 
 def read_header(folder: ResultFolder) -> Header:
-    """The header of the last checkpoint that has one. Collective.
+    """Return the header of the last checkpoint that has one. Collective.
 
     Raises:
         InputError: If none has, or it is of another version of this format.
@@ -82,7 +82,7 @@ def check_case(folder: ResultFolder, table: Table, name: str) -> None:
     """Make sure that the checkpoint is one of this case. Collective.
 
     Args:
-        folder: Where it is.
+        folder: Its folder.
         table: The case file's content.
         name: Its name, for the message.
 
@@ -105,7 +105,7 @@ def packed(header: Header, rank: int) -> Block:
 
 
 def header_of(comm: MPI.Intracomm, path: Path) -> Header:
-    """The header of a checkpoint. Collective.
+    """Return the header of a checkpoint. Collective.
 
     Raises:
         InputError: If it cannot be read.
@@ -117,7 +117,7 @@ def header_of(comm: MPI.Intracomm, path: Path) -> Header:
                 data = bytes(np.asarray(file["header"]))
             digest, text = data[:32], data[32:]
             if hashlib.sha256(text).digest() != digest:
-                fault = damaged(path, "its header is not what was written")
+                fault = damaged(path, "its header has changed since it was written")
         except FileNotFoundError:
             fault = f"'{path}' is missing"
         except (OSError, KeyError, RuntimeError, TypeError, ValueError) as error:
@@ -131,15 +131,15 @@ def header_of(comm: MPI.Intracomm, path: Path) -> Header:
 
 
 def generations(folder: ResultFolder) -> list[Path]:
-    """The checkpoints that a folder may have, the newest first."""
+    """Return the checkpoints that a folder may have, the newest first."""
     return [folder.file(NEWEST), folder.file(BEFORE)]
 
 
 def damaged(path: Path, reason: object) -> str:
-    """A sentence on a checkpoint that is damaged."""
+    """Return a sentence on a checkpoint that is damaged."""
     return f"the checkpoint '{path}' is damaged ({' '.join(str(reason).split())})"
 
 
 def nothing_left(folder: ResultFolder, faults: Sequence[str]) -> InputError:
-    """The error where no checkpoint of a folder can be used."""
+    """Return the error where no checkpoint of a folder can be used."""
     return InputError(f"{', and '.join(faults)}; start again with -o {folder.path} --force.")

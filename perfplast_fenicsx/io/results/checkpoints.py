@@ -63,10 +63,10 @@ class Saved:
     """The content of a checkpoint.
 
     Attributes:
-        reports: Of the levels so far.
+        reports: Reports of the levels so far.
         level: The last one, without its iterations; None before the first.
         before: State of the level before it.
-        search: What is known of the limit load, where one is looked for.
+        search: State of the search for a limit load, if there is one.
         timings: Wall time by activity (s).
     """
 
@@ -93,10 +93,10 @@ class Checkpoints:
         """Number cells and nodes, and look at the mesh. Collective.
 
         Args:
-            folder: Where they are.
+            folder: Their folder.
             problem: Whose states they hold.
             case: The case file's content.
-            version: Of the program.
+            version: Version of the program.
         """
         self._folder, self._problem, self._case, self._version = folder, problem, case, version
         mesh, V = problem.tagged_mesh.mesh, problem.V
@@ -135,7 +135,7 @@ class Checkpoints:
         write_arrays(folder, folder.file(NEWEST), arrays, folder.file(BEFORE))
 
     def read(self, stages: LoadingHistory | None = None) -> Saved:
-        """The last checkpoint that is whole. Collective.
+        """Return the last checkpoint that is whole. Collective.
 
         Args:
             stages: Where the problem goes through stages; it is left at the time of the last level.
@@ -180,7 +180,7 @@ class Checkpoints:
             ordering = self._ordering(name)
             found = checksum(comm, Block(values, ordering.first, ordering.total))
             if found != header.checksums[name]:
-                raise InputError(damaged(path, f"{name} is not what was written"))
+                raise InputError(damaged(path, f"{name} has changed since it was written"))
         reports = [LevelReport(**report) for report in header.reports]
         search = Search(**header.search) if header.search else None
         if search:
@@ -253,7 +253,7 @@ class Checkpoints:
 
 
 def _bits(problem: Problem) -> npt.NDArray[np.uint8]:
-    """A bit for each pair hosted here, another one for each pair of the same host."""
+    """Return a bit for each pair hosted here, another one for each pair of the same host."""
     constraints = problem.constraints
     # Along this direction the normals of the faces that meet at a node are all different.
     generic = np.array([0.5377, 0.8319, 0.1379])

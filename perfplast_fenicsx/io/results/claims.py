@@ -58,7 +58,7 @@ def check_claims(limit: dict[str, Any], proofs: Proofs) -> None:
 
     Args:
         limit: Its table of the limit load.
-        proofs: What the files prove.
+        proofs: Verdicts of the checker on the files.
 
     Raises:
         InputError: If a file proves another bound than the table has, or an envelope or a factor of
@@ -94,7 +94,7 @@ def check_claim(
         name: That of the proof.
         kind: "lower" or "upper".
         claimed: The bound.
-        halves: What the proof proves.
+        halves: Verdicts of the checker on both halves.
 
     Raises:
         InputError: If it does not.

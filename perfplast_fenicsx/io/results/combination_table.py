@@ -22,7 +22,7 @@ def write_table(folder: Path, found: Mapping[str, Mapping[str, Any] | None]) -> 
     """Write the table. Not collective.
 
     Args:
-        folder: That has the folders of the combinations.
+        folder: Folder that has the folders of the combinations.
         found: What ``summary.json`` says of the limit load of each, by their names.
 
     Returns:
@@ -40,7 +40,7 @@ def write_table(folder: Path, found: Mapping[str, Mapping[str, Any] | None]) -> 
 
 
 def read_table(folder: Path) -> Rows:
-    """The rows of the table in a folder; none where there is no table that can be read."""
+    """Return the rows of the table in a folder; none where there is no table that can be read."""
     try:
         with (folder / TABLE).open(encoding="utf-8", newline="") as file:
             rows: Rows = list(csv.DictReader(file))
@@ -53,7 +53,7 @@ def read_table(folder: Path) -> Rows:
 
 
 def as_cells(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]:
-    """The table for people: a line of headings, then combinations, bounds and verdicts."""
+    """Return the table for people: a line of headings, then combinations, bounds and verdicts."""
     cells = [["combination", "carried", "collapses", "estimate", "design load"]]
     dash = "-"
     for row in rows:

@@ -50,7 +50,7 @@ class FieldSeries:
         """Write the mesh, and take over the levels of an earlier run. Collective.
 
         Args:
-            folder: Where the files are.
+            folder: Folder of the files.
             problem: Whose levels are written.
             prescribed: The prescribed quantity of a level; the other one is found.
             kept: The levels that an earlier run has written, from the first one on; files of later
@@ -90,7 +90,7 @@ class FieldSeries:
         """Append a level that is solved. Collective.
 
         Args:
-            number: Of the level, from 1; higher than those before.
+            number: Number of the level, from 1; higher than those before.
             fields: Nodal or piecewise constant functions by name (:meth:`FieldWriter.write`).
             report: The level.
             at_points: Fields at the points of the quadrature, by name, where these are written.

@@ -30,7 +30,7 @@ class Figure:
 
     Attributes:
         file: Its name in the result folder, of a PNG file.
-        title: What it shows, as a heading.
+        title: Heading of the figure.
         source: The function that decides and draws, as "package.module:function". Its argument is
             a :class:`~perfplast_fenicsx.pictures.result_reader.ResultReader`. It returns a
             :data:`Drawing`, a sentence that gives the reason for no picture, or None where the

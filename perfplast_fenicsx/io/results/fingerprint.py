@@ -24,7 +24,7 @@ def case_hash(table: Table) -> str:
 
 
 def first_difference(now: Table, then: Table) -> str | None:
-    """Where a case differs from an earlier one, in words; None where it does not.
+    """Return where a case differs from an earlier one, in words; None where it does not.
 
     More load levels after the earlier ones are not a difference.
     """
@@ -42,7 +42,7 @@ def first_difference(now: Table, then: Table) -> str | None:
 
 
 def _goes_on(new: object, old: object) -> bool:
-    """Whether a list is an earlier one with more entries after it."""
+    """Return whether a list is an earlier one with more entries after it."""
     both = isinstance(new, list) and isinstance(old, list)
     return both and len(new) > len(old) and new[: len(old)] == old  # type: ignore[arg-type,index]
 
@@ -63,7 +63,7 @@ def _changed(key: str, new: object, old: object) -> str:
 
 
 def mesh_hash(tagged_mesh: TaggedMesh, cells: Ordering) -> str:
-    """A hash of points, cells and tags, the same on any number of ranks. Collective."""
+    """Return a hash of points, cells and tags, the same on any number of ranks. Collective."""
     mesh = tagged_mesh.mesh
     comm, tdim, dofs = mesh.comm, mesh.topology.dim, geometry_dofmap(mesh)
     index_map = mesh.geometry.index_map()

@@ -73,7 +73,7 @@ class FrictionFields:
         array[: len(values), axis] = values
 
     def _at_vertices(self, of_places: Floats) -> Floats:
-        """Values of places, shared among nodes and then vertices. Collective."""
+        """Return values of places, shared among nodes and then vertices. Collective."""
         on_rows, on_nodes = self._shares.createVecLeft(), self._shares.createVecRight()
         on_rows.array[self._problem.friction.pair] = of_places
         self._shares.multTranspose(on_rows, on_nodes)

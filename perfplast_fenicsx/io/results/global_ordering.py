@@ -32,7 +32,8 @@ class Ordering:
 
         Args:
             comm: The ranks.
-            keys: Of the things owned by this rank, at least 0; no two on any ranks are the same.
+            keys: Keys of the things owned by this rank, at least 0; no two on any ranks are the
+                same.
         """
         self._comm = comm
         width = comm.allreduce(int(keys.max(initial=0)), MPI.MAX) // comm.size + 1
@@ -59,26 +60,26 @@ class Ordering:
         return owned
 
     def numbers(self) -> Longs:
-        """Numbers of the owned things. Collective."""
+        """Return numbers of the owned things. Collective."""
         return self.from_blocks(np.arange(self.first, self.first + self.count))
 
     def _to_keepers(self, values: npt.NDArray) -> npt.NDArray:
-        """Rows of owned things on the ranks that keep their keys. Collective."""
+        """Return rows of owned things on the ranks that keep their keys. Collective."""
         return exchange_rows(self._comm, values[self._by_keeper], self._owned, self._kept)
 
 
 def cell_ordering(mesh: Mesh) -> Ordering:
-    """The order of a mesh's owned cells in the input. Collective."""
+    """Return the order of a mesh's owned cells in the input. Collective."""
     return Ordering(mesh.comm, _input_cells(mesh))
 
 
 def node_ordering(mesh: Mesh, cells: Ints, index_map: IndexMap) -> Ordering:
-    """The order of owned nodes by their first cell. Collective.
+    """Return the order of owned nodes by their first cell. Collective.
 
     Args:
         mesh: The mesh.
         cells: Local nodes of each local cell, shape (num_cells, nodes_per_cell).
-        index_map: Of the nodes, which may be those of the geometry or of displacements.
+        index_map: Index map of the nodes, which may be those of the geometry or of displacements.
     """
     owned, per_cell = index_map.size_local, cells.shape[1]
     cells = cells[: len(_input_cells(mesh))]

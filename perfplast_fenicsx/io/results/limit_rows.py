@@ -6,7 +6,7 @@ from perfplast_fenicsx.io.results.summary import Summary
 
 
 def limit_rows(summary: Summary) -> list[dict[str, Any]]:
-    """The rows, all with the same columns; what is not known is empty.
+    """Return the rows, all with the same columns; what is not known is empty.
 
     Args:
         summary: With a ``limit`` that came without levels.

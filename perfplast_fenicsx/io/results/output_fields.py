@@ -109,7 +109,7 @@ class OutputFields:
 
         Args:
             sigma: Mandel vectors at the points.
-            contact_forces: Of the pairs hosted by this rank, shape (num_pairs,).
+            contact_forces: Contact forces of the pairs hosted by this rank, shape (num_pairs,).
         """
         stress, size = self._stress.x.array, self._mean.function_space.dofmap.index_map_bs
         stress[:] = sigma.x.array
@@ -161,7 +161,7 @@ class OutputFields:
 
 
 def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
-    """The plastic work of a velocity as its law has it, the mean of each cell. Collective.
+    """Return the plastic work of a velocity as its law has it, the mean of each cell. Collective.
 
     It is the support function of the law's yield set, and 0 in elastic bodies.
 

@@ -50,7 +50,7 @@ class Block:
 
 
 def block(ordering: Ordering, values: npt.NDArray) -> Block:
-    """Values of owned things as a block of the array of all. Collective."""
+    """Return values of owned things as a block of the array of all. Collective."""
     values = np.ascontiguousarray(ordering.to_blocks(values))
     return Block(values, ordering.first, ordering.total)
 
@@ -123,7 +123,7 @@ def read_rows(path: Path, name: str, ordering: Ordering) -> npt.NDArray:
 
 
 def checksum(comm: MPI.Intracomm, rows: Block) -> int:
-    """A checksum of an array, the same however it is distributed. Collective.
+    """Return a checksum of an array, the same however it is distributed. Collective.
 
     The sum over all entries of a hash of entry and place (the mixer of splitmix64).
     """
@@ -137,7 +137,7 @@ def checksum(comm: MPI.Intracomm, rows: Block) -> int:
 
 
 def set_checksum(comm: MPI.Intracomm, rows: Longs) -> int:
-    """A checksum of rows in no order, the same however they are distributed. Collective."""
+    """Return a checksum of rows in no order, the same however they are distributed. Collective."""
     hashes: npt.NDArray[np.uint64] = np.full(len(rows), GOLDEN)
     for column in rows.T:
         hashes = _mixed(hashes * GOLDEN ^ column.astype(np.uint64))

@@ -71,7 +71,7 @@ class PointWriter:
         Args:
             path: The file, which is replaced if it is there.
             fields: Values by name, shape (num_cells, points of a cell, ...), ghosts included.
-            facts: What else is known, by name.
+            facts: Further facts by name.
 
         Raises:
             InputError: If the file cannot be written; what was there before is whole.

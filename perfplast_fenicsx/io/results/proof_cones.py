@@ -59,8 +59,8 @@ def table_of(
     Args:
         problem: Whose ranks these are.
         rows: The same on all of them.
-        shape: Of a row.
-        kind: Of its numbers.
+        shape: Shape of a row.
+        kind: Kind of its numbers.
     """
     values = np.asarray(rows, dtype=kind).reshape(len(rows), *shape)
     return Block(values if problem.comm.rank == 0 else values[:0], 0, len(rows))

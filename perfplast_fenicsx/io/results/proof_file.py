@@ -51,7 +51,7 @@ class StressProof:
         bound: λ.
         stress: Mandel vectors at the vertices of this rank's cells, shape (num_cells, tdim + 1, m),
             or coefficients of rσ (:mod:`ring_cells`), shape (num_cells, 6, 4).
-        question: Of which loads λ is the factor.
+        question: The loads that λ multiplies.
         aside: Factor of the loads of any factor.
         factor: That of the loads that the stress balances; None for λ.
         divisor: F that divides strengths; None where none does.
@@ -74,7 +74,7 @@ class ForceProof:
         problem: On straight cells, none of which can yield.
         bound: λ.
         joints: The forces.
-        question: Of which loads λ is the factor.
+        question: The loads that λ multiplies.
         divisor: F that divides strengths; None where none does.
     """
 
@@ -98,7 +98,7 @@ class VelocityProof:
         problem: On straight cells.
         bound: λ.
         velocity: A function of its V, with up-to-date ghosts; v = ru around an axis.
-        question: Of which loads λ is the factor.
+        question: The loads that λ multiplies.
         divisor: F that divides strengths; None where none does.
     """
 
@@ -119,8 +119,8 @@ def proofs(
     """Return the proofs of a lower and an upper bound; None if it is not strict or has no proof.
 
     Args:
-        low: What was found on the mesh of the lower bound.
-        high: What was found on that of the upper one.
+        low: Bounds on the mesh of the lower bound.
+        high: Bounds on the mesh of the upper bound.
         divisor: F by which the strengths of the bodies are divided; None where they are whole.
     """
     stress: LowerProof | None = None
@@ -273,7 +273,7 @@ def _named(group: str, blocks: Blocks) -> Blocks:
 
 
 def _stress(proof: StressProof) -> Blocks:
-    """The stress as symmetric matrices. Collective."""
+    """Return the stress as symmetric matrices. Collective."""
     mesh = proof.problem.tagged_mesh.mesh
     d = mesh.geometry.dim
     stress = matrices(proof.stress)[..., :d, :d]
@@ -293,7 +293,7 @@ def _forces(proof: ForceProof) -> Blocks:
 
 
 def _velocity(proof: VelocityProof) -> Blocks:
-    """The velocity at its nodes, and the nodes of the cells. Collective."""
+    """Return the velocity at its nodes, and the nodes of the cells. Collective."""
     V, mesh = proof.problem.V, proof.problem.tagged_mesh.mesh
     if proof.problem.degree != 2:
         raise InputError(
@@ -319,7 +319,7 @@ def _velocity(proof: VelocityProof) -> Blocks:
 
 
 def _places(problem: Problem) -> Places:
-    """Where cells and outer facets are on file. Collective."""
+    """Return where cells and outer facets are on file. Collective."""
     mesh, geometry = problem.tagged_mesh.mesh, bound_body(problem).geometry
     topology, outer = mesh.topology, geometry.exterior
     keys = np.asarray(topology.original_cell_index, dtype=np.int64)[geometry.cell[outer]]
@@ -328,7 +328,7 @@ def _places(problem: Problem) -> Places:
 
 
 def _body(proof: LowerProof | VelocityProof, follows: bool) -> Blocks:
-    """The bodies with loads, supports and contact. Collective.
+    """Return the bodies with loads, supports and contact. Collective.
 
     Args:
         proof: Of which bodies and loads.

@@ -29,13 +29,13 @@ class Places:
 def loads_on_file(
     problem: Problem, body: BoundBody, question: Question, places: Places
 ) -> dict[str, Block]:
-    """The arrays of all loads. Collective.
+    """Return the arrays of all loads. Collective.
 
     Args:
         problem: The bodies.
         body: The same, as bounds have them.
-        question: Of which loads λ is the factor.
-        places: Of their cells and facets.
+        question: The loads that λ multiplies.
+        places: Places of their cells and facets.
     """
     d, outer = body.vertices.shape[2], body.geometry.exterior
     found: dict[str, Block] = {}
@@ -53,7 +53,7 @@ def loads_on_file(
 
 
 def _kinds(problem: Problem, body: BoundBody, question: Question) -> dict[str, FacetLoads]:
-    """The loads of each kind that the file knows."""
+    """Return the loads of each kind that the file knows."""
     if question is Question.STANDS:
         return {"": body.dead, "any_": body.live}
     if any(load.constant for load in problem.given.loads):

@@ -46,12 +46,12 @@ SURFACES, SURFACE_TAGS = "perfplast/surfaces/facets", "perfplast/surfaces/tags"
 
 
 def level_file(number: int) -> str:
-    """The file of a level, counted from 1."""
+    """Return the file of a level, counted from 1."""
     return f"{FIELDS}/level_{number:04}.vtkhdf"
 
 
 def point_file(number: int) -> str:
-    """The file of the points of the quadrature at a level, counted from 1."""
+    """Return the file of the points of the quadrature at a level, counted from 1."""
     return f"{FIELDS}/points_{number:04}.vtkhdf"
 
 

@@ -104,11 +104,11 @@ class ResultFolder:
         raise_together(comm, self._obstacle(force, restart) if comm.rank == 0 else None)
 
     def file(self, name: str) -> Path:
-        """Path of a result file."""
+        """Return the path of a result file."""
         return self.path / name
 
     def found(self) -> list[str]:
-        """Names of the result files there are."""
+        """Return names of the result files there are."""
         return [name for name in result_files() if self.file(name).exists()]
 
     def create(self) -> None:
@@ -196,7 +196,7 @@ class ResultFolder:
         return None
 
     def _links(self) -> list[Path]:
-        """Links in the places of what a run writes; the folder itself may be one."""
+        """Return links in the places of what a run writes; the folder itself may be one."""
         ours = [self.file(name) for name in (*result_files(), FIELDS)]
         fields = self.file(FIELDS)
         inside = [*fields.glob("*.vtkhdf"), *fields.glob("*.h5")]
@@ -281,7 +281,7 @@ class Results:
 
 
 def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
-    """A row of ``path.csv``: columns for each part of reactions, and each name of stages."""
+    """Return a row of ``path.csv``: columns for each part of reactions, and each name of stages."""
     row = {"step": step} | dataclasses.asdict(report)
     for key in NAMED:
         row |= {f"{key} {name}".replace(" ", "_"): a for name, a in row.pop(f"{key}s").items()}

@@ -66,14 +66,14 @@ class ResultWriter:
         """Write what there is before the first level. Collective.
 
         Args:
-            folder: Where the results go; it has been made.
-            problem: What is solved.
-            scene: What pictures show around the bodies.
-            method: Of the solver.
-            prescribed: What the loading prescribes: the time of the fields.
+            folder: Folder for the results, which exists.
+            problem: The problem that is solved.
+            scene: Names and surroundings of the bodies, for pictures.
+            method: Method of the solver.
+            prescribed: Quantity that the loading prescribes: the time of the fields.
             fields: Whether to write fields.
             points: Whether to write them at the points of the quadrature too.
-            saved: What an earlier run has left, to go on with.
+            saved: State of an earlier run to go on with.
 
         Raises:
             InputError: On every rank, if the system refuses.
@@ -136,9 +136,9 @@ class ResultWriter:
 
         Args:
             limit: The limit load of the mesh.
-            body: What is proven of the body.
+            body: Proven bounds of the body.
             adaptive: The meshes on which that was sought, where there are several.
-            steps: What to do next, a sentence each without a full stop.
+            steps: Next steps for the user, a sentence each without a full stop.
             design: The limit load against the design load.
             fields: Whether to write the mechanism; where it is one on another mesh, the fields of
                 levels are lost.
@@ -322,11 +322,11 @@ def _as_before(bound: Bound, before: Bound) -> bool:
 
 
 def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
-    """The outcome in words: what is proven of the body if anything is, else the estimate.
+    """Return the outcome in words: what is proven of the body if anything is, else the estimate.
 
     Args:
-        limit: Of the mesh.
-        body: What is proven.
+        limit: Limit load of the mesh.
+        body: Proven bounds of the body.
     """
     if body is not None and (body.lower.strict or body.upper.strict):
         return body.in_words()

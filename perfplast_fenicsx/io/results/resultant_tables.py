@@ -24,7 +24,8 @@ class ResultantTables:
         """Take the units.
 
         Args:
-            units: Of the case; without a system moments are force × length as the case has them.
+            units: Units of the case; without a system moments are force × length as the case has
+                them.
             whole: As for :meth:`units.Units.table`.
         """
         self._scale = units.moment_scale(whole)
@@ -49,7 +50,7 @@ class ResultantTables:
         return asdict(found) | {"moments": moments}
 
     def _rounding(self, problem: Problem) -> float:
-        """Moment of a unit force that counts as zero. Collective."""
+        """Return the moment of a unit force that counts as zero. Collective."""
         mine = float(np.abs(problem.tagged_mesh.mesh.geometry.x).max(initial=0.0))
         return ROUNDING * problem.comm.allreduce(mine, MPI.MAX)
 

@@ -28,7 +28,7 @@ def hold(file: IO[str]) -> bool:
 
 
 def is_held(path: Path) -> bool:
-    """Whether a process holds a file; False where there is none, or no locks."""
+    """Return whether a process holds a file; False where there is none, or no locks."""
     try:
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -11,21 +11,20 @@ class Summary:
     """The content of ``summary.json``; its fields are the keys.
 
     Attributes:
-        prescribed: What each level prescribes, "zeta" or "alpha"; the other one is found.
+        prescribed: Quantity that each level prescribes, "zeta" or "alpha".
         mesh: Numbers of cells, vertices and displacement unknowns (dofs).
         element_size: Mean of the longest edges of the cells (length).
         model: Which ``kind`` it is, the ``axes`` that components of ``reactions`` are of, and what
             ``forces`` and works are of: each unit of depth, or the full turn.
-        given: What was solved: materials, supports, loads and the rest
-            (:func:`given_table.given_table`).
+        given: Materials, supports, loads and the rest (:func:`given_table.given_table`).
         seepage: Discharges of water by surface, and iterations of SNES-VI, if water flows.
         loads: Force and moment of each load at ζ = 1 (:class:`load_resultants.LoadResultant`).
         case: The case ``file``, and the ``text`` of it; nothing of a Python program.
         report: ``project``, ``number`` and ``author``, those that the case names.
         surroundings: ``versions`` by name, the ``petsc_options`` of the command line, the
             ``command`` without them, and when it ``began``.
-        remarks: What was said of the problem before it was solved, a sentence each.
-        warnings: What the program warned of.
+        remarks: Remarks on the problem before it was solved, a sentence each.
+        warnings: Warnings of the run.
         steps: A :data:`result_folder.STEP_KEYS` table for each level.
         limit: Limit load, where one was asked for.
         timings: Wall time by activity (s).

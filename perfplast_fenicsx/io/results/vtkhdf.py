@@ -91,7 +91,7 @@ class FieldWriter:
             path: The file, which is replaced if it is there.
             fields: Nodal or piecewise constant functions by name, their ghosts up to date. Vectors
                 in the plane get a third component, 0.
-            facts: What else is known, by name; VTK's field data.
+            facts: Further facts by name; VTK's field data.
 
         Raises:
             InputError: If the file cannot be written; what was there before is whole.
@@ -178,7 +178,7 @@ class FieldWriter:
         return place, block(ordering, rows if shape else rows[:, 0])
 
     def _nodal(self, name: str, function: fem.Function) -> fem.Function:
-        """The function, of the points' degree if it is a nodal one of another degree."""
+        """Return the function, of the points' degree if it is a nodal one of another degree."""
         if function.function_space.element.basix_element.degree in (0, self._degree):
             return function
         if name not in self._interpolated:

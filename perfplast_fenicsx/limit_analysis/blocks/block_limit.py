@@ -38,11 +38,11 @@ class BlockLimit:
 
     Attributes:
         lower: Of the forces: whether there are any, and λ.
-        upper: Of the motion.
+        upper: Upper bound of the motion.
         aside: Factor of the loads of any factor beside the forces.
         forces: On the blocks at the vertices of owned outer facets, shape (num_outer, d, d).
         tractions: By adhesion, at the same places, linear between.
-        motion: Of each block, shape (num_blocks · modes,), with L₁(v) = 1.
+        motion: Motion of each block, shape (num_blocks · modes,), with L₁(v) = 1.
         programs: Number of linear programs.
         resists: Whether λ is more than nothing, where no load stays.
     """
@@ -65,7 +65,7 @@ def block_limit(
     Args:
         comm: The ranks.
         blocks: The blocks.
-        question: Of which loads the factor is sought.
+        question: The loads whose factor is sought.
         rtol: How near each bound comes to the best one, relative.
     """
     solved = on_rank0(comm, lambda: _solve(blocks, question, rtol))
@@ -92,7 +92,7 @@ class _Solution:
     """The solution on rank 0.
 
     Attributes:
-        facets: Of joints.
+        facets: Facets of joints.
         forces: At their vertices on the first side, shape (n, d, d).
         tractions: The same by adhesion.
         shared: Motion and reactions of blocks, and what else all ranks get.
@@ -124,7 +124,7 @@ class _Jumps:
     """The vertices of joints, and which of them are the same.
 
     Attributes:
-        axes: Of each facet, the normal first, shape (n, d, d).
+        axes: Axes of each facet, the normal first, shape (n, d, d).
         vertices: Rows of jumps along these at all vertices, shape (n · d · d, blocks · modes).
         middles: The same where adhesive tractions act.
         kept: Vertices that stand for all others in their places.

@@ -49,7 +49,7 @@ class Places:
             (num_places · components, num_motions).
         size: μ of each cone, or the radius of each disc (force), shape (num_places,).
         cone: Whether they are cones.
-        components: Of a force.
+        components: Components of a force.
     """
 
     jump: csr_array
@@ -238,7 +238,7 @@ class _Solved:
         sizes: How much there is of each, shape (num_columns,).
         aside: Factor of the loads of any factor.
         motion: The motion that belongs to it.
-        program: What was solved.
+        program: The program that was solved.
     """
 
     outcome: Outcome

@@ -102,7 +102,7 @@ class RigidBlocks:
         of_node: Block of each local node of the displacements.
         of_outer: Block of each owned outer facet.
         corners: Vertices of these in the order of their cells, shape (num_outer, d, d).
-        frames: Of their motions, the same on all ranks.
+        frames: Frames of their motions, the same on all ranks.
         free: Orthonormal motions that supports leave free, shape (num_blocks · modes, num_motions).
         gram: Sums of products of what supports hold, shape (num_blocks, modes, modes).
         live: Forces and moments over extents of loads that grow, shape (num_blocks · modes,).

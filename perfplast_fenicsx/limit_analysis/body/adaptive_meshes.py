@@ -31,7 +31,7 @@ class Round:
 
     Attributes:
         number: From 1.
-        cells: Of the mesh.
+        cells: Cells of the mesh.
         lower: The strict lower bound found on it; None where there is none.
         upper: The strict upper bound.
         gap: What the best strict upper bound so far exceeds the best strict lower one by, relative;
@@ -193,7 +193,7 @@ def _round(
     Args:
         number: From 1.
         problem: On the mesh.
-        found: What was found on it.
+        found: The result on it.
         best: The best lower and upper bound of all meshes so far.
         seconds: Wall time so far.
     """
@@ -217,8 +217,8 @@ def nearness(rtol: float, gap: float | None) -> float:
     """Return how near each bound is to come to the best of its kind on the next mesh, relative.
 
     Args:
-        rtol: What is asked for.
-        gap: Of the bounds so far; None where one of them is missing.
+        rtol: Relative tolerance of the bounds.
+        gap: Gap of the bounds so far; None where one of them is missing.
     """
     share, most = 0.05, 0.02  # of the gap, which a mesh halves at best
     return max(rtol, min(share * gap, most)) if gap is not None else rtol

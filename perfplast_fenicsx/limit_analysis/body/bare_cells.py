@@ -30,7 +30,7 @@ def with_room_for_stress(problem: Problem) -> Problem:
 
 
 def with_divided_bare_cells(problem: Problem) -> Problem:
-    """The plane problem on a mesh without such cells; itself where it has none. Collective.
+    """Return the plane problem on a mesh without such cells; itself where it has none. Collective.
 
     They are cut at a vertex that is opposite an edge inside, with all others there.
 

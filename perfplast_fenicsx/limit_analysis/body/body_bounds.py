@@ -55,7 +55,7 @@ class LeastLoad:
         return -bound.value if bound.strict and bound.value is not None else None
 
     def table(self) -> dict[str, float | None]:
-        """The bounds, as ``summary.json`` has them."""
+        """Return the bounds, as ``summary.json`` has them."""
         return {"carried": self.carried, "none_below": self.none_below}
 
 
@@ -93,13 +93,14 @@ class BodyBounds:
         shares: What each owned cell of the mesh, before it was split in space, has of the gap
             (:mod:`gap_shares`), shape (num_cells,); None without both bounds.
         certificates: What is left of what a bound asks for, by name.
-        steps: Of the interior point method, for both bounds.
+        steps: Steps of the interior point method, for both bounds.
         factorisations: For both bounds.
-        advice: What to change for better bounds, in clauses.
+        advice: Advice for better bounds, in clauses.
         weaker: The bodies of the lower bound, where they are not those of ``problem``.
         taken: What bodies are taken as, in clauses: ground that dilates by less than its friction,
             and surfaces whose chords differ.
-        joints: Of bodies of which none can yield: forces on their joints, in the place of a stress.
+        joints: Joints of bodies of which none can yield: forces on their joints, in the place of a
+            stress.
         question: Of which loads the factor is bounded: of the growing ones, or, where the constant
             ones were found to be too much on the mesh, of these (:class:`question.Question`).
     """

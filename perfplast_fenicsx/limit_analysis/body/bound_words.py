@@ -14,7 +14,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
 def sentence(words: str) -> str:
-    """A clause with a capital, without its full stop."""
+    """Return a clause with a capital, without its full stop."""
     return words[0].upper() + words[1:]
 
 

@@ -33,7 +33,7 @@ class Copied:
             root: The rank that has found it.
             flow: Where mechanisms are looked for, on the shared mesh.
             own: The same on the copy; where ``found`` is, on the root alone.
-            found: What was found there; on other ranks it does not matter.
+            found: The result there; ignored on other ranks.
 
         Returns:
             The same on every rank; None where nothing was found.
@@ -53,11 +53,11 @@ class Copied:
         return LimitLoad(**(told | fields))
 
     def stress(self, root: int, found: StaticBound | None) -> StaticBound:
-        """A lower bound with its stress. Collective.
+        """Return a lower bound with its stress. Collective.
 
         Args:
             root: The rank that has found it.
-            found: What was found there; on other ranks it does not matter.
+            found: The result there; ignored on other ranks.
         """
         told, rows = dict[str, Any](), dict[str, npt.NDArray]()
         if self._comm.rank == root and found is not None:
@@ -81,7 +81,7 @@ def _rows(function: fem.Function, own: FlowProblem) -> Floats:
 def _function(
     flow: FlowProblem, space: fem.FunctionSpace, name: str, rows: npt.NDArray
 ) -> fem.Function:
-    """A function with such values. Collective."""
+    """Return a function with such values. Collective."""
     function, dofmap = fem.Function(space, name=name), space.dofmap
     values = rows if flow.split is None else of_parts(rows, flow.split)
     function.x.array.reshape(-1, dofmap.index_map_bs)[dofmap.list[: len(values)]] = values

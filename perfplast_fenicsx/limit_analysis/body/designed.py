@@ -9,16 +9,16 @@ from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFact
 def designed(
     zeta: float | None, name: str, limit: LimitLoad, body: BodyBounds | None
 ) -> DesignFactor | None:
-    """How many times the design load is carried; None without one, or where no load is.
+    """Return how many times the design load is carried; None without one, or where no load is.
 
     Where the least load factor that is carried is above it, no multiple is reported: more of the
     load is wanted then, and not less. Where that is not proven, nor is it that it is carried.
 
     Args:
         zeta: Load factor of the design load.
-        name: Of the combination of loads that it is, where it has one.
-        limit: Of the mesh.
-        body: What is proven.
+        name: Name of the combination of loads that it is, where it has one.
+        limit: Limit load of the mesh.
+        body: Proven bounds of the body.
     """
     if zeta is None or standing_in_words(limit, body):
         return None

@@ -47,7 +47,7 @@ def directions_of_change(found: BodyBounds) -> Floats:
 
 
 def _gradients(tagged_mesh: TaggedMesh, places: Floats, values: Floats) -> Floats:
-    """Gradients in cells before they were split, of values at corners of the parts."""
+    """Return gradients in cells before they were split, of values at corners of the parts."""
     matrices, changes = places[:, 1:] - places[:, :1], values[:, 1:] - values[:, :1]
     gradients = np.asarray(np.linalg.solve(matrices, changes), dtype=np.float64)
     if not isinstance(tagged_mesh, AlfeldSplit):
@@ -84,7 +84,7 @@ def _around_vertices(
 
 
 def _in_their_size(comm: MPI.Intracomm, gradients: Floats) -> Floats:
-    """Each divided by its size, but for those of rounding. Collective."""
+    """Return each divided by its size, but for those of rounding. Collective."""
     sizes = np.linalg.norm(gradients, axis=(1, 2), keepdims=True)
     least = 1e-4 * comm.allreduce(float(sizes.max(initial=0.0)), MPI.MAX)
     return np.divide(

@@ -15,7 +15,7 @@ from perfplast_fenicsx.mesh.straight_geometry import corners
 
 
 def edge_metric(found: BodyBounds) -> Floats | None:
-    """A matrix M for each owned cell, in which the square of an edge e is e·M e. Collective.
+    """Return a matrix M for each owned cell, in which the square of an edge e is e·M e. Collective.
 
     M = GᵀG + 3 SᵀS with the gradients G of the mechanism, in the middle of the cell, and S of the
     deviator in the plane, each scaled so that the larger eigenvalue of its square is 1: an edge

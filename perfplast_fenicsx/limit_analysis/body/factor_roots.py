@@ -27,7 +27,7 @@ class FactorRoots:
 
     Attributes:
         problem: With the whole strengths.
-        tolerance: Of the roots, relative.
+        tolerance: Tolerance of the roots, relative.
         monitor: Called on every rank with F, and lower and upper bound of μ there.
         steps: Called on every rank after each step of the interior point method.
         steepness: |d ln μ/d ln F| that a single value is taken to have.
@@ -92,7 +92,7 @@ class FactorRoots:
         return factor
 
     def _log_times(self, factor: float) -> float | None:
-        """The logarithm of μ of the mesh, about; None if it is not known, ∞ without end.
+        """Return the logarithm of μ of the mesh, about; None if it is not known, ∞ without end.
 
         Collective.
         """
@@ -196,7 +196,7 @@ def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds
     stays until finer cells have one.
 
     Args:
-        curves: Of the meshes so far.
+        curves: Curves of the meshes so far.
         factor: F of the last one.
         bounds: Of μ there.
     """
@@ -227,7 +227,7 @@ def _within(factor: float, one: float, other: float, near: float) -> float:
     Args:
         factor: F.
         one: Another one.
-        other: The same.
+        other: The other one, in the same form.
         near: How near to these it may be in any case, relative.
     """
     low, high = sorted((math.log(one), math.log(other)))
@@ -265,7 +265,7 @@ def _steepness(known: dict[float, float], guess: float) -> float:
 
 
 def _next(known: dict[float, float], aim: float, guess: float) -> float:
-    """Where ln μ is what is aimed at, by the secant of the two values next to that."""
+    """Return where ln μ is what is aimed at, by the secant of the two values next to that."""
     nearest = min(known, key=lambda factor: abs(known[factor] - aim))
     change = (known[nearest] - aim) / _steepness(known, guess)
     most = 3 * math.log(STEP)

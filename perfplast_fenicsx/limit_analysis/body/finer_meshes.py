@@ -30,7 +30,7 @@ def finer_mesh(
     adaptation: Adaptation,
     much: bool = False,
 ) -> TaggedMesh | str:
-    """The next mesh, or why there is none. Collective.
+    """Return the next mesh, or why there is none. Collective.
 
     Where it would have too many cells, as many are marked as fit. A mesh that has hardly more
     cells than this one would cost as much and find little new. In the plane a twelfth more, where
@@ -40,7 +40,7 @@ def finer_mesh(
     Args:
         problem: The bodies and their loads, on this mesh.
         found: Bounds on it.
-        gap: Of the best bounds so far, relative; None where one of them is missing.
+        gap: Gap of the best bounds so far, relative; None where one of them is missing.
         adaptation: When meshes end.
         much: Whether a mesh in the plane is to have about twice as many cells as the one before.
     """
@@ -83,14 +83,14 @@ def finer_mesh(
 
 
 def _wanted(now: int, gap: float | None, adaptation: Adaptation) -> tuple[float, float]:
-    """Cells that the next mesh in space should have at least and at most.
+    """Return cells that the next mesh in space should have at least and at most.
 
     So many as should be enough, by what meshes have been seen to gain, but no more than twice as
     many as now: of shares on a coarse mesh those on a much finer one are not known.
 
     Args:
         now: Cells of this mesh.
-        gap: Of the best bounds so far.
+        gap: Gap of the best bounds so far.
         adaptation: When meshes end.
     """
     growth, steady = 2.0, 1.5
@@ -118,8 +118,8 @@ def refined(
             stress change are cut (:mod:`directions_of_change`), and cells at singular edges, where
             the lower one loses most, are made fans in place of being refined: what it loses there
             is for want of directions.
-        cells: That a mesh may have at most. In the plane fans of long cells are made at once where
-            they take less than a fourth of them, and else a little of them with each mesh.
+        cells: Cells that a mesh may have at most. In the plane fans of long cells are made at once
+            where they take less than a fourth of them, and else a little of them with each mesh.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     in_space = problem.bodies.gdim == 3
@@ -179,7 +179,7 @@ def _with_fans(
     dissipation: Floats,
     changes: Floats | None,
 ) -> tuple[TaggedMesh, npt.NDArray[np.bool_], Floats | None]:
-    """A mesh in space with fans at those of the marked cells that want them. Collective.
+    """Return a mesh in space with fans at those of the marked cells that want them. Collective.
 
     Returns:
         The mesh, which of its owned cells are still marked, and their directions of change.

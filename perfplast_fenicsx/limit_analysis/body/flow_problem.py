@@ -41,12 +41,12 @@ def flow_problem(problem: Problem) -> FlowProblem:
 
 
 def split_of(problem: Problem) -> AlfeldSplit | None:
-    """How cells are split for strict bounds; None where they are not. Collective."""
+    """Return how cells are split for strict bounds; None where they are not. Collective."""
     if problem.bodies.gdim == 3 and is_straight(problem):
         return alfeld_split(problem.tagged_mesh)
     return None
 
 
 def is_straight(problem: Problem) -> bool:
-    """Whether its elements are quadratic on straight cells. Collective."""
+    """Return whether its elements are quadratic on straight cells. Collective."""
     return problem.degree == 2 and not has_curved_cells(problem.tagged_mesh.mesh)

@@ -63,7 +63,7 @@ class Proven:
     side: tuple[float, ...] | None
 
     def is_at(self, angles: Angles) -> bool:
-        """Whether it is of this direction."""
+        """Return whether it is of this direction."""
         return bool(np.allclose(self.angles, angles, rtol=0, atol=1e-9))
 
 
@@ -81,7 +81,7 @@ class Envelope:
             of them is carried as well.
         sides: Half-spaces n·x ≤ r with rows (n, r), |n| = 1, shape (m, d + 1): what is outside of
             one of them is not carried.
-        directions: That were looked at, in turn.
+        directions: Directions that were looked at, in turn.
         gap: What the outer polytope exceeds the inner one by at most along a ray, relative; inf
             where one of them is missing there. Rays are half a degree apart, of three numbers 3.
         signed: Of each number whether it may be negative.
@@ -121,7 +121,7 @@ class Envelope:
         )
 
     def table(self) -> list[dict[str, float | None]]:
-        """Rows for a file: along each ray how far all is carried, and from where on none is.
+        """Return rows for a file: along each ray how far all is carried, and from where on none is.
 
         Rays are a degree apart, of three numbers 5.
         """
@@ -274,7 +274,7 @@ def _bounds(
 
 
 def _side(bounds: BodyBounds, loads: Sequence[Sequence[Load]], ray: Floats) -> Floats:
-    """The half-space of a mechanism, scaled to a normal of length 1. Collective.
+    """Return the half-space of a mechanism, scaled to a normal of length 1. Collective.
 
     The bound along the ray is (D(v) − L₀(v))/(ray·w) with the works w = (A(v), B(v), ...), so that
     the half-space is x·w ≤ bound · ray·w.

@@ -53,7 +53,7 @@ def least_load(
 
 
 def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = None) -> bool:
-    """Whether bodies may not carry what stays without the growing loads. Collective.
+    """Return whether bodies may not carry what stays without the growing loads. Collective.
 
     It is found by a stress that carries the loads turned round, on the mesh of the problem; where
     none is found, they may not.
@@ -99,6 +99,6 @@ def _pushes(load: Load) -> bool:
 
 
 def _turned(problem: Problem) -> Problem:
-    """The bodies with the growing loads turned round. Collective."""
+    """Return the bodies with the growing loads turned round. Collective."""
     loads = [load if load.constant else scaled(load, -1.0) for load in problem.given.loads]
     return variant(problem, loads=loads)

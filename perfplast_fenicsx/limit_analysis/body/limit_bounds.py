@@ -117,7 +117,7 @@ def check_bounds(problem: Problem, rtol: float = 1e-4) -> None:
 
 
 def admitted(problem: Problem, rtol: float) -> Problem:
-    """The problem as bounds are sought of it. Collective.
+    """Return the problem as bounds are sought of it. Collective.
 
     Cells that could carry nothing are divided, and pressures that do no work left out.
 
@@ -147,7 +147,7 @@ def _bounds(
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
 ) -> BodyBounds:
-    """A lower bound of one problem and an upper one of the other. Collective.
+    """Return a lower bound of one problem and an upper one of the other. Collective.
 
     Both are on one mesh, and mostly the same.
     """
@@ -190,7 +190,7 @@ def _bounds(
 def mechanism_bound(
     problem: Problem, rtol: float, monitor: Callable[[InteriorStep], None] | None
 ) -> tuple[BodyBounds, MechanismRates | None, AlfeldSplit | None]:
-    """An upper bound without a lower one. Collective.
+    """Return an upper bound without a lower one. Collective.
 
     Args:
         problem: As :func:`admitted` has it.
@@ -209,7 +209,7 @@ def mechanism_bound(
 def _of_flow(
     flow: FlowProblem, limit: LimitLoad
 ) -> tuple[BodyBounds, MechanismRates | None, AlfeldSplit | None]:
-    """The upper bound by a mechanism that was looked for; as of :func:`mechanism_bound`."""
+    """Return the upper bound by a mechanism that was looked for; as of :func:`mechanism_bound`."""
     limit = _with_forces_of_pairs(flow.problem, resisted(limit))
     return *_of_mesh(flow.problem, limit), flow.split
 
@@ -257,7 +257,7 @@ def _with_forces_of_pairs(problem: Problem, limit: LimitLoad) -> LimitLoad:
 
 
 def _split(problem: Problem, split: AlfeldSplit | None) -> Problem:
-    """The problem on cells that are split, if they are. Collective."""
+    """Return the problem on cells that are split, if they are. Collective."""
     return problem if split is None else problem.on(split)
 
 
@@ -272,7 +272,7 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
 
 
 def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismRates | None]:
-    """The same with the rates of the mechanism, if there is one. Collective."""
+    """Return the same with the rates of the mechanism, if there is one. Collective."""
     rates = None
     certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
     advice: tuple[str, ...] = ()

@@ -24,7 +24,7 @@ class LimitForces:
             the limit load of the mesh, an estimate, or the last level of a path to it.
         reactions: As of a level (:class:`resultants.Resultants`). Where supports or contacts can
             share a force in several ways, these are one of them.
-        moments: Of the loads and of supports about the origin.
+        moments: Moments of the loads and of supports about the origin.
         balance: As of a level.
     """
 

@@ -17,8 +17,8 @@ def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDAr
 
     Args:
         comm: The ranks.
-        shares: Of the cells that this rank owns; those below zero count as zero.
-        part: Of the sum over all cells, between 0 and 1.
+        shares: Shares of the cells that this rank owns; those below zero count as zero.
+        part: Part of the sum over all cells, between 0 and 1.
     """
     shares = np.maximum(shares, 0.0)
     wanted = part * comm.allreduce(float(shares.sum()))
@@ -68,7 +68,7 @@ def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[n
 
 
 def _in_all(comm: MPI.Intracomm, shares: Floats) -> Floats:
-    """Shares in the sum of all, those below zero as zero. Collective."""
+    """Return shares in the sum of all, those below zero as zero. Collective."""
     shares = np.maximum(shares, 0.0)
     whole = comm.allreduce(float(shares.sum()))
     return shares / whole if whole > 0 else shares

@@ -15,8 +15,8 @@ class Effort:
     """The effort of a search.
 
     Attributes:
-        dim: Of the bodies.
-        cells: Of the mesh; of several, of the first one.
+        dim: Dimension of the bodies.
+        cells: Cells of the mesh; of several, of the first one.
         seconds: Wall time.
         ended: Why there is no finer mesh, where it was adapted; empty where it was not.
     """
@@ -31,7 +31,7 @@ def next_steps(body: BodyBounds, effort: Effort) -> list[str]:
     """Sentences without a full stop; none where both bounds hold and are near each other.
 
     Args:
-        body: What is proven.
+        body: Proven bounds of the body.
         effort: What it took.
     """
     return list(_steps(body, effort))
@@ -94,13 +94,13 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
 
 
 def _times(many: tuple[int, int], seconds: float) -> str:
-    """How many times as long, and how long that is."""
+    """Return how many times as long, and how long that is."""
     least, most = (clock(number * seconds) for number in many)
     return f"{many[0]} to {many[1]} times as long as this ({least} to {most})"
 
 
 def clock(seconds: float) -> str:
-    """A time in words, in two digits."""
+    """Return a time in words, in two digits."""
     if seconds < 90:
         return f"{max(seconds, 1):.2g} s"
     if seconds < 90 * 60:
@@ -109,6 +109,6 @@ def clock(seconds: float) -> str:
 
 
 def _rounded(cells: int) -> int:
-    """A number of cells in two digits, not less than it is."""
+    """Return a number of cells in two digits, not less than it is."""
     step = 10 ** max(len(str(cells)) - 2, 0)
     return -(-cells // step) * step

@@ -28,7 +28,7 @@ NOT_ASKED = "it was not asked for"
 
 
 def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None) -> BodyBounds:
-    """An upper bound and its mechanism, without a lower one. Collective.
+    """Return an upper bound and its mechanism, without a lower one. Collective.
 
     Args:
         problem: As :func:`limit_bounds.limit_bounds` takes it.
@@ -47,7 +47,7 @@ def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None
 def lower_bound(
     problem: Problem, beside: BodyBounds, rtol: float = 1e-4, steps: Steps | None = None
 ) -> BodyBounds:
-    """A lower bound and its stress, without an upper one. Collective.
+    """Return a lower bound and its stress, without an upper one. Collective.
 
     Args:
         problem: As :func:`limit_bounds.limit_bounds` takes it.

@@ -8,7 +8,7 @@ from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 
 
 def on_parts(stress: Floats, split: AlfeldSplit) -> Floats:
-    """The stress of the parts of cells, as that of the cells of the split mesh."""
+    """Return the stress of the parts of cells, as that of the cells of the split mesh."""
     parts = split.mesh.topology.dim + 1
     return of_parts(stress.reshape(len(stress), parts, parts, stress.shape[2]), split)
 
@@ -20,7 +20,7 @@ def of_parts(values: Floats, split: AlfeldSplit) -> Floats:
 
 
 def by_cells(values: Floats, split: AlfeldSplit) -> Floats:
-    """Values of the split mesh's cells, cell by cell; the other way round."""
+    """Return values of the split mesh's cells, cell by cell; the other way round."""
     parts = split.mesh.topology.dim + 1
     found: Floats = np.empty((len(values) // parts, parts, *values.shape[1:]))
     found[split.parents, _places(split)] = values
@@ -35,6 +35,6 @@ def of_parents(values: Floats, split: AlfeldSplit) -> Floats:
 
 
 def _places(split: AlfeldSplit) -> npt.NDArray[np.integer]:
-    """Which part of its cell each is."""
+    """Return which part of its cell each is."""
     original: Longs = np.asarray(split.mesh.topology.original_cell_index, dtype=np.int64)
     return original % (split.mesh.topology.dim + 1)

@@ -25,11 +25,11 @@ def rays_at(angles: Floats) -> Floats:
 
 
 def spread(signed: tuple[bool, ...], step: float) -> Floats:
-    """Directions at equal steps of the angles.
+    """Return directions at equal steps of the angles.
 
     Args:
         signed: Of each axis whether numbers below zero count, of two or three axes.
-        step: Of each angle (degrees), a part of 90.
+        step: Step of each angle (degrees), a part of 90.
 
     Returns:
         Angles as :func:`rays_at` has them, shape (n, 1) or (n, 2), in increasing order.
@@ -64,7 +64,7 @@ def to_begin_with(signed: tuple[bool, ...]) -> Floats:
 
 
 def outer_along(sides: Floats, rays: Floats) -> Floats:
-    """Where rays leave half-spaces; inf where they do not.
+    """Return where rays leave half-spaces; inf where they do not.
 
     Args:
         sides: Half-spaces n·x ≤ r with rows (n, r), shape (m, d + 1).
@@ -77,7 +77,7 @@ def outer_along(sides: Floats, rays: Floats) -> Floats:
 
 
 def inner_along(points: Floats, rays: Floats) -> Floats:
-    """How far along rays the hull of points reaches; −inf where it is not met.
+    """Return how far along rays the hull of points reaches; −inf where it is not met.
 
     Args:
         points: Shape (m, d), in any order; where they are in one plane (or on one line), those on
@@ -108,7 +108,7 @@ def inner_along(points: Floats, rays: Floats) -> Floats:
 def farthest_apart(
     points: Floats, sides: Floats, signed: tuple[bool, ...], asked: Floats
 ) -> tuple[float, Floats | None]:
-    """The largest distance of hull and half-spaces along rays, and where to ask next.
+    """Return the largest distance of hull and half-spaces along rays, and where to ask next.
 
     Args:
         points: Of :func:`inner_along`.

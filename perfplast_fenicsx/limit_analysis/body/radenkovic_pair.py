@@ -10,7 +10,7 @@ from perfplast_fenicsx.problem.variant import variant
 
 
 def weaker_and_stronger(problem: Problem) -> tuple[Problem, Problem]:
-    """The bodies of which a lower and an upper bound are sought. Collective.
+    """Return the bodies of which a lower and an upper bound are sought. Collective.
 
     Both are on the mesh of the problem, and associated (:mod:`nonassociated_flow`).
 

@@ -217,8 +217,8 @@ def times_in_words(factor: float, lower: Bound, upper: Bound, estimate: bool = F
 
     Args:
         factor: F.
-        lower: Of how many times.
-        upper: The same.
+        lower: Lower bound of how many times.
+        upper: As ``lower``.
         estimate: Whether both are of other ground, that of Davis.
     """
     sides = []
@@ -243,7 +243,7 @@ def times_in_words(factor: float, lower: Bound, upper: Bound, estimate: bool = F
 
 
 def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:
-    """Both bounds, as far as they hold for the body."""
+    """Return both bounds, as far as they hold for the body."""
     lower, upper = (it.value if it.strict else None for it in (bounds.lower, bounds.upper))
     return lower, upper
 
@@ -251,7 +251,7 @@ def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:
 def _better_of(
     one: tuple[float | None, float | None], other: tuple[float | None, float | None]
 ) -> tuple[float | None, float | None]:
-    """The larger lower bound and the smaller upper one, of those that there are."""
+    """Return the larger lower bound and the smaller upper one, of those that there are."""
     lowers, uppers = (
         [it for it in pair if it is not None] for pair in zip(one, other, strict=True)
     )

@@ -52,7 +52,7 @@ def with_sheared_edges_divided(problem: Problem) -> Problem:
 
 
 def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
-    """Edges of owned cells where shears differ, and too few cells meet. Collective.
+    """Return edges of owned cells where shears differ, and too few cells meet. Collective.
 
     Returns:
         In DOLFINx's order of edges, shape (num_cells, 6).
@@ -110,9 +110,9 @@ def _sides(ends: Longs, points: Floats, numbers: Longs, facets: Floats, normals:
     Args:
         ends: Vertices of the edges, shape (num_facets, 3, 2).
         points: Coordinates of all vertices.
-        numbers: Of all vertices, the same on all ranks.
+        numbers: Numbers of all vertices, the same on all ranks.
         facets: Vertices of the facets, shape (num_facets, 3, 3).
-        normals: Of the facets.
+        normals: Normals of the facets.
     """
     turned = np.diff(numbers[ends], axis=2) < 0
     along = np.where(turned, -1.0, 1.0) * np.diff(points[ends], axis=2)[:, :, 0]

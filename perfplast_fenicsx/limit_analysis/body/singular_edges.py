@@ -18,10 +18,10 @@ from perfplast_fenicsx.problem.declared.given import Given
 
 
 def singular_edges(tagged_mesh: TaggedMesh, given: Given, valence: int) -> npt.NDArray[np.bool_]:
-    """Edges that need more cells around them, of each owned cell. Collective.
+    """Return edges that need more cells around them, of each owned cell. Collective.
 
     Args:
-        tagged_mesh: Of tetrahedra.
+        tagged_mesh: Mesh of tetrahedra.
         given: Its loads, supports and contacts.
         valence: Cells that should meet around an edge whose sides turn by a right angle more than
             they may, as by :func:`singular_points.singular_points`.
@@ -55,7 +55,7 @@ def singular_edges(tagged_mesh: TaggedMesh, given: Given, valence: int) -> npt.N
 
 
 def angles_at_edges(x: Floats) -> Floats:
-    """Angles between the two faces at each edge.
+    """Return angles between the two faces at each edge.
 
     Args:
         x: Corners of tetrahedra, shape (num_cells, 4, 3).

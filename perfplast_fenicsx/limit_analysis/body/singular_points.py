@@ -26,7 +26,7 @@ def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int, ends: b
     and too few cells meet.
 
     Args:
-        tagged_mesh: Of triangles.
+        tagged_mesh: Mesh of triangles.
         given: Its loads, supports and contacts.
         valence: Cells that should meet where they may turn by a right angle, as at the end of a
             load on a straight side: there they turn by what the angle of the body exceeds a right
@@ -45,7 +45,7 @@ def turns_at_vertices(
     """By how much principal stresses may turn at local vertices. Collective.
 
     Args:
-        tagged_mesh: Of triangles.
+        tagged_mesh: Mesh of triangles.
         given: Its loads, supports and contacts.
 
     Returns:
@@ -74,7 +74,7 @@ def turns_at_vertices(
 
 
 def angles_at_corners(x: Floats) -> Floats:
-    """Angles of triangles, shape (n, 3).
+    """Return angles of triangles, shape (n, 3).
 
     Args:
         x: Their vertices, shape (n, 3, 2).
@@ -89,7 +89,7 @@ def turns(angles: Floats, facets: Floats, kinds: Floats, squares: Floats) -> Flo
     """By how much principal stresses may turn where outer facets meet, in right angles, 0 to 1.
 
     Args:
-        angles: Of the body, from facet to facet, shape (n,).
+        angles: Angles of the body, from facet to facet, shape (n,).
         facets: How many meet there.
         kinds: Sum of their numbers of :func:`kinds_of_facets`.
         squares: Sum of the squares of these.

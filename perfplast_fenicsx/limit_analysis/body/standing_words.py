@@ -6,11 +6,11 @@ from perfplast_fenicsx.limit_analysis.statements.question import Question
 
 
 def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str | None:
-    """Whether constant loads alone are carried, in a sentence; None where more is known.
+    """Return whether constant loads alone are carried, in a sentence; None where more is known.
 
     Args:
-        limit: Of the mesh.
-        body: What is proven.
+        limit: Limit load of the mesh.
+        body: Proven bounds of the body.
     """
     known = body is not None and (body.lower.strict or body.upper.strict)
     if body is not None and known and body.question is Question.STANDS:

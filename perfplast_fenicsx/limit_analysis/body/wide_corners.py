@@ -25,14 +25,14 @@ Flags = npt.NDArray[np.bool_]
 def wide_corners(
     tagged_mesh: TaggedMesh, given: Given, gap: float | None = None
 ) -> tuple[Flags, Flags]:
-    """Corners of owned cells at such points that are too wide, and all there. Collective.
+    """Return corners of owned cells at such points that are too wide, and all there. Collective.
 
     Args:
-        tagged_mesh: Of triangles.
+        tagged_mesh: Mesh of triangles.
         given: Its loads, supports and contacts.
-        gap: Of the bounds on this mesh, relative. What cells of an angle leave of the gap goes with
-            its square, so that angles are halved once bounds are near, and with each quarter of
-            the gap.
+        gap: Gap of the bounds on this mesh, relative. What cells of an angle leave of the gap goes
+            with its square, so that angles are halved once bounds are near, and with each quarter
+            of the gap.
 
     Returns:
         Both of shape (num_cells, 3).
@@ -53,12 +53,12 @@ def wide_corners(
 
 
 def _from_sides(tagged_mesh: TaggedMesh, points: Floats, vertices: Ints) -> Floats:
-    """The larger angle of both edges of a corner from the nearer of the sides. Collective.
+    """Return the larger angle of both edges of a corner from the nearer of the sides. Collective.
 
     Args:
-        tagged_mesh: Of triangles.
-        points: Of the local vertices.
-        vertices: Of the owned cells, shape (num_cells, 3).
+        tagged_mesh: Mesh of triangles.
+        points: Points of the local vertices.
+        vertices: Vertices of the owned cells, shape (num_cells, 3).
 
     Returns:
         Shape (num_cells, 3); of no meaning where no two sides meet.
@@ -87,7 +87,7 @@ def _from_sides(tagged_mesh: TaggedMesh, points: Floats, vertices: Ints) -> Floa
 
 
 def _directions(vectors: Floats) -> npt.NDArray[np.complex128]:
-    """Vectors of the plane as complex numbers of the size 1."""
+    """Return vectors of the plane as complex numbers of the size 1."""
     numbers = vectors[..., 0] + 1j * vectors[..., 1]
     directions: npt.NDArray[np.complex128] = numbers / np.abs(numbers)
     return directions

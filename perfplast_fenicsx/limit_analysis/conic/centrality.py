@@ -39,7 +39,7 @@ class Products:
         return Products(-self.cones, -self.matrices, -self.pairs)
 
     def raised(self, by: float) -> "Products":
-        """The products with a number added to their eigenvalues."""
+        """Return the products with a number added to their eigenvalues."""
         cones = self.cones.copy(order="K")
         cones[:, 0] += by
         return Products(cones, self.matrices + by * np.eye(SIZE), self.pairs + by)

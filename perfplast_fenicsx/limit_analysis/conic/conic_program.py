@@ -58,8 +58,8 @@ class ConicProgram:
             all ranks together.
         plastic: Which points of this rank can yield, shape (count,): others are as elastic ones.
         weights: w, 1 in the mean, shape (count,).
-        sizes: Of strengths (stress), shape (count,): γ, or without cohesion α times a mean stress
-            of the constant loads; ∞ where nothing yields.
+        sizes: Sizes of strengths (stress), shape (count,): γ, or without cohesion α times a mean
+            stress of the constant loads; ∞ where nothing yields.
         loose: Whether any point of any rank has no cohesion.
         keeps: Whether no stress can be scaled into yield: beside constant loads, without cohesion.
         strengths: Sizes of those that can yield, about 1 where bodies bear the loads, and 0 of
@@ -118,7 +118,7 @@ class ConicProgram:
         """Measure stresses in a unit, and let yield what is weak enough. Collective.
 
         Args:
-            unit: Of stress.
+            unit: Unit of stress.
             strongest: Points of larger yield radii (stress) are as elastic ones.
         """
         self.strongest = strongest
@@ -173,7 +173,7 @@ class ConicProgram:
         return float(self.comm.allreduce(ratios.max(initial=0.0), MPI.MAX))
 
     def start(self) -> Floats:
-        """Pressures in the middle of the cones of the points, shape (count,)."""
+        """Return pressures in the middle of the cones of the points, shape (count,)."""
         found: Floats = np.zeros(self.strains.count)
         room = self.strengths[self.round] - self.radii
         found[self.round] = -room / np.where(room > 0, self.slopes, 1.0)
@@ -189,7 +189,7 @@ class ConicProgram:
         return np.column_stack([heads, tails])
 
     def whole(self, stress: Stress, load: float) -> Stress:
-        """A stress that balances all loads, of one that balances what of them is sought."""
+        """Return a stress that balances all loads, of one that balances what of them is sought."""
         for share, carried in ((load, self.carried), (1.0, self.carried_dead)):
             if carried is not None:
                 stress = stress[0] + share * carried[0], stress[1] + share * carried[1]
@@ -201,12 +201,12 @@ class ConicProgram:
             thing.destroy()
 
     def dead_to_live(self) -> float:
-        """Ratio of the largest force of L₀ to that of L. Collective."""
+        """Return the ratio of the largest force of L₀ to that of L. Collective."""
         largest = PETSc.NormType.NORM_INFINITY
         return float(self.dead.norm(largest) / self.load.norm(largest)) if self.has_dead else 0.0
 
     def create_vector(self) -> PETSc.Vec:
-        """A velocity of zeros. Collective."""
+        """Return a velocity of zeros. Collective."""
         vector = self.load.duplicate()
         vector.set(0)
         return vector
@@ -230,7 +230,7 @@ class ConicProgram:
         return Moduli(bulk, viscosity, none)
 
     def at_points(self, values: Floats, others: float) -> Floats:
-        """Values at all points from those at the round ones."""
+        """Return values at all points from those at the round ones."""
         found: Floats = np.full((self.strains.count, *values.shape[1:]), others, order="F")
         found[self.round] = values
         return found

@@ -40,7 +40,7 @@ class Unknowns:
     rooms: Floats
 
     def plus(self, t: float, change: "Unknowns") -> "Unknowns":
-        """The unknowns after t times a change."""
+        """Return the unknowns after t times a change."""
         return Unknowns(*(a + t * b for a, b in zip(self._all(), change._all(), strict=True)))
 
     def products(self) -> float:

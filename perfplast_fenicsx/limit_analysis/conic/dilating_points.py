@@ -33,10 +33,10 @@ class DilatingPoints:
         """Find the scaling of their cones. Not collective.
 
         Args:
-            program: What is solved.
+            program: The program that was solved.
             now: The iterate.
-            trace: Of the strain rate of its velocity, at all points.
-            deviator: The same.
+            trace: Trace of the strain rate of its velocity, at all points.
+            deviator: As ``trace``.
         """
         self.among = program.dilating
         self.at = np.arange(program.strains.count)[program.round][self.among]
@@ -45,7 +45,7 @@ class DilatingPoints:
         self.off = now.Z[self.among] - self.rates(trace, deviator)
 
     def moduli(self, moduli: Moduli) -> Moduli:
-        """Those of all points, with κ and b of these."""
+        """Return those of all points, with κ and b of these."""
         bulk, along = moduli.bulk.copy(), np.zeros_like(moduli.normal)
         bulk[self.at], along[self.at] = self._scaling.coupled(self._slopes)
         return Moduli(bulk, moduli.a, moduli.normal, along)
@@ -56,7 +56,7 @@ class DilatingPoints:
         return np.column_stack([heads, -self._weights[:, None] * deviator[self.at]])
 
     def members(self, rates: Floats, aim: Floats | None = None) -> Floats:
-        """How the cones' members change with their rates, shape (num, 1 + m).
+        """Return how the cones' members change with their rates, shape (num, 1 + m).
 
         Args:
             rates: dz.

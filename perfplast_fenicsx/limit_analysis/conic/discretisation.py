@@ -39,11 +39,11 @@ class Moduli:
     whole: tuple[Longs, Floats] | None = None
 
     def with_whole(self, at: Longs, roots: Floats) -> "Moduli":
-        """The same but for the whole ones of some points."""
+        """Return the same but for the whole ones of some points."""
         return replace(self, whole=(at, roots))
 
     def first(self, count: int) -> "Moduli":
-        """Those of the first points, among which those with whole moduli are."""
+        """Return those of the first points, among which those with whole moduli are."""
         along = None if self.along is None else self.along[:count]
         return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along, self.whole)
 
@@ -53,7 +53,7 @@ class Moduli:
         return Moduli(self.bulk[count:], self.a[count:], self.normal[count:], along)
 
     def matrices(self) -> Floats:
-        """The same as forms of (tr ε, dev ε), shape (count, 1 + m, 1 + m)."""
+        """Return the same as forms of (tr ε, dev ε), shape (count, 1 + m, 1 + m)."""
         count, m = self.normal.shape
         found = np.zeros((count, 1 + m, 1 + m))
         found[:, 1:, 1:] = self.a[:, None, None] * np.eye(m)
@@ -179,7 +179,7 @@ class Discretisation:
 
     Attributes:
         comm: The ranks.
-        strains: Of velocities.
+        strains: Strains of velocities.
         stiffness: Assembled for the same velocities.
         load: L, the loads whose factor λ is sought, as a vector, in the user's units.
         dead: L₀, loads that stay as they are, in the same.

@@ -27,7 +27,7 @@ class InteriorIteration:
     """The iterate, and steps of it.
 
     Attributes:
-        program: What is solved.
+        program: The program that was solved.
         now: The iterate.
         velocity: Its velocity v.
     """
@@ -73,7 +73,7 @@ class InteriorIteration:
         return 1.0
 
     def unbalanced_work(self) -> float:
-        """Work of the forces that nothing balances on the velocity. Collective.
+        """Return the work of the forces that nothing balances on the velocity. Collective.
 
         It is what they change the load by, to first order, as the velocity is that of collapse with
         L(v) = 1.

@@ -48,7 +48,7 @@ class InteriorStep:
         unbalanced: Largest force that nothing balances, relative to the largest of the loads.
         inadmissible: Volume change of v in plastic bodies, and strain in elastic ones, relative to
             ‖ε(v)‖.
-        length: Of the step, at most 1.
+        length: Length of the step, at most 1.
         seconds: Wall time so far.
     """
 
@@ -79,7 +79,7 @@ def iterate(
         rtol: Largest difference of static and kinematic load, relative.
         steps: To which the steps are added.
         monitor: Called on every rank after each step.
-        share: Of the tolerance that the steps may leave.
+        share: Share of the tolerance that the steps may leave.
         least: Load factor up to which a load is not taken for one without a bound.
     """
     program, began = iteration.program, time.perf_counter()

@@ -59,11 +59,11 @@ class Start:
 
     @classmethod
     def within(cls, rtol: float) -> "Start":
-        """The first one of a search with a tolerance, relative."""
+        """Return the first one of a search with a tolerance, relative."""
         return cls(reserve=min(RESERVES[0], rtol / 10))
 
     def with_more_in_reserve(self, over: float | None = None) -> "Start | None":
-        """The next one with more in reserve; None if that would change the bound.
+        """Return the next one with more in reserve; None if that would change the bound.
 
         Args:
             over: By how much the stress has left yield, relative, if that is known.
@@ -220,7 +220,7 @@ def _divide(
         program: Whose loads they are.
         load: The loads, of which what is carried is taken off.
         flow: That of the loads.
-        springs: Of contact, whose forces are looked for as well; None if not.
+        springs: Springs of contact, whose forces are looked for as well; None if not.
 
     Returns:
         What is carried, None of nothing; contact forces, zeros where none are looked for; whether

@@ -22,7 +22,7 @@ class Workspace:
     Attributes:
         balance: Forces that nothing balances.
         right: Of a linear system.
-        change: Of the velocity.
+        change: Change of the velocity.
         motions: Under a unit of the loads whose factors are unknown.
     """
 
@@ -50,7 +50,7 @@ class NewtonDirections:
     """Directions for given changes of the products of cones and pairs.
 
     Attributes:
-        scaling: Of the cones.
+        scaling: Scaling of the cones.
     """
 
     def __init__(
@@ -65,8 +65,8 @@ class NewtonDirections:
         """Assemble and factorise K, and find what is the same for all directions. Collective.
 
         Args:
-            program: What is solved.
-            now: Where the iteration is.
+            program: The program that was solved.
+            now: The current iterate.
             velocity: Its velocity.
             work: Vectors to work with; ``balance`` is what nothing balances there.
             factorised: Whether the last factors are those of K.
@@ -100,7 +100,7 @@ class NewtonDirections:
         self._missing = np.array([1.0, 0.0][: len(self._loads)]) - self._of_all(velocity)
 
     def _of_all(self, velocity: PETSc.Vec) -> Floats:
-        """Works of the loads with unknown factors. Collective."""
+        """Return works of the loads with unknown factors. Collective."""
         return np.array([float(load.dot(velocity)) for load in self._loads])
 
     def _factorise(self) -> None:
@@ -125,7 +125,7 @@ class NewtonDirections:
         return self._a[:, None] * x - along[:, None] * self._normal
 
     def products(self, change: Unknowns | None = None) -> Products:
-        """Products of the unknowns, or of a change of them."""
+        """Return products of the unknowns, or of a change of them."""
         now, principal = change or self._now, self._principal
         matrices = now.X
         if change is None:
@@ -137,11 +137,11 @@ class NewtonDirections:
         return Products(cones, matrices, now.forces * now.rooms)
 
     def products_after(self, t: float, change: Unknowns) -> Products:
-        """Products of the unknowns after t times a change."""
+        """Return products of the unknowns after t times a change."""
         return self.products(self._now.plus(t, change))
 
     def towards(self, change: Products) -> Direction:
-        """The direction in which the products change so, to first order. Collective."""
+        """Return the direction in which the products change so, to first order. Collective."""
         now, program, work = self._now, self._program, self._work
         round_, free, jumps = program.round, self._free, program.jumps
         aim, pairs = quotient(self.scaling.point, change.cones), change.pairs
@@ -192,7 +192,7 @@ class NewtonDirections:
         return Direction(unknowns, work.change.array_r.copy())
 
     def balanced(self, now: Unknowns) -> Unknowns:
-        """Unknowns with what the balance in the workspace calls for. Collective.
+        """Return unknowns with what the balance in the workspace calls for. Collective.
 
         Args:
             now: The unknowns.

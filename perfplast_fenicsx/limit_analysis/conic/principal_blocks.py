@@ -23,7 +23,7 @@ class Blocks:
     """The coefficients of members: what X_k is of t, p and the deviator.
 
     Attributes:
-        cones: Of the points.
+        cones: Cones of the points.
         pressures: In the middle of the sets (stress), shape (num,).
     """
 
@@ -53,14 +53,14 @@ class Blocks:
         Args:
             t: Shape (num,).
             pressure: At all points.
-            deviator: The same.
+            deviator: As ``pressure``.
         """
         found = self.changes(t, pressure, deviator)
         found += self._constant[:, :, None, None] * np.eye(SIZE)
         return found
 
     def changes(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
-        """Those of X with changes of the arguments of :meth:`members`."""
+        """Return those of X with changes of the arguments of :meth:`members`."""
         cones = self.cones
         heads = self._of_t * t[:, None] + self._of_p * pressure[cones.at, None]
         tensors = cones.deviators(deviator)
@@ -98,7 +98,7 @@ class Blocks:
         return self._rooms[:, 0].copy(), X, Z
 
     def middle(self, pressure: Floats, deviator: Floats) -> Floats:
-        """The t that leaves both members as much room, shape (num,)."""
+        """Return the t that leaves both members as much room, shape (num,)."""
         X = self.members(np.zeros(self.cones.count), pressure, deviator)
         least = least_eigenvalue(X)
         found: Floats = (least[:, 1] - least[:, 0]) / 2
@@ -136,7 +136,7 @@ class Blocks:
         )
 
     def least(self, works: Floats) -> Floats:
-        """The smallest z of given :meth:`works`, that of p being left out where none is."""
+        """Return the smallest z of given :meth:`works`, that of p being left out where none is."""
         grows = self.cones.grows
         grid = np.empty((len(works), 2, 2))
         both = np.stack([self._of_t, self._of_p], axis=1)

@@ -69,7 +69,7 @@ class PrincipalCones:
         return (self.sines > 0) | self.cut
 
     def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> "PrincipalCones":
-        """Some of the points.
+        """Return some of the points.
 
         Args:
             chosen: Which, flags of shape (num,) or places among them.
@@ -78,7 +78,7 @@ class PrincipalCones:
         return replace(self, at=self.at[chosen], **numbers)
 
     def divided(self, unit: float) -> "PrincipalCones":
-        """The same with stresses measured in a unit."""
+        """Return the same with stresses measured in a unit."""
         bounds, tensions = (np.asarray(of / unit) for of in (self.bounds, self.tensions))
         return replace(self, bounds=bounds, tensions=tensions)
 
@@ -87,7 +87,7 @@ class PrincipalCones:
         return replace(self, bounds=self.bounds * factors[self.at])
 
     def put(self, values: Floats, of_these: Floats) -> Floats:
-        """Values at all points with those of these points in their places."""
+        """Return values at all points with those of these points in their places."""
         values[self.at] = of_these
         return values
 
@@ -140,11 +140,11 @@ class PrincipalCones:
         return found
 
     def components(self, deviator: Floats) -> Floats:
-        """Those of s that count, shape (num, k), of s at all points."""
+        """Return those of s that count, shape (num, k), of s at all points."""
         found: Floats = deviator[self.at, : len(self.tensors) - 1]
         return found
 
     def deviators(self, deviator: Floats) -> Floats:
-        """Tensors of s at all points, shape (num, 3, 3)."""
+        """Return tensors of s at all points, shape (num, 3, 3)."""
         found: Floats = np.einsum("nj,jab->nab", self.components(deviator), self.tensors[1:])
         return found

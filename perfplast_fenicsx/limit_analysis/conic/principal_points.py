@@ -33,10 +33,10 @@ class PrincipalPoints:
         """Scale, and factorise the system of each point. Not collective.
 
         Args:
-            program: What is solved.
+            program: The program that was solved.
             now: The iterate.
-            trace: Of the strain rate of its velocity, at all points.
-            deviator: The same.
+            trace: Trace of the strain rate of its velocity, at all points.
+            deviator: As ``trace``.
         """
         self._blocks, self._cones = program.blocks, program.blocks.cones
         self._weights, self._now = program.weights[self._cones.at], now
@@ -57,7 +57,7 @@ class PrincipalPoints:
         return self._weights[:, None] * rates
 
     def moduli(self, moduli: Moduli) -> Moduli:
-        """Those of all points, with the whole ones of these."""
+        """Return those of all points, with the whole ones of these."""
         roots = self._roots[:, 1:, 1:]  # of a triangle's part, as it is a triangle too
         more = moduli.normal.shape[1] + 1 - roots.shape[2]
         return moduli.with_whole(self._cones.at, np.pad(roots, ((0, 0), (0, more), (0, more))))
@@ -83,8 +83,8 @@ class PrincipalPoints:
 
         Args:
             aim: r̃, with what is missing in Z; None for neither.
-            trace: Of the change of the velocity, at all points; None if it does not change.
-            deviator: The same.
+            trace: Trace of the change of the velocity, at all points; None if it does not change.
+            deviator: As ``trace``.
         """
         right = np.zeros_like(self._off)
         if trace is not None and deviator is not None:

@@ -103,9 +103,9 @@ def _resistance(
     """Pressure, deviator and contact forces that resist a motion. Collective.
 
     Args:
-        iteration: Of whose program they are.
+        iteration: Iteration of whose program they are.
         springs: Stiffness of contact.
-        motion: Of bodies whose moduli are 1.
+        motion: Motion of bodies whose moduli are 1.
         out: Set to the forces of all of them.
     """
     program = iteration.program

@@ -26,7 +26,7 @@ def product(a: Floats, b: Floats) -> Floats:
 
 
 def quotient(a: Floats, b: Floats) -> Floats:
-    """The x whose product with a is b; a inside the cone."""
+    """Return the x whose product with a is b; a inside the cone."""
     inner = np.einsum("ni,ni->n", a[:, 1:], b[:, 1:])
     head = ((a[:, 0] * b[:, 0] - inner) / determinant(a))[:, None]
     return np.hstack([head, (b[:, 1:] - head * a[:, 1:]) / a[:, :1]])
@@ -82,7 +82,7 @@ class Scaling:
         return np.hstack([head[:, None], a[:, 1:] + along[:, None] * w])
 
     def moduli(self) -> tuple[Floats, Floats]:
-        """The inverse of the block of W⁻² that belongs to a', as a I − N Nᵀ.
+        """Return the inverse of the block of W⁻² that belongs to a', as a I − N Nᵀ.
 
         Returns:
             a, shape (num_cones,); N, shape (num_cones, m).

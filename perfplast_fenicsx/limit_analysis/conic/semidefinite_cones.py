@@ -69,11 +69,11 @@ class MatrixScaling:
         return _congruent(np.swapaxes(self._G, -1, -2), z)
 
     def undone(self, scaled: Floats) -> Floats:
-        """The z whose :meth:`dual` is given."""
+        """Return the z whose :meth:`dual` is given."""
         return _congruent(np.swapaxes(self._inverse, -1, -2), scaled)
 
     def quotient(self, a: Floats) -> Floats:
-        """The x whose Jordan product with Λ is a."""
+        """Return the x whose Jordan product with Λ is a."""
         sums = self.point[..., :, None] + self.point[..., None, :]
         return np.asarray(2 * a / sums, dtype=np.float64)
 

@@ -52,7 +52,7 @@ class BodyCone:
     profile: SpatialField | None = None
 
     def whole(self, stress: Floats) -> Floats:
-        """Stresses with that out of the plane where it leaves the most room.
+        """Return stresses with that out of the plane where it leaves the most room.
 
         Args:
             stress: Components in equations, shape (count, n).
@@ -130,7 +130,7 @@ class BodyCones:
         return bool(plastic) and not any(plastic)
 
     def principal_at(self, numbers: Longs) -> PrincipalCones:
-        """The points with sets of principal stresses.
+        """Return the points with sets of principal stresses.
 
         Args:
             numbers: Number of the cone of each point.
@@ -160,7 +160,7 @@ class BodyCones:
 
 @once_a_problem
 def body_cones(problem: Problem) -> BodyCones:
-    """The cones of the bodies. Not collective: materials are the same on all ranks.
+    """Return the cones of the bodies. Not collective: materials are the same on all ranks.
 
     Raises:
         InputError: If the method does not know a body's yield set.
@@ -175,7 +175,7 @@ def body_cones(problem: Problem) -> BodyCones:
         if cone is None and getattr(materials[name], "cohesion", None) == 0:
             raise InputError(
                 f"cohesion = 0 in volume '{name}': in space the interior point method needs a"
-                " cohesion of Mohr and Coulomb's law; give one, such as a thousandth of the"
+                " cohesion with Mohr and Coulomb's law; give one, such as a thousandth of the"
                 " constant pressures, or of the weight times the height."
             )
         if cone is None:
@@ -193,7 +193,7 @@ def body_cones(problem: Problem) -> BodyCones:
 
 
 def has_cones(problem: Problem) -> bool:
-    """Whether the method knows the yield sets of all bodies."""
+    """Return whether the method knows the yield sets of all bodies."""
     flat, size = _components(problem)
     thin, materials = problem.tagged_mesh.is_thin, materials_of(problem).values()
     return all(_cone_of(it, size, flat, thin) is not None for it in materials)
@@ -292,7 +292,7 @@ def _of_numbers(
 
 
 def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
-    """The numbers of a second-order cone of vectors of so many components."""
+    """Return the numbers of a second-order cone of vectors of so many components."""
     plain = PlainCone(
         float(numbers_of(cone.bound)), numbers_of(cone.slope), numbers_of(cone.matrix)
     )
@@ -307,7 +307,7 @@ def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
 
 
 def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:
-    """The numbers of a cone of principal stresses."""
+    """Return the numbers of a cone of principal stresses."""
     tension = np.inf if cone.tension is None else float(numbers_of(cone.tension))
     found = PlainPrincipal(float(numbers_of(cone.bound)), float(numbers_of(cone.sine)), tension)
     least = 0.0 if found.sine > 0 else TINY

@@ -84,8 +84,8 @@ def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.M
 
     Args:
         problem: Whose contact is meant.
-        rows: Of the blocks, global numbers of nodes.
-        columns: The same.
+        rows: Rows of the blocks, global numbers of nodes.
+        columns: As ``rows``.
 
     Returns:
         How many zeros it takes after the blocks' entries; the matrix.

@@ -76,7 +76,7 @@ def interior_point(
 
 
 def _or_none(problem: Problem, found: LimitLoad) -> LimitLoad:
-    """The same, since no load at all is always carried where there are no constant ones."""
+    """Return the same, since no load at all is always carried where there are no constant ones."""
     return found if problem.loads.has_dead() else replace(found, lower=max(found.lower, 0.0))
 
 
@@ -121,7 +121,7 @@ def _of_dead_loads(stands: LimitLoad) -> LimitLoad:
 
 
 def _together(before: LimitLoad, after: LimitLoad) -> LimitLoad:
-    """The better one of two searches, with what both have taken."""
+    """Return the better one of two searches, with what both have taken."""
     worse = after.verdict is not Verdict.FOUND and after.upper is None
     return _of_both(before if worse and before.upper is not None else after, before, after)
 

@@ -26,9 +26,9 @@ def why_unbounded(problem: Problem) -> str:
     if problem.degree == 1:
         return (
             "linear elements lock in plastic flow, which keeps the volume; use quadratic ones"
-            " (degree = 2 under [element]), or the loads are borne by bodies that do not yield"
+            " (degree = 2 under [element]), or the loads are carried by bodies that do not yield"
         )
-    return "they are borne by bodies that do not yield, or that cannot flow in any way"
+    return "they are carried by bodies that do not yield, or that cannot flow in any way"
 
 
 def _remedy(problem: Problem) -> str:

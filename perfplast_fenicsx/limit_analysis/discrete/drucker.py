@@ -39,12 +39,12 @@ def _borne(found: LimitLoad) -> float | None:
 
 
 def without_friction(problem: Problem) -> Problem:
-    """The same problem, of which nothing rubs. Collective."""
+    """Return the same problem, of which nothing rubs. Collective."""
     return variant(problem, friction=problem.friction.smooth())
 
 
 def without_slip(problem: Problem) -> Problem:
-    """The same problem, in which nothing slips or parts where it rubs. Collective."""
+    """Return the same problem, in which nothing slips or parts where it rubs. Collective."""
     basis, friction = problem.basis, problem.friction
     parts = np.ones(len(basis.index), dtype=np.bool_)
     parts[friction.pair] = False

@@ -164,7 +164,7 @@ class FrictionStrains:
         self._places.add(share[:, None] * stress, out.array)
 
     def springs(self, moduli: Moduli) -> Springs:
-        """Unknowns of the places, and what the moduli of their points are as springs."""
+        """Return unknowns of the places, and what the moduli of their points are as springs."""
         of_places, rows = moduli.beyond(self._points.count).matrices(), self._places.rows
         of_places = of_places[:, : rows.shape[1], : rows.shape[1]]
         share = self.weights[self._points.count :] / self.length**2

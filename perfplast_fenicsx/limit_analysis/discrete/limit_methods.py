@@ -16,7 +16,7 @@ TOLERANCE = 1e-3
 
 
 def method_for(problem: Problem) -> LimitMethod:
-    """The interior point method where it knows laws and loads, and a factorisation fits."""
+    """Return the interior point method where it knows laws and loads, and a factorisation fits."""
     if not collapses_by_loads(problem):
         return LimitMethod.PATH
     small = problem.num_dofs <= MOST_UNKNOWNS[problem.bodies.gdim]

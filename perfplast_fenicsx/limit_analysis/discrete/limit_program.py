@@ -18,7 +18,7 @@ def limit_program(problem: Problem, question: Question, reserve: float) -> Conic
 
     Args:
         problem: The bodies and their loads.
-        question: Of which loads the factor is sought.
+        question: The loads whose factor is sought.
         reserve: See :class:`ConicProgram`.
     """
     points = PointStrains(problem)

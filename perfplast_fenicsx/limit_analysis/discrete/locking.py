@@ -17,7 +17,7 @@ MOST = 0.9
 
 
 def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str, ...]:
-    """Bodies that have most of what makes a velocity no mechanism. Collective.
+    """Return bodies that have most of what makes a velocity no mechanism. Collective.
 
     Args:
         problem: The bodies.
@@ -40,7 +40,7 @@ def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str,
 
 
 def _largest(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
-    """The fewest names with :data:`MOST` of all, the largest first."""
+    """Return the fewest names with :data:`MOST` of all, the largest first."""
     total = sum(shares)
     if not 0 < total < np.inf:
         return ()

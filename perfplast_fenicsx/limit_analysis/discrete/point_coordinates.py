@@ -26,7 +26,7 @@ class PointCoordinates:
         dilates: Whether any cone has a slope.
         normal: Normal stresses in equations, two in plane strain.
         among: Numbers of the Mandel components in equations.
-        frames: Of the cones.
+        frames: Frames of the cones.
     """
 
     def __init__(self, problem: Problem) -> None:

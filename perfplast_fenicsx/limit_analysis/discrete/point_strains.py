@@ -53,7 +53,7 @@ class PointStrains:
         return self._split()
 
     def of_function(self, v: fem.Function) -> tuple[Floats, Floats]:
-        """The same of ε(v) for a function whose ghosts are up to date. Collective."""
+        """Return the same of ε(v) for a function whose ghosts are up to date. Collective."""
         self._u.x.array[:] = v.x.array
         return self._split()
 

@@ -58,14 +58,14 @@ class PlainCone:
         return 0 < k <= n and bool(values[-1] > ROUNDING * values[0])
 
     def normalised(self) -> "PlainCone":
-        """The same set, the geometric mean of the matrix' singular values being 1."""
+        """Return the same set, the geometric mean of the matrix' singular values being 1."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         size = float(np.exp(np.log(values).mean()))
         slope, matrix = (np.asarray(it / size, np.float64) for it in (self.slope, self.matrix))
         return PlainCone(self.bound / size, slope, matrix)
 
     def is_same(self, other: "PlainCone") -> bool:
-        """Whether the numbers are the same to the last digit."""
+        """Return whether the numbers are the same to the last digit."""
         alike = np.array_equal(self.slope, other.slope)
         return alike and self.bound == other.bound and np.array_equal(self.matrix, other.matrix)
 
@@ -75,10 +75,10 @@ class Shadow:
     """The projection of a cone along a free component of the stress.
 
     Attributes:
-        cone: Of the others; None where these are not bounded.
+        cone: Cone of the others; None where these are not bounded.
         along: The free one is along·x − share·‖matrix·x‖ where that leaves the most room, with the
             matrix of ``cone``; shape (n − 1,).
-        share: The same.
+        share: As ``along``.
     """
 
     cone: PlainCone | None
@@ -87,10 +87,10 @@ class Shadow:
 
 
 def shadow(cone: PlainCone, at: int, usual: Floats) -> Shadow:
-    """The set of what the other components can be.
+    """Return the set of what the other components can be.
 
     Args:
-        cone: Of all components.
+        cone: Cone of all components.
         at: Number of the free one.
         usual: What the free one is of the others where the cone says nothing, shape (n − 1,).
     """
@@ -132,7 +132,7 @@ class StandardCone:
 
 
 def never_yields(n: int, normal: int) -> StandardCone:
-    """All stresses, in mean stress and deviator.
+    """Return all stresses, in mean stress and deviator.
 
     Args:
         n: Components.
@@ -169,7 +169,7 @@ class PlainPrincipal:
         return PlainCone(half * self.bound, slope, matrix)
 
     def around(self, n: int, normal: int) -> StandardCone:
-        """A cone about the hydrostatic axis that has the set inside.
+        """Return a cone about the hydrostatic axis that has the set inside.
 
         It is the narrowest one of the same apex, where friction makes one; a tensile strength
         without friction has one of slope 1.
@@ -186,7 +186,7 @@ class PlainPrincipal:
 
 
 def standard_cone(cone: PlainCone, normal: int) -> StandardCone | None:
-    """The coordinates of a cone, and its numbers in these; None of sets that have none.
+    """Return the coordinates of a cone, and its numbers in these; None of sets that have none.
 
     These are sets with more than one direction that nothing bounds, and hyperboloids.
 
@@ -226,7 +226,7 @@ def standard_cone(cone: PlainCone, normal: int) -> StandardCone | None:
 
 
 def _is_isotropic(M: Floats, normal: int) -> bool:
-    """Whether ‖Mx‖ is the size of the deviator of normal stresses, and shears."""
+    """Return whether ‖Mx‖ is the size of the deviator of normal stresses, and shears."""
     k, n = M.shape
     unit = np.zeros(n)
     unit[:normal] = 1 / math.sqrt(normal)

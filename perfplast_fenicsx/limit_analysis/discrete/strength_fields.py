@@ -35,7 +35,7 @@ def profiles_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side)
     """Return linear functions beside the profiles in simplices. Not collective.
 
     Args:
-        cones: Of the bodies.
+        cones: Cones of the bodies.
         numbers: Number of the cone of each simplex, shape (n,).
         simplices: Their vertices, shape (n, k, d).
         side: Where the functions lie.

@@ -23,7 +23,7 @@ Rubs = TypeVar("Rubs", bound=Contact | Obstacle)
 
 
 def weakened(problem: Problem, factor: float) -> Problem:
-    """The same problem with strengths divided by a factor, of contacts as well. Collective.
+    """Return the same problem with strengths divided by a factor, of contacts as well. Collective.
 
     Strengths of materials, contacts and obstacles with ``reduced = false`` stay as they are.
 
@@ -153,7 +153,7 @@ def kept_strengths(
     """Return what a factor of safety does not divide by its ``reduced = false``, in words.
 
     Args:
-        materials: Of the bodies by name.
+        materials: Materials of the bodies by name.
         rubbing: Contacts and obstacles.
     """
     told = [f"the strength of '{name}'" for name, it in materials.items() if not is_divided(it)]
@@ -185,8 +185,8 @@ def check_stands(
     """Refuse loads that grow, and bodies that a factor would weaken nothing of.
 
     Args:
-        loads: Of the bodies.
-        materials: Of the bodies by name.
+        loads: Loads of the bodies.
+        materials: Materials of the bodies by name.
         rubbing: Contacts and obstacles.
 
     Raises:

@@ -17,7 +17,7 @@ class StressFrames:
         """Sort the points.
 
         Args:
-            cones: Of the bodies.
+            cones: Cones of the bodies.
             of_points: Number of the cone of each point.
             size: Components of s; by default the most of any cone.
         """
@@ -39,7 +39,7 @@ class StressFrames:
         return found[:, 0].copy(), found[:, 1:].copy(order="F")
 
     def stresses(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Components in equations, shape (count, n)."""
+        """Return components in equations, shape (count, n)."""
         both = np.column_stack([pressure, deviator])
         found = np.zeros((self._count, len(self.frames[0])))
         for here, F in zip(self.groups, self.frames, strict=True):

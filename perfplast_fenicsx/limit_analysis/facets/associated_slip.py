@@ -28,7 +28,7 @@ from perfplast_fenicsx.problem.variant import variant
 
 
 def with_strict_contact(problem: Problem) -> Problem:
-    """The problem in which mechanisms of upper bounds are looked for. Collective.
+    """Return the problem in which mechanisms of upper bounds are looked for. Collective.
 
     They enter nothing between nodes either, where that can be asked for, and slip as Coulomb's
     friction asks.
@@ -40,7 +40,7 @@ def with_strict_contact(problem: Problem) -> Problem:
 
 
 def with_associated_slip(problem: Problem) -> Problem:
-    """A problem whose mechanisms slip like that where friction is Coulomb's. Collective.
+    """Return a problem whose mechanisms slip like that where friction is Coulomb's. Collective.
 
     It is one for :func:`discrete_limit.interior_point` alone, as its unknowns are its own.
 
@@ -66,7 +66,7 @@ def with_associated_slip(problem: Problem) -> Problem:
 
 
 def _glued(problem: Problem, rows: PairFlags) -> Problem:
-    """The problem in which chosen pairs neither part nor slip. Collective."""
+    """Return the problem in which chosen pairs neither part nor slip. Collective."""
     basis, friction = problem.basis, problem.friction
     places = ~rows[friction.pair]
     held = np.concatenate([basis.index[rows], friction.unknowns(~places)])
@@ -108,7 +108,7 @@ def _wedged(problem: Problem) -> Problem:
     half, one = np.full(len(mu), 0.5), np.ones(len(mu))
 
     def block(*rows: tuple[Floats, Floats]) -> list[Entries]:
-        """Entries of 2×2 matrices whose rows are those of s and w_t."""
+        """Return entries of 2×2 matrices whose rows are those of s and w_t."""
         return [
             (row, column + first, value)
             for row, values in zip((normal, along), rows, strict=True)

@@ -19,7 +19,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 def bare_vertices(problem: Problem, at: BoundBody, loose: Flags) -> Flags:
-    """Which vertices of the cells that this rank owns, shape (num_cells, d + 1). Collective.
+    """Return which vertices of the cells that this rank owns, shape (num_cells, d + 1). Collective.
 
     Args:
         problem: The bodies.

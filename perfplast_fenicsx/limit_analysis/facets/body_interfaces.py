@@ -74,7 +74,7 @@ class InterfaceFacets:
 
     @classmethod
     def none(cls, held: Flags, guided: Floats) -> "InterfaceFacets":
-        """Those of no interface.
+        """Return those of no interface.
 
         Args:
             held: Components that supports hold, shape (num_facets, d).
@@ -134,7 +134,7 @@ class InterfaceFacets:
         self._dilate(pressed, interface.dilation)
 
     def _free(self, on: Ints, normal: Floats) -> Flags:
-        """Which facets supports leave free along a normal."""
+        """Return which facets supports leave free along a normal."""
         along = 1e-10  # part of a unit normal that is rounding
         part = np.linalg.norm(np.where(self.held[on], 0.0, normal), axis=1)
         free: Flags = part > along
@@ -165,7 +165,7 @@ class InterfaceFacets:
 
 
 def by_friction_alone(problem: Problem) -> bool:
-    """Whether some surfaces have friction that stresses do not know, and no adhesion."""
+    """Return whether some surfaces have friction that stresses do not know, and no adhesion."""
     found = [it for it in interfaces_of(problem) if it.dilation == 0]
     return any(it.strength.loose for it in found)
 
@@ -184,7 +184,7 @@ def interfaces_of(problem: Problem) -> tuple[Interface, ...]:
 
 
 def _rows(problem: Problem, facets: FacetGeometry, on: Ints, held: Flags, free: Flags) -> FacetRows:
-    """Facets that travel to be matched."""
+    """Return facets that travel to be matched."""
     rows = np.zeros(len(on), dtype=facet_type(facets.tdim))
     rows["corners"] = facets.corners(on)
     rows["x"][:, : facets.tdim] = rows["corners"].mean(axis=1)

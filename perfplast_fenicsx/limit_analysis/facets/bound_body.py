@@ -51,9 +51,10 @@ class BoundBody:
     """The local facets, ghosts too, and this rank's cells.
 
     Attributes:
-        numbers: Of the facets.
-        geometry: Of the outer ones.
-        vertices: Of the owned cells, in the order of their geometry, shape (num_cells, d + 1, d).
+        numbers: Numbers of the facets.
+        geometry: Geometry of the outer ones.
+        vertices: Vertices of the owned cells, in the order of their geometry, shape (num_cells, d +
+            1, d).
         supported: Cartesian components that supports hold, shape (num_facets, d); not of free
             rigid surfaces.
         guided: Unit vectors along which facets are held beside, 0 for none, shape (num_facets, d).
@@ -61,7 +62,7 @@ class BoundBody:
         dead: Those that it does not.
         rigid: Facets of surfaces that move as rigid ones.
         interfaces: Contacts, and then obstacles.
-        facets: What supports and interfaces say of the facets, those of rigid surfaces too.
+        facets: Supports and interfaces of the facets, also of rigid surfaces.
         why_not: Why what is found does not hold for the body.
         prevents: Why nothing can be found.
         turned: Whether the bodies are of revolution.
@@ -84,7 +85,7 @@ class BoundBody:
 
 @once_a_problem
 def bound_body(problem: Problem) -> BoundBody:
-    """The bodies of a problem, read once for as long as it lives. Collective."""
+    """Return the bodies of a problem, read once for as long as it lives. Collective."""
     mesh, given = problem.tagged_mesh.mesh, problem.given
     tdim = mesh.topology.dim
     numbers = facet_numbers(mesh)
@@ -135,7 +136,7 @@ def bound_body(problem: Problem) -> BoundBody:
 
 
 def _guided(problem: Problem, facets: FacetGeometry) -> Floats:
-    """Directions along which guides hold facets, the same on all ranks. Collective."""
+    """Return directions along which guides hold facets, the same on all ranks. Collective."""
     guides = problem.guides
     found = np.zeros((facets.num, facets.tdim))
     for surface, normal in zip(guides.surfaces, guides.normals, strict=True):

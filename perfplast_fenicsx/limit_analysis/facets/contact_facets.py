@@ -18,7 +18,7 @@ class ContactFacets:
     """Those of this rank's cells, ghosts too, of dimension d − 1.
 
     Attributes:
-        nodes: Of each facet, its vertices first, shape (num_facets, num_nodes).
+        nodes: Nodes of each facet, its vertices first, shape (num_facets, num_nodes).
         middles: Columns of ``nodes`` at the middles of edges, in the order of pairs of vertices;
             none of linear elements. Shape (num_facets, num_edges).
         cells: Their cells.
@@ -26,7 +26,7 @@ class ContactFacets:
         areas: Their areas, around an axis those of their middles' full turn; 0 where the cell is
             another rank's.
         normals: Unit normals out of their cells, shape (num_facets, d).
-        tags: Those of their surfaces.
+        tags: Tags of their surfaces.
     """
 
     nodes: Ints
@@ -87,7 +87,7 @@ def contact_facets(problem: Problem) -> ContactFacets:
 
 
 def _middles(x: Floats, tdim: int) -> Ints:
-    """Columns of the nodes between each two vertices.
+    """Return columns of the nodes between each two vertices.
 
     Args:
         x: Places of the nodes of facets, shape (num_facets, num_nodes, 3).

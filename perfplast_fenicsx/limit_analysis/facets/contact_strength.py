@@ -52,10 +52,10 @@ def strength_of(terms: FrictionTerms) -> ContactStrength:
 
 
 def any_loose(problem: Problem) -> bool:
-    """Whether any contact or obstacle slips and parts, and dissipates nothing by that."""
+    """Return whether any contact or obstacle slips and parts, and dissipates nothing by that."""
     return any(it.loose for it in strengths_of(problem))
 
 
 def strengths_of(problem: Problem) -> list[ContactStrength]:
-    """Those of all contacts and obstacles."""
+    """Return those of all contacts and obstacles."""
     return [strength_of(it) for it in (*problem.given.contacts, *problem.given.obstacles)]

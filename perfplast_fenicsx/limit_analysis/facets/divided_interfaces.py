@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 
 def with_divided_interfaces(problem: Problem) -> Problem:
-    """The problem on a mesh with a node wherever the other side has one. Collective.
+    """Return the problem on a mesh with a node wherever the other side has one. Collective.
 
     Facets that lie on each other match then, so that tractions and velocities of both sides are
     compared point by point. The new mesh states how its bodies differ from those of the old one
@@ -48,7 +48,7 @@ def with_divided_interfaces(problem: Problem) -> Problem:
 
 
 def _matching(tagged_mesh: TaggedMesh, primary: str, secondary: str) -> TaggedMesh:
-    """The mesh divided at one pair of surfaces. Collective."""
+    """Return the mesh divided at one pair of surfaces. Collective."""
     one, other = (surface_ends(tagged_mesh, name) for name in (primary, secondary))
     ends = one.reshape(-1, 2), other.reshape(-1, 2)
     away = farthest(one, ends[1]), farthest(other, ends[0])

@@ -10,7 +10,7 @@ NARROWEST = 0.02
 
 
 def enclosing_cones(directions: Floats, known: npt.NDArray[np.bool_]) -> tuple[Floats, Ints]:
-    """Cones of at most d directions around given ones.
+    """Return cones of at most d directions around given ones.
 
     One direction or two in a plane are taken as they are, but for angles that are too small; more
     in space are enclosed by the smallest of some triangles around their ends on a plane.
@@ -54,7 +54,7 @@ def enclosing_cones(directions: Floats, known: npt.NDArray[np.bool_]) -> tuple[F
 
 
 def _triangles(at: Floats, known: npt.NDArray[np.bool_], spread: Floats) -> Floats:
-    """Corners of triangles around points of the plane, shape (n, 3, 2)."""
+    """Return corners of triangles around points of the plane, shape (n, 3, 2)."""
     scale = np.maximum(spread, NARROWEST / 2)
     points = at / scale[:, None]
     turn = np.linspace(0.0, 2 * np.pi / 3, 24, endpoint=False)  # triangles that are tried

@@ -89,7 +89,7 @@ def entered_share(
 
 
 def _are_flat(problem: Problem, facets: ContactFacets, faces: Floats) -> bool:
-    """Whether the pairs around each facet have its normal. Collective."""
+    """Return whether the pairs around each facet have its normal. Collective."""
     nodes = facets.nodes
     none, paired = np.zeros(len(problem.constraints.host)), has_pair(problem)
     seen = ~paired[nodes].any(axis=1)

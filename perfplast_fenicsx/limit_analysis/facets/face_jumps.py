@@ -30,7 +30,7 @@ class FaceJumps:
 
     Attributes:
         source: Number of the contact or obstacle among the sources of constraints.
-        normal: Of its pairs, along which a jump is positive where bodies enter, shape (d,).
+        normal: Normal of its pairs, along which a jump is positive where bodies enter, shape (d,).
         here: Which of the contact facets (:func:`contact_facets.contact_facets`) are on it.
         moves: Local nodes without a pair of this face that supports do not hold altogether.
         w: Bernstein's coefficients of the jump at local nodes, 0 at those that supports keep from
@@ -61,7 +61,7 @@ class FaceJumps:
 
 
 def face_jumps(problem: Problem, velocity: fem.Function) -> Iterator[FaceJumps]:
-    """Those of each face in turn. Collective.
+    """Yield the those of each face in turn. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
@@ -95,7 +95,7 @@ def face_jumps(problem: Problem, velocity: fem.Function) -> Iterator[FaceJumps]:
 
 @once_a_problem
 def has_pair(problem: Problem) -> PairFlags:
-    """Which local nodes, ghosts too, have a pair. Collective."""
+    """Return which local nodes, ghosts too, have a pair. Collective."""
     every = np.ones(len(problem.constraints.host), dtype=bool)
     return at_nodes(problem, np.zeros(len(every)), every)[1]
 
@@ -119,7 +119,7 @@ def jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
 
 
 def least_speed(problem: Problem, velocity: fem.Function) -> float:
-    """Velocities at facets count as so much at least. Collective.
+    """Return velocities at facets count as so much at least. Collective.
 
     Jumps below the rounding of the largest velocity of all count as zero, however slow a body is
     itself.
@@ -157,7 +157,7 @@ def flat_faces(problem: Problem) -> Floats | None:
 
 
 def rows_of(problem: Problem, face: Floats) -> PairFlags:
-    """Pairs of a flat face."""
+    """Return pairs of a flat face."""
     rows = np.column_stack([problem.constraints.surface, problem.constraints.normal])
     return np.asarray((np.abs(rows - face) <= SAME).all(axis=1))
 
@@ -169,7 +169,7 @@ def _distinct(rows: Floats) -> Floats:
 
 
 def at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats, PairFlags]:
-    """Jumps of the chosen pairs at all their nodes, and which nodes those are. Collective.
+    """Return jumps of the chosen pairs at all their nodes, and which nodes those are. Collective.
 
     Returns:
         For each local node, ghosts too; 0 and False at others.

@@ -6,7 +6,7 @@ from perfplast_fenicsx.arrays import Floats, PairFlags
 
 
 def turned_axes(normal: Floats, held: PairFlags, aligned: PairFlags) -> tuple[Floats, PairFlags]:
-    """Axes that begin with a normal, and which of them are held.
+    """Return axes that begin with a normal, and which of them are held.
 
     Args:
         normal: Unit vectors that no held component has a part in, shape (n, d). Those that are the

@@ -28,7 +28,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 def with_facet_contact(problem: Problem) -> Problem | None:
-    """The same problem whose mechanisms enter no facet. Collective.
+    """Return the same problem whose mechanisms enter no facet. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
@@ -69,7 +69,7 @@ def _rows(
     glued: Flags,
     one: Flags,
 ) -> tuple[Constraints, Constraints] | None:
-    """Rows of pairs that may part, and of nodes that are glued. Collective."""
+    """Return rows of pairs that may part, and of nodes that are glued. Collective."""
     comm = problem.comm
     knots = _knots(problem, pairs, glued)
     # pairs within a knot say nothing more; those at it are hosted by the node beside it
@@ -105,7 +105,7 @@ def _rows(
 
 
 def _contact(problem: Problem, rows: npt.NDArray[np.void]) -> Constraints:
-    """Rows of jumps along vectors, of Bernstein's coefficients at midsides. Collective."""
+    """Return rows of jumps along vectors, of Bernstein's coefficients at midsides. Collective."""
     first = problem.V.dofmap.index_map.local_range[0]
     middle = rows["nodes"][:, 1, 0] >= 0
     factors = np.where(middle[:, None], [2.0, -0.5, -0.5], [1.0, 0.0, 0.0])
@@ -130,7 +130,7 @@ class _Knots:
 
     Attributes:
         nodes: Global numbers in order, on every rank, shape (n,).
-        labels: Of their knots, shape (n,).
+        labels: Labels of their knots, shape (n,).
         held: Components that supports hold, shape (n, d).
     """
 

@@ -16,7 +16,7 @@ class FacetGeometry:
         exterior: Local numbers of those that it owns, sorted.
         cell: The cell of each facet, ghosts too, shape (num_facets,).
         side: The vertex of it that the facet is opposite.
-        vertices: Of the cells, shape (num_cells, d + 1, d).
+        vertices: Vertices of the cells, shape (num_cells, d + 1, d).
     """
 
     def __init__(self, problem: Problem, numbers: FacetNumbers, vertices: Floats) -> None:
@@ -46,7 +46,7 @@ class FacetGeometry:
         return found
 
     def corners(self, facets: Ints) -> Floats:
-        """Vertices by their places, shape (n, d, d)."""
+        """Return vertices by their places, shape (n, d, d)."""
         tdim, cell, side = self.tdim, self.cell[facets], self.side[facets]
         others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
         x = self.vertices[cell[:, None], others[side]]
@@ -54,7 +54,7 @@ class FacetGeometry:
         return np.take_along_axis(x, np.argsort(places, axis=1)[:, :, None], axis=1)
 
     def at_corners(self, facets: Ints, values: Floats) -> Floats:
-        """Values at vertices in the order of the cell's, shape (n, d, ...).
+        """Return values at vertices in the order of the cell's, shape (n, d, ...).
 
         Args:
             facets: Numbers of facets.

@@ -57,7 +57,7 @@ class FacetLoads:
 
         Args:
             slopes: Gradients ∇φ of the barycentric coordinates, shape (num_cells, d + 1, d).
-            volumes: Of the cells.
+            volumes: Volumes of the cells.
 
         Returns:
             Of the facet opposite each vertex at each of its own, in the order of the cell's, what
@@ -72,10 +72,10 @@ class FacetLoads:
         return on_facets, inside
 
     def largest(self, extent: float) -> float:
-        """A stress that they cause on this rank: the largest traction, pressure and column.
+        """Return a stress that they cause on this rank: the largest traction, pressure and column.
 
         Args:
-            extent: Of the bodies.
+            extent: Extent of the bodies.
         """
         tractions = np.linalg.norm(self.tractions, axis=2).max(initial=0.0)
         forces = np.linalg.norm(self.forces, axis=1).max(initial=0.0)
@@ -86,7 +86,7 @@ class FacetLoads:
 def loads_of(
     problem: Problem, facets: FacetGeometry, rigid: RigidFacets, loads: Sequence[Load]
 ) -> tuple[FacetLoads, str | None]:
-    """Sums of loads, and what of them is not linear, in words. Collective.
+    """Return sums of loads, and what of them is not linear, in words. Collective.
 
     Args:
         problem: The bodies.

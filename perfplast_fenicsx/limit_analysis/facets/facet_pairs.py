@@ -19,7 +19,7 @@ FacetRows = npt.NDArray[np.void]
 
 
 def facet_type(gdim: int) -> np.dtype:
-    """The type of a row.
+    """Return the type of a row.
 
     Its fields are the middle ``x`` (3 numbers), the outward unit ``normal``, the ``corners`` in the
     order of their global numbers, the ``rank`` that owns the facet, its local and its global number

@@ -88,9 +88,9 @@ class FacetVelocities:
 
         Args:
             mesh: The mesh.
-            numbers: Of its facets.
-            twins: Of the local unknowns, ghosts too.
-            nodes: Of a facet, its vertices first.
+            numbers: Numbers of its facets.
+            twins: Twins of the local unknowns, ghosts too.
+            nodes: Nodes of a facet, its vertices first.
             followers: Cells whose facets follow others.
         """
         tdim = mesh.topology.dim

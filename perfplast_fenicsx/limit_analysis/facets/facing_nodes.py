@@ -23,7 +23,8 @@ class FacingNodes:
 
     Attributes:
         nodes: Global numbers of both, shape (n, 2).
-        ends: Of midsides the pairs at both ends of their edge, −1 of vertices, shape (n, 2, 2).
+        ends: Ends of midsides the pairs at both ends of their edge, −1 of vertices, shape (n, 2,
+            2).
         held: Components that supports hold of either, shape (n, 2, d).
         normals: Out of the first one's body, of each facet, shape (n, most, d); without components
             that supports hold on both sides.
@@ -45,7 +46,7 @@ class FacingNodes:
 
 
 def owners(problem: Problem, nodes: Longs) -> Longs:
-    """Ranks that own nodes, by their global numbers. Collective."""
+    """Return ranks that own nodes, by their global numbers. Collective."""
     ends = np.cumsum(problem.comm.allgather(problem.V.dofmap.index_map.size_local))
     found: Longs = np.searchsorted(ends, nodes, side="right")
     return found
@@ -81,7 +82,7 @@ def facing_nodes(problem: Problem, matched: list[MatchedFacets]) -> FacingNodes:
 
 
 def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
-    """A row for each node of each facet."""
+    """Return a row for each node of each facet."""
     n, count = facets.first.shape
     rows = np.zeros(
         (n, count),
@@ -107,7 +108,7 @@ def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
 
 
 def _crowded(problem: Problem, nodes: Longs) -> Flags:
-    """Whether either node of a pair is in several pairs. Collective."""
+    """Return whether either node of a pair is in several pairs. Collective."""
     asked = Exchange(problem.comm, owners(problem, nodes.ravel()))
     there = asked.forward(nodes.ravel())
     _, of, times = np.unique(there, return_inverse=True, return_counts=True)

@@ -40,7 +40,7 @@ def facing_vertices(
 
 
 def fit(one: Floats, off: Floats, normals: Floats, others: Floats) -> npt.NDArray[np.bool_]:
-    """Which facets are those opposite, but for rounding; shape (n,).
+    """Return which facets are those opposite, but for rounding; shape (n,).
 
     Args:
         one: Vertices of facets, shape (n, d, d).

@@ -22,7 +22,7 @@ def with_matching_facets(problem: Problem) -> Problem:
 
 
 def _at_each_point(problem: Problem) -> Problem:
-    """The problem with contact of nodes wherever they match. Collective."""
+    """Return the problem with contact of nodes wherever they match. Collective."""
     given, mesh = problem.given, problem.tagged_mesh.mesh
     in_mean = any(it.formulation == "mortar" for it in given.contacts)
     if not in_mean or not problem.as_declared or has_curved_cells(mesh):

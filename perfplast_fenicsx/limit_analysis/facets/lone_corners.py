@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 
 
 def with_divided_corners(problem: Problem) -> Problem:
-    """The problem on a mesh on which such corners have two cells; itself where it has none.
+    """Return the problem on a mesh on which such corners have two cells; itself where it has none.
 
     Cells are cut from the corner to the middle of the edge opposite. Collective.
 

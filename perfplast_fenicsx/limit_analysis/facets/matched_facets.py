@@ -41,7 +41,7 @@ class MatchedFacets:
     speeds: Floats
 
     def edges(self) -> list[tuple[int, int]]:
-        """Places of the vertices between which the midsides are, in their order."""
+        """Return places of the vertices between which the midsides are, in their order."""
         d = self.normals.shape[1]
         return list(combinations(range(d), 2)) if self.first.shape[1] > d else []
 
@@ -54,7 +54,7 @@ class MatchedFacets:
         return found
 
     def entered(self) -> float:
-        """The largest share of velocities that enters their facets, on this rank."""
+        """Return the largest share of velocities that enters their facets, on this rank."""
         most = self.coefficients().max(axis=1, initial=0.0)
         found = np.divide(most, self.speeds, out=np.zeros_like(most), where=self.speeds > 0)
         return float(found.max(initial=0.0))
@@ -63,7 +63,7 @@ class MatchedFacets:
 def matched_facets(
     problem: Problem, displacement: fem.Function | None = None
 ) -> list[MatchedFacets] | None:
-    """The facets of each contact, as its surfaces are declared. Collective.
+    """Return the facets of each contact, as its surfaces are declared. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
@@ -141,7 +141,7 @@ def _rows(problem: Problem, displacement: fem.Function | None) -> npt.NDArray[np
 
 
 def _with_midsides(order: Longs, count: int) -> Longs:
-    """The order of all nodes, of which the vertices' is given."""
+    """Return the order of all nodes, of which the vertices' is given."""
     d = order.shape[1]
     place = np.zeros((d, d), dtype=np.int64)
     for node, (a, b) in enumerate(combinations(range(d), 2), start=d):

@@ -28,13 +28,13 @@ class RigidFacets:
     """Free rigid surfaces as facets of this rank.
 
     Attributes:
-        names: Of the surfaces.
+        names: Names of the surfaces.
         surface: Number of the surface of each local facet, −1 for none.
         lead: Global number of the facet that has the unknowns, of each surface.
         free: Which of the unknowns there are, shape (num_surfaces, 3 or 6).
         middle: c, shape (num_surfaces, d).
         extent: Length that rotations are taken over.
-        area: Of each surface; around an axis of the full turn.
+        area: Area of each surface; around an axis of the full turn.
     """
 
     names: tuple[str, ...]
@@ -46,7 +46,7 @@ class RigidFacets:
     area: Floats
 
     def resultants(self, forces: Floats, moments: Floats) -> Floats:
-        """Loads of the unknowns, shape (num_surfaces, 3 or 6).
+        """Return loads of the unknowns, shape (num_surfaces, 3 or 6).
 
         Args:
             forces: On each surface, shape (num_surfaces, d).
@@ -57,10 +57,10 @@ class RigidFacets:
         return found
 
     def follow(self, number: int, x: Floats) -> Floats:
-        """Velocities of points of a surface in its unknowns.
+        """Return velocities of points of a surface in its unknowns.
 
         Args:
-            number: Of the surface.
+            number: Number of the surface.
             x: Points, shape (n, d).
 
         Returns:
@@ -76,13 +76,13 @@ class RigidFacets:
     def followers(
         self, comm: MPI.Intracomm, numbers: FacetNumbers, vertices: Floats, nodes: int
     ) -> Followers:
-        """Cells at these surfaces. Collective.
+        """Return cells at these surfaces. Collective.
 
         Args:
             comm: The ranks.
-            numbers: Of the facets.
-            vertices: Of the owned cells, shape (num_cells, d + 1, d).
-            nodes: Of a facet; more than its vertices around an axis, where none turns.
+            numbers: Numbers of the facets.
+            vertices: Vertices of the owned cells, shape (num_cells, d + 1, d).
+            nodes: Nodes of a facet; more than its vertices around an axis, where none turns.
         """
         d, (count, unknowns) = vertices.shape[2], self.free.shape
         others = np.array([[b for b in range(d + 1) if b != a] for a in range(d + 1)])

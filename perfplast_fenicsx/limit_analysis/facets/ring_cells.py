@@ -57,7 +57,7 @@ def ring_layout() -> CellLayout:
 
 
 def coefficients_of_radius(x: Floats) -> Floats:
-    """Those of r, shape (num_cells, 6).
+    """Return those of r, shape (num_cells, 6).
 
     Args:
         x: Vertices of cells, r and z, shape (num_cells, 3, 2).
@@ -111,11 +111,11 @@ def ring_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
 
 
 def ring_forces(x: Floats, forces: Floats) -> Floats:
-    """Loads of the multipliers of cells by forces per volume, shape (num_cells, 9).
+    """Return loads of the multipliers of cells by forces per volume, shape (num_cells, 9).
 
     Args:
         x: Vertices of cells, shape (num_cells, 3, 2).
-        forces: Of each cell, shape (num_cells, 2).
+        forces: Forces of each cell, shape (num_cells, 2).
     """
     _, areas = gradients(x)
     radii, rho = x[..., 0], coefficients_of_radius(x)
@@ -127,7 +127,7 @@ def ring_forces(x: Floats, forces: Floats) -> Floats:
 
 
 def on_facets(values: Floats, radii: Floats) -> Floats:
-    """Coefficients of r times what is linear on facets, between the ends the third.
+    """Return coefficients of r times what is linear on facets, between the ends the third.
 
     Args:
         values: At the ends, shape (..., 2, k).
@@ -142,7 +142,7 @@ def on_facets(values: Floats, radii: Floats) -> Floats:
 
 
 def coefficients_of_product(radii: Floats, values: Floats) -> Floats:
-    """Those of r times what is linear in a cell, shape (num_cells, 6, k).
+    """Return those of r times what is linear in a cell, shape (num_cells, 6, k).
 
     Args:
         radii: At the vertices, shape (num_cells, 3).
@@ -154,12 +154,12 @@ def coefficients_of_product(radii: Floats, values: Floats) -> Floats:
 
 
 def _ends_at(vertex: int) -> list[tuple[int, int]]:
-    """The facets at a vertex, and its place among the ends of each."""
+    """Return the facets at a vertex, and its place among the ends of each."""
     return [(f, EDGES[f].index(vertex)) for f in range(3) if f != vertex]
 
 
 def of_parts(stress: Floats, corners: Floats) -> Floats:
-    """Coefficients of the same polynomials on parts of cells.
+    """Return coefficients of the same polynomials on parts of cells.
 
     Args:
         stress: Coefficients on the cell of each part, shape (num_parts, 6, m).

@@ -52,7 +52,7 @@ def by_flux(problem: Problem) -> Problem:
 
 
 def _with_flux(tagged_mesh: TaggedMesh) -> TaggedMesh:
-    """The same mesh, straight, with v as displacements. Collective."""
+    """Return the same mesh, straight, with v as displacements. Collective."""
     x = tagged_mesh.mesh.geometry.x.astype(np.float64)
     low, high = bounding_box(tagged_mesh.mesh.comm, x)
     shift = float((low + high)[0] / 2 / np.linalg.norm(high - low))
@@ -60,7 +60,7 @@ def _with_flux(tagged_mesh: TaggedMesh) -> TaggedMesh:
 
 
 def _as_meshed(contact: Contact) -> Contact:
-    """The contact with the gap that the mesh has."""
+    """Return the contact with the gap that the mesh has."""
     if contact.gap is None:
         return contact
     return replace(contact, gap=None, interference=False, constant=True)
@@ -82,7 +82,7 @@ def _check_rings_meet(problem: Problem) -> None:
 
 
 def without_pores(problem: Problem, dilates: bool) -> Problem:
-    """The same bodies of revolution without pressures in pores. Collective.
+    """Return the same bodies of revolution without pressures in pores. Collective.
 
     Where volumes stay as they are such a pressure does no work, whatever it is: effective and total
     stresses differ by a mean stress, which does not matter to what yields so.

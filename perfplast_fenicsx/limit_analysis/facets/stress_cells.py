@@ -43,7 +43,7 @@ class CellLayout:
 
 @lru_cache
 def cell_layout(tdim: int) -> CellLayout:
-    """The layout of a triangle (one part) or a tetrahedron (four)."""
+    """Return the layout of a triangle (one part) or a tetrahedron (four)."""
     places = range(tdim + 1)
     centre, outer = tdim + 1, (tdim + 1) * tdim**2
     corners = np.array([list(places)])
@@ -69,13 +69,13 @@ def cell_layout(tdim: int) -> CellLayout:
 
 
 def facets_of(simplex: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Vertices of the facet opposite each vertex."""
+    """Return vertices of the facet opposite each vertex."""
     return [tuple(b for b in simplex if b != a) for a in simplex]
 
 
 @lru_cache
 def tensors(gdim: int) -> Floats:
-    """The unit tensor and orthonormal deviators, in plane strain those in the plane.
+    """Return the unit tensor and orthonormal deviators, in plane strain those in the plane.
 
     Returns:
         Shape (1 + m, gdim, gdim), m = 2 or 5.
@@ -105,7 +105,7 @@ def components(gdim: int) -> Floats:
 
 
 def gradients(x: Floats) -> tuple[Floats, Floats]:
-    """Gradients of barycentric coordinates and volumes of simplices.
+    """Return gradients of barycentric coordinates and volumes of simplices.
 
     Args:
         x: Vertices, shape (..., d + 1, d).

@@ -19,7 +19,7 @@ from perfplast_fenicsx.problem.variant import variant
 
 
 def with_points_at_vertices(problem: Problem) -> Problem:
-    """The same problem with the vertices of each cell as its points. Collective.
+    """Return the same problem with the vertices of each cell as its points. Collective.
 
     It shares all with the given one but spaces and laws at the points.
 

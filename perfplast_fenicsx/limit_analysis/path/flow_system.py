@@ -93,7 +93,7 @@ class FactorisedFlow:
         self._ksp.setFromOptions()
 
     def suits(self, matrix: PETSc.Mat) -> bool:
-        """Whether the factors fit, and cost less than CG. Collective."""
+        """Return whether the factors fit, and cost less than CG. Collective."""
         pc = self._ksp.getPC()
         if not self.large or pc.getType() != "cholesky" or pc.getFactorSolverType() != "mumps":
             return True

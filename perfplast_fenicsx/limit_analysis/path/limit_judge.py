@@ -26,7 +26,7 @@ class Search:
     Attributes:
         points: (α − α₀, ζ) of the levels.
         rest: α₀, that of ζ = 0, once it is known; None where nothing but ζ loads the bodies.
-        estimates: Of the limit load, one for each level from where there is one.
+        estimates: Estimates of the limit load, one for each level from where there is one.
         upper: The least kinematic side.
         levelled_off: Whether the estimate is known to the tolerance.
         ended: Whether the last level is the last.
@@ -61,7 +61,7 @@ class Judge:
 
     Attributes:
         solves: Linear systems solved for bounds.
-        mechanism: Of the least upper bound that was found here; None without.
+        mechanism: Mechanism of the least upper bound that was found here; None without.
     """
 
     def __init__(self, problem: Problem, rtol: float, search: Search) -> None:
@@ -93,7 +93,7 @@ class Judge:
             self._give_up(before, state, plastic_cells)
 
     def ahead(self, reached: Reached) -> Leap | None:
-        """A leap along the mechanism of the last level, where it has one. Collective."""
+        """Return a leap along the mechanism of the last level, where it has one. Collective."""
         if not self._asked:
             solves = self.solves
             self._look_ahead(reached.before, reached.last)  # as the run before did,
@@ -161,7 +161,7 @@ class Judge:
             self._ahead = self._improve(velocity, last)
 
     def _improve(self, velocity: fem.Function, state: State) -> fem.Function | None:
-        """A mechanism near a velocity, whose upper bound goes into the search."""
+        """Return a mechanism near a velocity, whose upper bound goes into the search."""
         if self._bound is None:
             self._bound = KinematicBound(self._problem)
         found, search = self._bound.of(velocity, state.active), self._search
@@ -203,7 +203,7 @@ class Judge:
 
 
 def collapse_mechanism(problem: Problem, before: State | None, last: State | None) -> fem.Function:
-    """The last increment of displacement, normalised to L₁(v) = 1; zero without one.
+    """Return the last increment of displacement, normalised to L₁(v) = 1; zero without one.
 
     Collective.
     """

@@ -7,7 +7,7 @@ Points = Sequence[tuple[float, float]]
 
 
 def is_flat(points: Points) -> bool:
-    """Whether the last level has added little to ζ."""
+    """Return whether the last level has added little to ζ."""
     if len(points) < 2:
         return False
     (_, before), (_, zeta) = points[-2:]
@@ -17,7 +17,7 @@ def is_flat(points: Points) -> bool:
 
 
 def tenfold_growth(points: Points) -> float:
-    """Growth of ζ, relative to its last value, while α has grown tenfold at least.
+    """Return the growth of ζ, relative to its last value, while α has grown tenfold at least.
 
     Returns:
         1 where it has not grown tenfold since first yield.
@@ -63,8 +63,8 @@ def not_level(points: Points, plastic_cells: int, degree: int, dilates: bool = F
 
     Args:
         points: (α, ζ) of its levels.
-        plastic_cells: Of the last one.
-        degree: Of the elements.
+        plastic_cells: Plastic cells of the last one.
+        degree: Degree of the elements.
         dilates: Whether bodies grow where they flow.
     """
     (first, _), (alpha, zeta) = points[0], points[-1]

@@ -123,7 +123,7 @@ class ViscousFlow:
         self._combine()
 
     def slips(self) -> Floats:
-        """Rates of slip of the velocity, shape (num_places, gdim − 1). Collective."""
+        """Return rates of slip of the velocity, shape (num_places, gdim − 1). Collective."""
         self._problem.basis.M.mult(self.velocity.x.petsc_vec, self._y)
         return self._problem.friction.jumps(self._y)
 

@@ -38,9 +38,9 @@ class CornerCones:
             cones.
         dead: Gσ₀, shape (num, 1, 1 + k).
         degree: Number of cones of all ranks.
-        stress_unit: What 1 is of a stress.
-        load_unit: What 1 is of λ.
-        weight_unit: What 1 is of a weight.
+        stress_unit: Unit of stresses.
+        load_unit: Unit of λ.
+        weight_unit: Unit of weights.
     """
 
     comm: MPI.Intracomm
@@ -123,7 +123,7 @@ class CornerCones:
         return found
 
     def at_points(self, values: Floats) -> Floats:
-        """Vectors at the points that can yield, and zero at others, shape (count, m)."""
+        """Return vectors at the points that can yield, and zero at others, shape (count, m)."""
         found = np.zeros((len(self.weights), values.shape[-1]))
         found[self.laws.plastic] = values
         return found

@@ -27,7 +27,7 @@ class Direction:
             first varies alone.
         first: What multiplies the first at the end of shakedown; None where none was found.
         second: The same of the second.
-        failure: What ends it.
+        failure: Kind of failure beyond it.
     """
 
     angle: float
@@ -92,7 +92,7 @@ def _at(
     rtol: float,
     steps: Callable[[InteriorStep], None] | None,
 ) -> Direction:
-    """The shakedown load along a ray. Collective."""
+    """Return the shakedown load along a ray. Collective."""
     along = replace(domain, corners=domain.corners * np.array(ray))
     found = shakedown_load(problem, along, rtol, steps)
     first, second = None, None

@@ -40,8 +40,8 @@ def elastic_stresses(
 
     Args:
         problem: The bodies and their loads.
-        names: Of loads and temperatures that vary.
-        points: Where stresses are known.
+        names: Names of loads and temperatures that vary.
+        points: Points of the stresses.
         operator: At those where they do work.
         laws: At the former.
 
@@ -108,9 +108,9 @@ def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Seq
     """Make sure that what varies is there, and that what grows varies.
 
     Args:
-        problem_loads: What acts.
+        problem_loads: The loads.
         warmed: Names of temperatures.
-        names: Of what varies.
+        names: Names of what varies.
 
     Raises:
         InputError: Naming what does not fit.

@@ -42,7 +42,7 @@ class StressPoints:
 
 
 def stress_points(problem: Problem) -> StressPoints:
-    """The points of a problem. Collective.
+    """Return the points of a problem. Collective.
 
     They are those of the quadrature where strains are not linear in a cell: of linear elements,
     around an axis and in curved cells.

@@ -16,7 +16,7 @@ class LoadDomain:
     """The hull of corners, each of which is a factor for every name.
 
     Attributes:
-        names: Of loads and temperatures that vary.
+        names: Names of loads and temperatures that vary.
         corners: Their factors, shape (num_corners, num_names).
     """
 
@@ -25,7 +25,7 @@ class LoadDomain:
 
     @staticmethod
     def of_ranges(ranges: Mapping[str, Sequence[float]]) -> "LoadDomain":
-        """Each between two factors, whatever the others are.
+        """Return each between two factors, whatever the others are.
 
         Args:
             ranges: Least and largest factor of each.
@@ -53,7 +53,7 @@ class LoadDomain:
 
     @staticmethod
     def of_corners(corners: Sequence[Mapping[str, float]]) -> "LoadDomain":
-        """The hull of given corners; what one does not name is zero there.
+        """Return the hull of given corners; what one does not name is zero there.
 
         Raises:
             InputError: If there are not two that differ, or a factor is not finite.

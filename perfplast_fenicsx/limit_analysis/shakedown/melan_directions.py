@@ -51,7 +51,7 @@ class Change:
     velocity: Floats
 
     def plus(self, other: "Change") -> "Change":
-        """The sum."""
+        """Return the sum."""
         return Change(*(getattr(self, it.name) + getattr(other, it.name) for it in fields(self)))
 
 
@@ -59,7 +59,7 @@ class MelanDirections:
     """Directions for given changes of the products of the cones.
 
     Attributes:
-        scaling: Of all cones, point by point.
+        scaling: Scaling of all cones, point by point.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class MelanDirections:
         """Assemble and factorise K. Collective.
 
         Args:
-            now: Where the iteration is.
+            now: The current iterate.
             cones: The programme.
             operator: Strains, forces and K.
             vectors: Four to work with.
@@ -86,7 +86,7 @@ class MelanDirections:
         self._strains = cones.weights[:, None] * operator.strains(self._of_load)
 
     def flat(self, members: Floats) -> Floats:
-        """Members of cones as rows."""
+        """Return members of cones as rows."""
         return members.reshape(-1, self._shape[2])
 
     def _squared(self, members: Floats) -> Floats:
@@ -131,7 +131,7 @@ class MelanDirections:
         return float((np.einsum("nij,ni->nj", self._axes, slopes) * along).sum())
 
     def _inverted(self, strains: Floats) -> Floats:
-        """Stresses of strains, shape (count, m)."""
+        """Return stresses of strains, shape (count, m)."""
         laws = self._cones.laws
         free = np.einsum("nij,ni->nj", laws.unbounded, strains) / PROXIMAL
         found: Floats = np.einsum("nij,nj->ni", laws.unbounded, free)
@@ -139,7 +139,7 @@ class MelanDirections:
         return found
 
     def towards(self, change: Floats) -> Change:
-        """The direction in which the products change so, to first order. Collective.
+        """Return the direction in which the products change so, to first order. Collective.
 
         Once corrected by what its equations leave over, which is more than rounding where corners
         bound a point on both sides.
@@ -163,7 +163,7 @@ class MelanDirections:
     def _solve(
         self, aim: Floats, outside: Floats, off: Floats, residual: Floats, missing: float
     ) -> Change:
-        """The direction for given right-hand sides. Collective.
+        """Return the direction for given right-hand sides. Collective.
 
         Args:
             aim: What W⁻²δs + δz is to be.

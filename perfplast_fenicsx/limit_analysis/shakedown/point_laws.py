@@ -88,7 +88,7 @@ class PointLaws:
 
 
 def _of_body(name: str, material: Material, size: int) -> tuple[PlainCone | None, Floats]:
-    """The cone of a body, None of one that never yields, and C.
+    """Return the cone of a body, None of one that never yields, and C.
 
     Raises:
         InputError: If its yield set is something else, or it hardens.

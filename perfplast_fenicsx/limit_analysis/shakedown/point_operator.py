@@ -81,7 +81,7 @@ class PointOperator(SprungMatrix):
         ones.destroy()
 
     def create_vector(self) -> PETSc.Vec:
-        """A vector of the basis, zero. Collective."""
+        """Return a vector of the basis, zero. Collective."""
         return self._problem.create_vector()
 
     def destroy(self) -> None:
@@ -132,7 +132,7 @@ class PointOperator(SprungMatrix):
 
 
 def _tensors_at_points(problem: Problem, n: int) -> fem.FunctionSpace:
-    """Matrices at the points of a problem, shape (n, n). Collective."""
+    """Return matrices at the points of a problem, shape (n, n). Collective."""
     mesh, points = problem.tagged_mesh.mesh, interpolation_points(problem.S.element)
     cell = mesh.basix_cell()
     if problem.degree == 1:

@@ -34,7 +34,7 @@ class ShakedownLoad:
     """How many times a load domain is shaken down to, on this mesh.
 
     Attributes:
-        domain: What varies.
+        domain: The load domain.
         problem: Its points are those of the stresses.
         linear: Whether these are the vertices of cells, in which stresses are linear.
         load: λ of Melan's programme, an estimate of that of the bodies; None where none was found.
@@ -44,11 +44,11 @@ class ShakedownLoad:
         first_yield: Factor of the domain at which the first point yields at a corner, without
             residual stress; None beside constant loads.
         accumulated: Share of the flow of a cycle that is left at its end.
-        failure: What ends shakedown there.
+        failure: Kind of failure beyond it.
         mechanism: Displacement that a cycle leaves, in proportion.
-        dissipation: Of a cycle, at the points, in proportion.
+        dissipation: Dissipation of a cycle, at the points, in proportion.
         residual: ρ, Mandel vectors at the points (stress).
-        steps: Of the interior point method.
+        steps: Steps of the interior point method.
         factorisations: All.
         linear_solves: All.
         converged: Whether both values have met.
@@ -87,7 +87,7 @@ class ShakedownLoad:
         return f"{words}."
 
     def as_limit(self) -> LimitLoad:
-        """The same as what is known of a limit load, for files and pictures."""
+        """Return the same as what is known of a limit load, for files and pictures."""
         return LimitLoad(
             method=LimitMethod.INTERIOR_POINT,
             lower=self.load if self.converged and self.load is not None else -math.inf,
@@ -104,7 +104,7 @@ class ShakedownLoad:
         )
 
     def of_cells(self) -> fem.Function:
-        """Dissipation of a cycle, the mean of each cell. Collective."""
+        """Return the dissipation of a cycle, the mean of each cell. Collective."""
         cells = fem.functionspace(self.problem.tagged_mesh.mesh, ("DG", 0))
         mean = fem.Function(cells, name="dissipation")
         mean.x.array[:] = by_cell(self.dissipation).mean(axis=1)

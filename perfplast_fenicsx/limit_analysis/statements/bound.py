@@ -10,7 +10,7 @@ def measure_of(dissipation: float, load: float, loose: bool = False) -> float:
     """Return the measure of differences of load factors.
 
     Args:
-        dissipation: Of a mechanism with L(v) = 1, which is λ without dead loads.
+        dissipation: Dissipation of a mechanism with L(v) = 1, which is λ without dead loads.
         load: λ.
         loose: Whether some of the ground has no cohesion, or a joint no adhesion, and dissipates
             nothing.

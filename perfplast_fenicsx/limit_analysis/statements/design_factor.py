@@ -16,7 +16,7 @@ class DesignFactor:
         lower: So many times it is carried for certain; None where nothing is proven.
         upper: So many times it the bodies collapse for certain; None where nothing is proven.
         estimate: So many times it the mesh carries; None where its limit load was not found.
-        name: Of the combination of loads that it is, where it has one.
+        name: Name of the combination of loads that it is, where it has one.
     """
 
     zeta: float
@@ -88,4 +88,4 @@ def check_design(design: float | None) -> None:
         InputError: If it is not a positive number.
     """
     if design is not None and not (design > 0 and math.isfinite(design)):
-        raise InputError(f"design = {design} is no load factor; give a positive number, often 1.0.")
+        raise InputError(f"design = {design} is not a load factor; give a positive one, often 1.0.")

@@ -45,5 +45,5 @@ class DruckerBounds:
         )
 
     def table(self) -> dict[str, Any]:
-        """The bounds and their words, as ``summary.json`` has them."""
+        """Return the bounds and their words, as ``summary.json`` has them."""
         return {"lower": self.lower, "upper": self.upper, "words": self.in_words()}

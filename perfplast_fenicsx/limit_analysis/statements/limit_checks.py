@@ -67,7 +67,7 @@ def check_flat_guides(problem: Problem) -> None:
 
 
 def collapses_by_loads(problem: Problem) -> bool:
-    """Whether all that does work at collapse is a load, and there is one. Collective.
+    """Return whether all that does work at collapse is a load, and there is one. Collective.
 
     Displacements, overlaps and strains that stay do none: supports are at rest in a mechanism, and
     stresses in balance without loads do no work on its strain rates.

@@ -34,5 +34,5 @@ class Question(StrEnum):
         return (live, dead, none) if self is Question.LIMIT else (dead, none, live)
 
     def of(self, live: float, dead: float) -> tuple[float, float, float]:
-        """The same of numbers, such as works."""
+        """Return the same of numbers, such as works."""
         return (live, dead, 0.0) if self is Question.LIMIT else (dead, 0.0, live)

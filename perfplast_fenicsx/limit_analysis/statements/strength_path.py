@@ -10,11 +10,12 @@ class PathPoint:
 
     Attributes:
         factor: F, by which strengths are divided.
-        work: Of all loads, L(u) (energy).
+        work: Work of all loads, L(u) (energy).
         displacement: The largest (length).
-        duality_gap: Of the equilibrium, relative.
-        newton_iterations: That led to it from the point before, those of other F at its work too.
-        linear_solves: The same.
+        duality_gap: Duality gap of the equilibrium, relative.
+        newton_iterations: Newton iterations that led to it from the point before, those of other F
+            at its work too.
+        linear_solves: As ``newton_iterations``.
     """
 
     factor: float
@@ -30,7 +31,7 @@ class StrengthPath:
     """F over work, from the first point to where it has levelled off.
 
     Attributes:
-        points: By work, which grows.
+        points: Points by work, which grows.
         levelled_off: Whether F hardly rises any more.
         reason: How it ended.
     """

@@ -41,7 +41,7 @@ class BalancedStress:
     def with_some_of(
         self, others: "Sequence[BalancedStress]", static: StaticProgram
     ) -> "BalancedStress":
-        """The mean within yield of this one, which is, and one that is not. Collective.
+        """Return the mean within yield of this one, which is, and one that is not. Collective.
 
         Args:
             others: Those that have left yield.

@@ -21,7 +21,7 @@ class CellCondensation:
             comm: The ranks.
             rows: Unknown of a cell, the outer ones first, of each row at each point, shape
                 (num_points, n); all inner ones have some.
-            matrices: Of the points, shape (num_cells, num_points, n, 1 + m).
+            matrices: Matrices of the points, shape (num_cells, num_points, n, 1 + m).
             outer: Unknowns that are kept.
         """
         self._rows = np.ascontiguousarray(rows, dtype=np.int64)

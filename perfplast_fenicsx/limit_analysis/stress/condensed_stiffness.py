@@ -25,7 +25,7 @@ class CondensedStiffness(SprungMatrix):
         """Find the pattern. Collective.
 
         Args:
-            strains: Of the multipliers.
+            strains: Strains of the multipliers.
             held: Owned facet unknowns that supports hold.
             jumps: Those that are jumps of contact.
         """

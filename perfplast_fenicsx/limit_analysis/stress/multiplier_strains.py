@@ -30,7 +30,7 @@ class MultiplierStrains:
     A vector y has the facets' unknowns of a rank first, then the inner ones of its cells.
 
     Attributes:
-        layout: Of a cell.
+        layout: Layout of a cell.
         facets: The facets' unknowns.
         num_cells: Owned cells.
         matrices: Of :func:`stress_cells.strain_matrices`, or around an axis of
@@ -54,9 +54,9 @@ class MultiplierStrains:
 
         Args:
             facets: The facets' unknowns.
-            vertices: Of the owned cells, shape (num_cells, d + 1, d).
-            axes: Of the facets' components, zero where held, shape (num_cells, d + 1, d, d).
-            cones: Of the bodies.
+            vertices: Vertices of the owned cells, shape (num_cells, d + 1, d).
+            axes: Axes of the facets' components, zero where held, shape (num_cells, d + 1, d, d).
+            cones: Cones of the bodies.
             bare: Vertices of the cells that bear no stress, shape (num_cells, d + 1).
             around_axis: Whether cells are sections of rings around x = 0, which have none of these.
         """
@@ -122,7 +122,7 @@ class MultiplierStrains:
         self.idle: npt.NDArray[np.bool_] = self._unused() & ~before
 
     def _unused(self) -> npt.NDArray[np.bool_]:
-        """Unknowns of a cell in which no stress has a part, shape (num_cells, num_rows)."""
+        """Return unknowns of a cell in which no stress has a part, shape (num_cells, num_rows)."""
         sizes = np.abs(self.matrices).sum(axis=3).reshape(self.num_cells, -1)
         unused: npt.NDArray[np.bool_] = (self._sum @ sizes.T).T == 0
         return unused
@@ -138,7 +138,7 @@ class MultiplierStrains:
         return found
 
     def _in_frames(self, cones: BodyCones, around_axis: bool) -> Floats:
-        """The matrices in the coordinates of the cones."""
+        """Return the matrices in the coordinates of the cones."""
         found = np.empty((*self.matrices.shape[:-1], self.size + 1))
         basis = np.eye(self.matrices.shape[-1]) if around_axis else components(self.gdim)
         for number, F in enumerate(self._frames.frames):
@@ -159,7 +159,7 @@ class MultiplierStrains:
         self.facets.destroy()
 
     def create_vector(self) -> PETSc.Vec:
-        """Multipliers of zero. Collective."""
+        """Return multipliers of zero. Collective."""
         size = self.facets.count + self.num_cells * self.layout.inner
         return PETSc.Vec().createMPI((size, None), comm=self.facets.vector.comm)
 

@@ -40,7 +40,7 @@ class Pieces:
         return cls(mesh.comm, count, of_facets, of_facets[numbers.facets[:, 0]])
 
     def sums(self, at_facets: Floats, in_cells: Floats) -> Floats:
-        """Sums of numbers over each piece, shape (count,). Collective.
+        """Return sums of numbers over each piece, shape (count,). Collective.
 
         Args:
             at_facets: Of owned facets, shape (num_facets, n).
@@ -54,12 +54,12 @@ class Pieces:
 
 
 def largest_left(forces: Floats, loads: Floats, borne: Floats) -> float:
-    """The largest share that forces without balance have of the loads of one piece.
+    """Return the largest share that forces without balance have of the loads of one piece.
 
     Args:
-        forces: What each piece has without balance.
+        forces: Unbalanced force of each piece.
         loads: What loads it, contact too; a piece without could be free of stress.
-        borne: What its cells can bear.
+        borne: Force that its cells can bear.
     """
     # Share of all loads whose rounding may be left in a piece, unless its cells bear less.
     of_all = 1e-3

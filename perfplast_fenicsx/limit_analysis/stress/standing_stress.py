@@ -25,10 +25,10 @@ def bound_by_stress(
 
     Args:
         problem: As of :func:`static_bound.strict_lower_bound`, and so are the others.
-        rtol: What is left between the bound and the best one on this mesh, relative.
+        rtol: Relative distance of the bound from the best one on this mesh.
         monitor: Called on every rank after each step.
-        question: Of which loads the factor is sought.
-        form: Of the problem, if it has been made.
+        question: The loads whose factor is sought.
+        form: Form of the problem, if it has been made.
     """
     static = strict_lower_bound(problem, rtol, monitor, question, form)
     if static.bound.value is not None or question is Question.STANDS:

@@ -81,11 +81,11 @@ def strict_lower_bound(
 
     Args:
         problem: The bodies and their loads.
-        rtol: What is left between the bound and the best one on this mesh, relative.
+        rtol: Relative distance of the bound from the best one on this mesh.
         monitor: Called on every rank after each step.
-        question: Of which loads the factor is sought.
-        form: Of the problem (:func:`form_that_fits`), left to whoever has made it; by default it
-            is made, and given back in the end.
+        question: The loads whose factor is sought.
+        form: Form of the problem (:func:`form_that_fits`), left to whoever has made it; by default
+            it is made, and given back in the end.
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or bounds do
@@ -117,7 +117,7 @@ def strict_lower_bound(
 
 
 def _together(before: StaticBound, after: StaticBound) -> StaticBound:
-    """The better one of two searches, with what both have taken."""
+    """Return the better one of two searches, with what both have taken."""
     values = [-np.inf if it.bound.value is None else it.bound.value for it in (before, after)]
     return replace(
         after if values[1] >= values[0] or after.reason == UNLIMITED else before,
@@ -203,7 +203,7 @@ def check_straight(problem: Problem) -> None:
 
 
 def form_that_fits(problem: Problem) -> StaticForm | None:
-    """The form of lower bounds, or a refusal where they do not fit into memory. Collective.
+    """Return the form of lower bounds, or a refusal where they do not fit into memory. Collective.
 
     To be had before all else, and kept for :func:`strict_lower_bound`.
 

@@ -95,8 +95,8 @@ def certify_stress(
 
     Args:
         static: The conditions.
-        pressure: Of the stress in the coordinates of the cones, shape (count,). Zero at places of
-            slip, which follow the points.
+        pressure: Pressure of the stress in the coordinates of the cones, shape (count,). Zero at
+            places of slip, which follow the points.
         deviator: The same, shape (count, m); shear tractions there.
         load: λ.
         aside: Factor of the loads of any factor.
@@ -167,7 +167,7 @@ def beside_mechanism(
 
     Args:
         lower: The bound.
-        certificate: Of its stress.
+        certificate: Certificate of its stress.
         power: What differences of bounds are measured by (:func:`bound.measure_of`).
         mechanism: Its velocity.
         enough: What the bound is to be at least, where no more is asked.

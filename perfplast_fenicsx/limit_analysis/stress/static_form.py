@@ -34,8 +34,8 @@ class StaticForm:
     Attributes:
         comm: The ranks.
         body: The bodies.
-        strains: Of the cells, whose points are the first ones; places of slip follow.
-        stiffness: Of the cells.
+        strains: Strains of the cells, whose points are the first ones; places of slip follow.
+        stiffness: Stiffness of the cells.
         every: Strains of all points.
         whole: The stiffness of all.
         areas: Area that each node of an owned facet stands for, shape (num_facets, num_nodes).
@@ -47,7 +47,7 @@ class StaticForm:
         pressed: Those of the vertices along the normal, or the first of two, on the axis too, where
             there is no pressure.
         slips: Whether it is a tangential one on a surface in contact that does not rub.
-        places: Of slip.
+        places: Places of slip.
         pieces: Cells that facets join.
     """
 
@@ -171,7 +171,7 @@ def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
 
 
 def _slip_places(at: BoundBody, areas: Floats) -> SlipPlaces:
-    """Nodes of the host facets that rub, at which their strength bounds shear tractions.
+    """Return nodes of the host facets that rub, at which their strength bounds shear tractions.
 
     Those of joints in space that dilate are the sum of what adhesion and pressure bear, a place
     each.
@@ -184,7 +184,7 @@ def _slip_places(at: BoundBody, areas: Floats) -> SlipPlaces:
     hosts = at.facets.hosts
 
     def nodes_of(facets: Longs) -> tuple[Longs, Longs, Floats]:
-        """Facets and first unknowns of nodes, and what they stand for."""
+        """Return facets and first unknowns of nodes, and what they stand for."""
         which = np.flatnonzero(areas[facets] > 0)
         of, places = facets[which // nodes], which % nodes
         return of, (of * nodes + places) * tdim, areas[of, places]

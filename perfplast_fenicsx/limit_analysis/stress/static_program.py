@@ -45,7 +45,7 @@ class StaticProgram:
             load.destroy()
 
     def shared_out(self, stress: Stress) -> Stress:
-        """A stress with shears of joints shared out between pressure and what adheres.
+        """Return a stress with shears of joints shared out between pressure and what adheres.
 
         Args:
             stress: In the user's units.
@@ -57,7 +57,7 @@ class StaticProgram:
         return pressure, found
 
     def loads(self, load: float, aside: float) -> Floats:
-        """All loads, in the user's units.
+        """Return all loads, in the user's units.
 
         Args:
             load: λ.
@@ -144,7 +144,7 @@ class StaticProgram:
         its own strength there. Collective.
 
         Args:
-            pressure: Of the stress, in the user's units.
+            pressure: Pressure of the stress, in the user's units.
         """
         strains, tdim = self.form.strains, self.form.strains.gdim
         inverse = strains.weaknesses(pressure)
@@ -165,8 +165,8 @@ def static_program(form: StaticForm, question: Question, reserve: float) -> Stat
     """Put the program together. Collective.
 
     Args:
-        form: Of the bodies.
-        question: Of which loads the factor is sought.
+        form: Form of the bodies.
+        question: The loads whose factor is sought.
         reserve: See :class:`ConicProgram`.
     """
     loads = question.loads(form.live.copy(), form.dead.copy())

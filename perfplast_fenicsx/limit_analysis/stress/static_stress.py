@@ -18,7 +18,7 @@ class StaticBound:
     Attributes:
         bound: The bound, and what it is one of.
         verdict: Whether the best stress of the mesh was found.
-        reason: The same in words.
+        reason: The reason in words.
         stress: σ at the bound, Mandel vectors in the user's units, linear between vertices, shape
             (num_owned_cells, num_points, m). In the plane of the vertices in the order of the
             mesh's geometry (that of its topology); in space of those of four parts one after the
@@ -28,9 +28,9 @@ class StaticBound:
         dissipation: (γ − αp)‖dev ε‖ of the multipliers, of each owned cell, with L = 1; where
             bodies keep their volume the sum over all cells is the bound, but for the tolerance.
             Where it is large, smaller cells would help.
-        certificate: What the stress leaves; None where there is none.
-        steps: What was done.
-        factorisations: Of a stiffness.
+        certificate: Residuals of the stress; None if there are none.
+        steps: Steps of the iteration.
+        factorisations: Factorisations of a stiffness.
         is_part: Whether it is a part of the stress that was found, for what rounding leaves of its
             balance.
     """
@@ -53,7 +53,7 @@ class StaticBound:
 def no_stress(
     body: BoundBody, verdict: Verdict, reason: str, bound: Bound | None = None
 ) -> StaticBound:
-    """The stress 0, and no bound unless one is given."""
+    """Return the stress 0, and no bound unless one is given."""
     count, _, tdim = body.vertices.shape
     shape = (count, 6 if body.turned else 3, 4) if tdim == 2 else (count, 16, 6)
     return StaticBound(

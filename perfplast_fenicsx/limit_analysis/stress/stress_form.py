@@ -22,17 +22,17 @@ class StressForm:
     """Geometry of the cells that a rank owns and of its local facets.
 
     Attributes:
-        vertices: Of the cells, shape (num_cells, d + 1, d).
+        vertices: Vertices of the cells, shape (num_cells, d + 1, d).
         turned: Whether they are sections of rings.
-        nodes: Of a facet, its vertices first.
-        twins: Of the facets' unknowns, shape (num_facets, nodes, d).
+        nodes: Nodes of a facet, its vertices first.
+        twins: Twins of the facets' unknowns, shape (num_facets, nodes, d).
         areas: Area that each node stands for, around an axis of the full turn, shape (num_facets,
             nodes).
         measures: The same, and on an axis something that is not zero.
         sections: V^((d − 1)/d), around an axis times 2πr.
         slopes: Gradients of barycentric coordinates, shape (num_cells, d + 1, d).
         shares: Area of each facet of each cell over d, shape (num_cells, d + 1).
-        volumes: Of the cells, around an axis of their sections.
+        volumes: Volumes of the cells, around an axis of their sections.
     """
 
     vertices: Floats
@@ -82,7 +82,7 @@ class StressForm:
         """Cartesian loads of the nodes of facets.
 
         Args:
-            tractions: Those of the loads at their vertices, shape (num_cells, d + 1, d, d).
+            tractions: Tractions of the loads at their vertices, shape (num_cells, d + 1, d, d).
             loads: The loads; without pressure in pores around an axis.
 
         Returns:
@@ -96,7 +96,7 @@ class StressForm:
         return np.asarray(around + tractions * shares)
 
     def forces(self, loads: FacetLoads) -> Floats:
-        """Loads of the multipliers of cells, shape (num_cells, inner).
+        """Return loads of the multipliers of cells, shape (num_cells, inner).
 
         Args:
             loads: The loads; without pressure in pores around an axis.
@@ -113,12 +113,12 @@ class StressForm:
 
 
 def _others(tdim: int) -> Longs:
-    """Vertices of the facet opposite each vertex of a cell."""
+    """Return vertices of the facet opposite each vertex of a cell."""
     return np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
 
 
 def _with_middles(twins: Longs) -> Longs:
-    """Numbers of plane facets' unknowns as those of facets with a node between the ends."""
+    """Return numbers of plane facets' unknowns as those of facets with a node between the ends."""
     facet, rest = np.divmod(twins, 4)
     moved = np.where(twins >= 0, facet * 2 * NODES + rest, -1)
     middle = np.where(twins[:, 0] >= 0, facet[:, 0] * 2 * NODES + 4 + rest[:, 0] % 2, -1)

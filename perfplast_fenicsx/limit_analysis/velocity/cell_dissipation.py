@@ -24,14 +24,14 @@ SUBDIVISIONS = 8
 
 
 def points_of_cells(problem: Problem) -> Ints:
-    """Points of the cells that this rank owns, shape (num_cells, num_points)."""
+    """Return points of the cells that this rank owns, shape (num_cells, num_points)."""
     topology = problem.tagged_mesh.mesh.topology
     points: Ints = problem.Q.dofmap.list[: topology.index_map(topology.dim).size_local]
     return points
 
 
 def at_vertices(problem: Problem, values: Floats) -> Floats:
-    """Values at vertices of what is linear in each cell and given at the points.
+    """Return values at vertices of what is linear in each cell and given at the points.
 
     Args:
         problem: On whose points.
@@ -73,7 +73,7 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
 
 
 def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[PrincipalCones, Longs]:
-    """Bounds of principal stresses, one a cell, whose points are numbers of these cells.
+    """Return bounds of principal stresses, one a cell, whose points are numbers of these cells.
 
     Args:
         problem: The bodies.

@@ -45,7 +45,7 @@ def gap_shares(
         stress: Mandel vectors at the vertices of these cells, linear between them, shape
             (num_cells, d + 1, 4 or 6); around an axis coefficients of rσ (:mod:`ring_cells`), shape
             (num_cells, 6, 4).
-        rates: Those of the mechanism; evaluated by default.
+        rates: Rates of the mechanism; evaluated by default.
 
     Returns:
         Shape (num_cells,).
@@ -68,7 +68,7 @@ def gap_shares(
 def _of_rings(
     problem: Problem, rates: MechanismRates, mechanism: fem.Function, stress: Floats
 ) -> Floats:
-    """The same around an axis, the work of the stress by the rule of the points."""
+    """Return the same around an axis, the work of the stress by the rule of the points."""
     points = points_of_cells(problem)
     at = interpolation_points(problem.S.element)
     shares = np.hstack([1 - at.sum(axis=1, keepdims=True), at])

@@ -32,7 +32,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def ring_rates(x: Floats, v: Floats) -> Floats:
-    """Coefficients of r²ε, Mandel vectors, shape (num_cells, 6, 4).
+    """Return coefficients of r²ε, Mandel vectors, shape (num_cells, 6, 4).
 
     Args:
         x: Vertices of cells, shape (num_cells, 3, 2).
@@ -111,7 +111,7 @@ def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions:
 
 
 def _values(problem: Problem, velocity: fem.Function) -> tuple[Floats, Floats]:
-    """Vertices of owned cells, and values at these and between them."""
+    """Return vertices of owned cells, and values at these and between them."""
     cells, points = corners(problem.tagged_mesh.mesh)
     layout, nodes = problem.V.dofmap.dof_layout, problem.V.dofmap.list[: len(cells)]
     columns = [layout.entity_dofs(0, i)[0] for i in range(3)]

@@ -110,7 +110,7 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
 
 
 def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
-    """Facets of surfaces that rub."""
+    """Return facets of surfaces that rub."""
     names = {
         name
         for contact in problem.given.contacts
@@ -123,7 +123,7 @@ def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
 
 
 def _others(gdim: int) -> Ints:
-    """Vertices of the facet opposite each."""
+    """Return vertices of the facet opposite each."""
     every = range(gdim + 1)
     return np.array([[b for b in every if b != a] for a in every])
 
@@ -132,7 +132,8 @@ def _means(num_nodes: int, gdim: int) -> Floats:
     """Means over a facet of linear functions times Bernstein's polynomials.
 
     Args:
-        num_nodes: Of a facet, as many as polynomials: those at its vertices, and those of pairs.
+        num_nodes: Number of nodes of a facet, as many as polynomials: those at its vertices, and
+            those of pairs.
         gdim: Number of its vertices.
 
     Returns:

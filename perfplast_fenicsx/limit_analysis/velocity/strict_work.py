@@ -64,8 +64,8 @@ def strict_upper_bound(
         mechanism: A velocity that is admissible at the points, such as that of
             :func:`discrete_limit.interior_point`; its ghosts up to date.
         subdivisions: Parts of a cell's edge; the result falls with them, towards the true work.
-        question: Of which loads the factor is sought.
-        rates: Those of the mechanism; evaluated by default.
+        question: The loads whose factor is sought.
+        rates: Rates of the mechanism; evaluated by default.
 
     Returns:
         The bound; without a value where the mechanism is not admissible at the points or does no

@@ -12,7 +12,7 @@ from perfplast_fenicsx.problem.declared.rigid_surface import fitting
 
 
 def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
-    """The pressure p = max(0, −a·n) whose resultant on the mesh is the force. Collective.
+    """Return the pressure p = max(0, −a·n) whose resultant on the mesh is the force. Collective.
 
     a minimises the convex Φ(a) − F·a, Φ(a) = ½∫max(0, −a·n)², whose gradient is the resultant.
 
@@ -83,7 +83,7 @@ class _Resultant:
         return self._total(self._area)
 
     def of(self, a: Floats) -> tuple[Floats, Floats]:
-        """The force, and its derivative. Collective."""
+        """Return the force, and its derivative. Collective."""
         self.a.value[:] = a
         force, slope = np.zeros(self.gdim), np.zeros((self.gdim, self.gdim))
         for i, axis in enumerate(np.eye(self.gdim)):

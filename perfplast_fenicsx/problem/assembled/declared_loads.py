@@ -28,12 +28,12 @@ def declared_loads(
     driven: bool,
     strained: bool,
 ) -> LoadCase:
-    """The loads of a problem. Collective.
+    """Return the loads of a problem. Collective.
 
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        loads: What acts.
+        loads: The loads.
         bcs: Supports.
         rigid: Surfaces that forces may act on.
         driven: Whether ζ moves supports, obstacles or overlaps: there may then be no load.

@@ -36,7 +36,7 @@ class Guides:
     """Supports that hold what is normal to their surface.
 
     Attributes:
-        surfaces: What each is on.
+        surfaces: Surface of each.
         names: As results name them (:func:`rigid_surface.name_of`).
         normals: Outward unit normals, the same on every rank, shape (num_guides, gdim).
         host: Local block dof of the node of each row, owned by this rank, shape (num_rows,).
@@ -76,7 +76,7 @@ class Guides:
         _add_motion(u, off, self.rows, self.pivots)
 
     def through(self, ties: Constraints, u: PETSc.Vec) -> float:
-        """The largest displacement of a node through its guide, on any rank. Collective.
+        """Return the largest displacement of a node through its guide, on any rank. Collective.
 
         Args:
             ties: All rows B u = 0 of the problem, those of guides last.
@@ -96,7 +96,7 @@ def find_guides(
     taken: npt.NDArray[np.bool_],
     displacement: Floats,
 ) -> tuple[Guides, Constraints]:
-    """The guides of a problem and their rows. Collective.
+    """Return the guides of a problem and their rows. Collective.
 
     Args:
         V: Displacement space.
@@ -167,12 +167,12 @@ def find_guides(
 def flat_normal(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, support: Support, known: Floats
 ) -> Floats:
-    """The outward unit normal of a flat surface, the same on every rank. Collective.
+    """Return the outward unit normal of a flat surface, the same on every rank. Collective.
 
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        support: What is on it.
+        support: The support.
         known: Unit vectors that are taken for it where they differ by no more than its facets do.
 
     Raises:
@@ -217,7 +217,7 @@ def _normals(
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        support: What is on it.
+        support: The support.
         known: As of :func:`flat_normal`; rows without numbers are left out.
         nodes: Local nodes of the surface.
 
@@ -285,7 +285,7 @@ def _add_motion(displacement: Floats, offset: Floats, rows: Floats, pivots: Ints
         displacement: Shape (num_nodes, gdim).
         offset: What is left of the displacement along each row, shape (gdim, num_nodes).
         rows: As of :class:`Guides`.
-        pivots: The same.
+        pivots: As ``rows``.
     """
     left = offset.copy()
     for place in reversed(range(len(rows))):

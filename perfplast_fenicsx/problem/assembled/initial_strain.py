@@ -65,7 +65,7 @@ def initial_strain(
 def _expansion(
     materials: Mapping[str, Material], given: Temperature, x: Floats, points: Ints
 ) -> Floats:
-    """A T at points, shape (num_points, 1)."""
+    """Return a T at points, shape (num_points, 1)."""
     expansion = float(getattr(materials.get(given.on), "expansion", 0.0))
     if not expansion:
         raise InputError(

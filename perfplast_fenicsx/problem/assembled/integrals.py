@@ -16,7 +16,7 @@ class Integral:
         self._form = fem.form(form)
 
     def __call__(self) -> float:
-        """The integral now. Collective."""
+        """Return the integral now. Collective."""
         return float(self._comm.allreduce(fem.assemble_scalar(self._form)))
 
 

@@ -61,7 +61,7 @@ def lay_out(
     Args:
         tagged_mesh: The bodies.
         spaces: Theirs.
-        materials: Of each volume.
+        materials: Materials of each volume.
 
     Raises:
         InputError: If a volume is unknown or has no material, one is no material, or laws have
@@ -119,7 +119,7 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
     Those of the program check their own numbers; of others nothing else would.
 
     Args:
-        materials: Of each volume.
+        materials: Materials of each volume.
         size: Components of Mandel vectors.
 
     Raises:
@@ -152,7 +152,7 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
             raise InputError(
                 f"{what} has an elastic stiffness that is not positive ({_shown(numbers)}), so that"
                 " some strain costs no energy; give young > 0 and poisson between -1 and 1/2, or"
-                " what stands for them in its law."
+                " the equivalent numbers of its law."
             )
 
 
@@ -190,7 +190,7 @@ def set_parameters(
 
     Args:
         tagged_mesh: The bodies.
-        materials: Of each volume.
+        materials: Materials of each volume.
         functions: Of Q, by the names of the parameters.
 
     Raises:
@@ -244,7 +244,7 @@ def _check_positive(number: SpatialField, name: str, x: Floats) -> None:
 
 
 def _history(law: Law, spaces: Spaces, known: dict[str, fem.Function]) -> dict[str, fem.Function]:
-    """The history of a law, zero; those that other laws have too are shared."""
+    """Return the history of a law, zero; those that other laws have too are shared."""
     mesh, (m,) = spaces.S.mesh, spaces.S.value_shape
     shapes = law.history(m)
     for name, shape in shapes.items():
@@ -262,8 +262,8 @@ def integrate(laws: Iterable[LawOnCells], density: OfLaw) -> ufl.Form:
     """∫ of what each law says, over all cells.
 
     Args:
-        laws: Of a problem.
-        density: Of a law; a scalar, linear in test and trial functions if there are any.
+        laws: Laws of a problem.
+        density: Density of a law; a scalar, linear in test and trial functions if there are any.
     """
     return reduce(add, (_valid(density(on), on) * on.dx for on in laws))
 
@@ -275,9 +275,9 @@ class LawExpression:
         """Compile. Collective.
 
         Args:
-            laws: Of a problem; some of them, if the others have no such value.
-            space: Of functions at the points (:func:`spaces.space_at_points`).
-            value: Of a law, of the shape of the space's functions.
+            laws: Laws of a problem; some of them, if the others have no such value.
+            space: Space of functions at the points (:func:`spaces.space_at_points`).
+            value: Value of a law, of the shape of the space's functions.
         """
         points = interpolation_points(space.element)
         self._parts = [(fem.Expression(_valid(value(on), on), points), on.cells) for on in laws]

@@ -28,7 +28,7 @@ of formulas whose terms cancel some digits."""
 
 
 def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floats, Floats]:
-    """Tractions of ζ = 1 on straight facets. Not collective.
+    """Return tractions of ζ = 1 on straight facets. Not collective.
 
     Args:
         load: A traction or a pressure, also one that follows the cosine.
@@ -48,7 +48,7 @@ def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floa
 
 
 def linear_pores(load: PorePressure, corners: Floats) -> tuple[Floats, Floats]:
-    """A pressure in the pores of straight cells, of ζ = 1. Not collective.
+    """Return a pressure in the pores of straight cells, of ζ = 1. Not collective.
 
     Args:
         load: The pressure.
@@ -76,7 +76,7 @@ def linear_pores(load: PorePressure, corners: Floats) -> tuple[Floats, Floats]:
 
 
 def _edges(count: int) -> list[tuple[int, int]]:
-    """Ends of the edges of a simplex with so many vertices."""
+    """Return ends of the edges of a simplex with so many vertices."""
     return list(combinations(range(count), 2))
 
 
@@ -87,20 +87,20 @@ def _middles(corners: Floats) -> Floats:
 
 
 def _off(at_ends: Floats, at_middles: Floats) -> Floats:
-    """How much values differ at midsides from the mean of the ends', of each simplex."""
+    """Return how much values differ at midsides from the mean of the ends', of each simplex."""
     off: Floats = np.abs(at_middles - _middles(at_ends)).max(axis=(1, 2), initial=0.0)
     return off
 
 
 def _points(x: Floats) -> Floats:
-    """Points of some simplices, in a row and with three coordinates."""
+    """Return points of some simplices, in a row and with three coordinates."""
     points = np.zeros((x.shape[0] * x.shape[1], 3))
     points[:, : x.shape[2]] = x.reshape(-1, x.shape[2])
     return points
 
 
 def _values(load: Load, x: Floats, normals: Floats) -> Floats:
-    """Tractions at points, some on each facet: shape (n, k, d), as the points."""
+    """Return tractions at points, some on each facet: shape (n, k, d), as the points."""
     count, of_each, d = x.shape
     points, place = _points(x), f"the load on '{load.on}'"
     if isinstance(load, Pressure):

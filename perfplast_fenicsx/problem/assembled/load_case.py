@@ -65,11 +65,11 @@ class LoadCase:
         return float(self.live.dot(u))
 
     def dead_work(self, u: PETSc.Vec) -> float:
-        """Work of the dead loads L₀(u)."""
+        """Return the work of the dead loads L₀(u)."""
         return float(self.dead.dot(u))
 
     def work(self, u: PETSc.Vec, zeta: float) -> float:
-        """Work of all loads L₀(u) + ζL₁(u)."""
+        """Return the work of all loads L₀(u) + ζL₁(u)."""
         return self.dead_work(u) + zeta * self.alpha(u)
 
     def add_all_to(self, force: PETSc.Vec, zeta: float) -> None:
@@ -80,9 +80,9 @@ class LoadCase:
                 force.axpy(1.0, loads.dead)
 
     def has_dead(self) -> bool:
-        """Whether anything is loaded at ζ = 0. Collective."""
+        """Return whether anything is loaded at ζ = 0. Collective."""
         return float(self.dead.norm()) > 0
 
     def grows(self) -> bool:
-        """Whether ζ multiplies anything."""
+        """Return whether ζ multiplies anything."""
         return float(self.live.norm()) > 0

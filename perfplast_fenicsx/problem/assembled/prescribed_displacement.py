@@ -94,7 +94,7 @@ def motion_of(comm: MPI.Intracomm, support: Support | RigidSurface, x: Floats) -
 
 
 def _told(displacement: Floats) -> str:
-    """A displacement in words: its constant part, and that which ζ multiplies."""
+    """Return a displacement in words: its constant part, and that which ζ multiplies."""
     constant, growing = displacement
     return f"{growing:g} times ζ" if growing else f"{constant:g}"
 
@@ -167,6 +167,6 @@ def check_moved_ties(V: fem.FunctionSpace, ties: Constraints, prescribed: Floats
 
 
 def _farthest(V: fem.FunctionSpace, prescribed: Floats) -> float:
-    """The largest component of u_D on any rank. Collective."""
+    """Return the largest component of u_D on any rank. Collective."""
     own = float(np.abs(prescribed).max(initial=0))
     return float(V.mesh.comm.allreduce(own, MPI.MAX))

@@ -37,6 +37,6 @@ def rigid_resultants(
 
 
 def moments_of(arms: Floats, forces: Floats) -> Floats:
-    """Moments of forces, both of shape (n, gdim), as of rotations: shape (n, 1 or 3)."""
+    """Return moments of forces, both of shape (n, gdim), as of rotations: shape (n, 1 or 3)."""
     axes = np.eye(2 * arms.shape[1] - 3)
     return np.stack([np.einsum("ni,ni->n", turned(e, arms), forces) for e in axes], axis=1)

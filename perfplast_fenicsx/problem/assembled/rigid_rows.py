@@ -40,7 +40,7 @@ class Leaders:
     frame: Floats
 
     def follow(self, x: Floats) -> Floats:
-        """Coefficients of points' displacements in those of the leaders.
+        """Return coefficients of points' displacements in those of the leaders.
 
         Args:
             x: Points, shape (n, gdim).
@@ -77,7 +77,7 @@ class Leaders:
         return np.einsum("ft,flk->tlk", self.frame, local)
 
     def forces(self, force: Floats, moment: Floats, point: Floats) -> Floats:
-        """The smallest forces on the leaders with a resultant, shape (leaders, gdim).
+        """Return the smallest forces on the leaders with a resultant, shape (leaders, gdim).
 
         Args:
             force: Shape (gdim,).
@@ -94,7 +94,7 @@ class Leaders:
 
 
 def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> Leaders:
-    """The leaders of a surface, the same on any number of ranks. Collective.
+    """Return the leaders of a surface, the same on any number of ranks. Collective.
 
     Raises:
         InputError: An unknown name, or a surface whose nodes lie in a point or a line.
@@ -155,7 +155,7 @@ def rigid_rows(
     surfaces: Sequence[RigidSurface],
     taken: npt.NDArray[np.bool_],
 ) -> list[Constraints]:
-    """The rows of the surfaces that are free to move, and none of others. Collective.
+    """Return the rows of the surfaces that are free to move, and none of others. Collective.
 
     Args:
         V: Displacement space.
@@ -257,7 +257,7 @@ def _rows_of_slide(
 def _farthest(
     comm: MPI.Intracomm, distance: Floats, number: Longs, x: Floats, alike: float
 ) -> tuple[float, int, Floats]:
-    """The largest distance and its node; of equal ones the first in place. Collective."""
+    """Return the largest distance and its node; of equal ones the first in place. Collective."""
     largest = comm.allreduce(float(distance.max(initial=0)), MPI.MAX)
     near = np.flatnonzero(distance >= largest - alike)
     order = np.lexsort(np.round(x[near] / max(alike, np.finfo(float).tiny)).T)

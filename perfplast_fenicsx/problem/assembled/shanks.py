@@ -32,7 +32,8 @@ class Shanks:
 
     Attributes:
         bolts: As they were declared.
-        shortening: Of each (length), shape (num_bolts,); None where they are not tightened yet.
+        shortening: Shortening of each (length), shape (num_bolts,); None where they are not
+            tightened yet.
         anew: Names of those that stages tighten once more.
     """
 

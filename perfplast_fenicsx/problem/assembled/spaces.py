@@ -61,7 +61,7 @@ def make_spaces(mesh: Mesh, degree: int, kinematics: Kinematics | None = None) -
 
 
 def space_at_points(mesh: Mesh, degree: int, shape: tuple[int, ...]) -> fem.FunctionSpace:
-    """Values of a shape at the points of the rule that goes with a degree. Collective."""
+    """Return values of a shape at the points of the rule that goes with a degree. Collective."""
     cell = mesh.basix_cell()
     if degree == 1:
         element = basix.ufl.element("DG", cell, 0, shape=shape or None)
@@ -72,7 +72,7 @@ def space_at_points(mesh: Mesh, degree: int, shape: tuple[int, ...]) -> fem.Func
 
 
 def _accuracy(degree: int) -> int:
-    """Degree of the quadrature rule that integrates products of strains exactly."""
+    """Return the degree of the quadrature rule that integrates products of strains exactly."""
     return 2 * (degree - 1)
 
 

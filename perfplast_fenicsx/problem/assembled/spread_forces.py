@@ -19,7 +19,7 @@ from perfplast_fenicsx.problem.declared.supports import AXES
 def on_this_mesh(
     tagged_mesh: TaggedMesh, loads: Sequence[Load], rigid: Sequence[RigidSurface]
 ) -> list[Load]:
-    """The loads, those that are given as whole forces as tractions. Collective.
+    """Return the loads, those that are given as whole forces as tractions. Collective.
 
     Forces on rigid surfaces stay what they are.
 
@@ -38,7 +38,7 @@ def on_this_mesh(
 
 
 def _linear(tagged_mesh: TaggedMesh, load: Force) -> Load:
-    """The traction t = F/A + ω × (x − c) with this force and moment. Collective.
+    """Return the traction t = F/A + ω × (x − c) with this force and moment. Collective.
 
     c is the centroid of the surface and ω = J⁻¹M with the moment M about c and J = ∫|r|² − r rᵀ. So
     all is linear on each straight facet, and a stress that is linear in the cells can balance it.

@@ -12,7 +12,7 @@ from perfplast_fenicsx.problem.declared.loads import Load, Traction
 
 
 def per_area(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> list[Load]:
-    """The loads, a total force divided by the area of its surface in the mesh. Collective.
+    """Return the loads, a total force divided by the area of its surface in the mesh. Collective.
 
     So the force is that which was given, though facets have a little less area than a round
     surface.

@@ -23,7 +23,7 @@ class Bolt:
         shank: Where the part begins and ends that is shortened, and whose force is reported:
             coordinates along the axis (length), with neither head, nut nor thread in between.
             Without it the middle third of the volume.
-        name: What results call it; without it ``on``.
+        name: Name in results; by default ``on``.
 
     Raises:
         InputError: If the preload is not positive, or axis or shank are not valid.
@@ -45,7 +45,7 @@ class Bolt:
         check_magnitude(f"the preload of '{self.called}'", self.preload)
         if not all(map(math.isfinite, self.axis)) or not any(self.axis):
             raise InputError(
-                f"{where} has axis = {list(self.axis)}, which is no direction; give one such as"
+                f"{where} has axis = {list(self.axis)}, which is not a direction; give one such as"
                 " [0, 0, 1]."
             )
         if self.shank is None:

@@ -38,7 +38,7 @@ class Given:
         """Refuse what is misplaced or there twice, and surfaces without facets. Collective.
 
         Args:
-            tagged_mesh: What it is declared on.
+            tagged_mesh: The mesh.
 
         Raises:
             InputError: Naming what it is.

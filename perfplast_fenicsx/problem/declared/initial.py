@@ -14,7 +14,7 @@ class Temperature:
     Args:
         on: Physical volume; its material has an ``expansion``.
         change: The change (temperature), a number or a formula in x, y, z.
-        name: What stages call it; without it ``on``.
+        name: Name in stages; by default ``on``.
     """
 
     on: str

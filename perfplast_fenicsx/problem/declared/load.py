@@ -16,14 +16,14 @@ class Load:
     """A load.
 
     Attributes:
-        words: What reports call it.
+        words: Name in reports.
         quantities: Units of what it is given by, by the keys of :meth:`units.Units.table`: those of
             ``value``, which case files call as the load's kind, and of other fields that are a load
             by themselves.
         in_volume: Whether ``on`` is a volume, and no surface.
         on: Physical surface or volume.
         value: A number or formula, or one a direction.
-        name: What messages and stages call it.
+        name: Name in messages and stages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
@@ -47,11 +47,11 @@ class SpreadLoad(Load):
     scalar: ClassVar[bool] = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """Its work for each volume or area, what L(v) is the integral of.
+        """Return its work for each volume or area, what L(v) is the integral of.
 
         Args:
-            value: Of the load in UFL, a scalar or a vector.
+            value: Value of the load in UFL, a scalar or a vector.
             v: Displacement, a vector in UFL.
-            tagged_mesh: What it acts on.
+            tagged_mesh: The mesh.
         """
         raise NotImplementedError

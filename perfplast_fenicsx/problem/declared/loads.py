@@ -36,7 +36,7 @@ class Traction(SpreadLoad):
     Args:
         on: Physical surface.
         value: The force per area (stress), a number or formula a direction.
-        name: What messages call it.
+        name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
         total: Whether a traction is the whole force on its surface, which is spread evenly over the
             area in the mesh.
@@ -65,7 +65,7 @@ class Pressure(SpreadLoad):
     Args:
         on: Physical surface.
         value: The pressure (stress), a number or formula; a positive one pushes on the body.
-        name: What messages call it.
+        name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
@@ -92,7 +92,7 @@ class BodyForce(SpreadLoad):
     Args:
         on: Physical volume.
         value: The force per volume, a number or formula a direction.
-        name: What messages call it.
+        name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
@@ -119,7 +119,7 @@ class ForceBelow(BodyForce):
     Args:
         on: Physical volume.
         value: The force per volume, a number a direction.
-        name: What messages call it.
+        name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
         depth: A formula that is positive below the line, such as "8 + 0.2*x - y".
     """
@@ -165,7 +165,7 @@ class PorePressure(SpreadLoad):
     Args:
         on: Physical volume.
         value: The pressure (stress), a number or formula.
-        name: What messages call it.
+        name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
@@ -219,7 +219,7 @@ class FieldPores(PorePressure):
     Args:
         on: Physical volume.
         value: Where the field comes from, in words.
-        name: What messages call it.
+        name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
         field: The field (stress); None as long as there is no mesh.
     """
@@ -250,7 +250,7 @@ class EnclosedPores(PorePressure):
     Args:
         on: Physical volume.
         value: The formula.
-        name: What messages call it.
+        name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
         side: "above" or "below", where the function is.
     """
@@ -283,7 +283,7 @@ class Force(Load):
         moment: With or in place of a force, a number in the plane, one for each axis in space.
         point: Where the force acts, and what the moment is about (length); without, the origin of
             rigid surfaces, and the centroid of others.
-        name: What messages call it.
+        name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
@@ -307,7 +307,7 @@ class Bearing(Load):
         value: The whole force of a pin or shaft on its bore, one number a direction; in the plane
             for each unit of depth. The pressure is that of the cosine, only where the surface faces
             the force, and as large as makes the force on the mesh exact.
-        name: What messages call it.
+        name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
@@ -327,7 +327,7 @@ class CosinePressure(SpreadLoad):
     Args:
         on: Physical surface.
         value: The largest pressure, in its direction: a (stress).
-        name: What messages call it.
+        name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
 
@@ -373,24 +373,24 @@ ON_SURFACES = (Traction, Pressure, CosinePressure)
 
 
 def kind_of(load: Load) -> str:
-    """How files call a load's kind; the name of its class where it is in no file."""
+    """Return how files call a load's kind; the name of its class where it is in no file."""
     own = PorePressure if isinstance(load, FieldPores) else type(load)
     known = (kind for kind, cls in KINDS.items() if cls is own)
     return next(known, type(load).__name__)
 
 
 def is_known(load: Load) -> bool:
-    """Whether a load is of the program's own kinds, and none of a user's."""
+    """Return whether a load is of the program's own kinds, and none of a user's."""
     return type(load) in (*KINDS.values(), *ON_SURFACES, FieldPores, EnclosedPores)
 
 
 def is_uniform(load: Load) -> bool:
-    """Whether a load is given as numbers."""
+    """Return whether a load is given as numbers."""
     return np.asarray(load.value).dtype.kind in "fiu"
 
 
 def is_bounded(load: Load) -> bool:
-    """Whether strict bounds know a load: all but forces per volume that are formulas."""
+    """Return whether strict bounds know a load: all but forces per volume that are formulas."""
     return type(load) in (*ON_SURFACES, PorePressure, FieldPores, EnclosedPores, Force) or (
         type(load) in (BodyForce, ForceBelow) and is_uniform(load)
     )

@@ -29,5 +29,5 @@ class Prescribed(Enum):
     WORK = "alpha"
 
     def of(self, level: Loaded) -> float:
-        """The prescribed value of a state, a report or an iteration."""
+        """Return the prescribed value of a state, a report or an iteration."""
         return level.zeta if self is Prescribed.LOAD_FACTOR else level.alpha

@@ -22,17 +22,17 @@ class RigidSurface:
 
     Args:
         on: Physical surface.
-        point: What it turns about (length; 2 or 3 numbers); the origin without.
-        displacement: Of that point (length; 2 or 3 numbers), 0 if there is a rotation alone.
+        point: Centre of the rotation (length; 2 or 3 numbers); by default the origin.
+        displacement: Displacement of that point (length; 2 or 3 numbers); by default 0.
         rotation: A number in the plane, one for each axis in space (rad), 0 if there is a
             displacement alone.
-        components: Those of the letters x, y, z that its known motion holds; all by default. A bar
-            that is twisted so by its end may warp there.
+        components: Letters of x, y, z that its known motion holds; all by default. A
+            bar that is twisted so by its end may warp there.
         constant: Whether the motion is the same at any load factor; otherwise ζ multiplies it, or a
             factor of stages.
-        name: What results and stages call it; that of its surface without it.
-        held: Those of the letters x, y, z along which a surface that is free cannot move, as at a
-            plane of symmetry; it then does not turn either.
+        name: Name in results and stages; by default that of its surface.
+        held: Letters of x, y, z along which a free surface cannot move, as at a plane of symmetry;
+            it then does not turn either.
     """
 
     on: str
@@ -55,7 +55,7 @@ class RigidSurface:
         return bool(np.any(self.displacement) or np.any(self.rotation))
 
     def axes(self, gdim: int) -> list[int]:
-        """Indices of the components that it holds, in a mesh of dimension ``gdim``.
+        """Return indices of the components that it holds, in a mesh of dimension ``gdim``.
 
         Raises:
             InputError: If letters do not name its axes.
@@ -76,7 +76,7 @@ class RigidSurface:
         return told.axes(gdim)
 
     def motion(self, x: Floats) -> Floats:
-        """Displacement of points (length), for ζ = 1; both of shape (n, gdim).
+        """Return the displacement of points (length), for ζ = 1; both of shape (n, gdim).
 
         Raises:
             InputError: If what is given does not fit the mesh.

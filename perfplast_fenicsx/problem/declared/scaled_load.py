@@ -8,11 +8,12 @@ from perfplast_fenicsx.problem.declared.loads import Load
 
 
 def scaled(load: Load, factor: float) -> Load:
-    """The load with all that it is given by times a factor.
+    """Return the load with all that it is given by times a factor.
 
     Args:
         load: A dataclass, as all loads are; numbers are multiplied, and so are formulas.
-        factor: Of any sign; the pressure of a pin in its bore is another one if it is negative.
+        factor: Factor of any sign; the pressure of a pin in its bore is another one if it is
+            negative.
     """
     given: Any = load
     names = [field.name for field in fields(given) if field.name in load.quantities]

@@ -46,7 +46,7 @@ class Stage:
         most_steps = 1_000_000
         if not (whole and 1 <= self.steps <= most_steps):
             raise InputError(
-                f"steps = {self.steps!r} is no number of levels; give 1 to {most_steps}."
+                f"steps = {self.steps!r} is not a valid number of levels; give 1 to {most_steps}."
             )
         for name, factor in self.factors.items():
             if not math.isfinite(factor):
@@ -57,12 +57,12 @@ class Stage:
 
 
 def called(given: Load | Temperature | Mover) -> str:
-    """The name by which stages know something."""
+    """Return the name by which stages know something."""
     return given.name or given.on
 
 
 def follows(mover: Mover) -> bool:
-    """Whether ζ, or a factor of stages, multiplies its motion."""
+    """Return whether ζ, or a factor of stages, multiplies its motion."""
     if isinstance(mover, Support | RigidSurface):
         return mover.moves and not mover.constant
     if isinstance(mover, Contact):
@@ -80,7 +80,7 @@ def check_stages(
 
     Args:
         stages: One after the other.
-        loads: What acts.
+        loads: The loads.
         initial: Temperatures and bolts among them.
         movers: Supports, rigid surfaces, obstacles and contacts.
 

@@ -24,7 +24,7 @@ class Support:
             normal; a number, or a formula in x, y, z. There is none by default.
         constant: Whether it is the same at any load factor; otherwise ζ multiplies it, or a factor
             of stages.
-        name: What results and stages call it; that of its surface without it.
+        name: Name in results and stages; by default that of its surface.
     """
 
     on: str
@@ -39,7 +39,7 @@ class Support:
         return self.components == "normal"
 
     def axes(self, gdim: int) -> list[int]:
-        """Indices of the supported components, in a mesh of dimension ``gdim``.
+        """Return indices of the supported components, in a mesh of dimension ``gdim``.
 
         None of what is held along a normal.
         """

@@ -33,7 +33,7 @@ def strain_norm2(problem: Problem, strain: Expr) -> Integral:
 
 
 def stiffness_of_nodes(problem: Problem) -> float:
-    """A node's stiffness (force/length) against all others, the mean of them. Collective.
+    """Return a node's stiffness (force/length) against all others, the mean of them. Collective.
 
     √(stiffness · energy) is the norm of the forces by which the stress of an energy pulls at nodes
     from all sides, which may balance each other.

@@ -110,7 +110,7 @@ class QuadratureFields:
         self.stress.x.array[:] += stress
 
     def updated_history(self) -> dict[str, fem.Function]:
-        """The internal variables by name after a level that ends here; {} for Hencky's laws.
+        """Return the internal variables by name after a level that ends here; {} for Hencky's laws.
 
         Strain and stress must be up to date. The problem's history stays as it was before.
         """
@@ -127,13 +127,13 @@ class QuadratureFields:
         return self.problem.comm.allreduce(largest, MPI.MAX)
 
     def plastic_cells(self) -> int:
-        """Number of cells with a plastic point. Collective."""
+        """Return the number of cells with a plastic point. Collective."""
         self._plastic.interpolate(self._at_points)
         plastic = (by_cell(self._at_points)[: self._owned_cells] > 0).any(axis=1)
         return self.problem.comm.allreduce(int(plastic.sum()))
 
     def plastic_fraction(self) -> float:
-        """Share of the volume that is plastic. Collective."""
+        """Return the share of the volume that is plastic. Collective."""
         return self._plastic_volume() / self._volume
 
     def initial_work(self) -> float:
@@ -185,7 +185,7 @@ class QuadratureFields:
         return max(self._jagged_norm2(), self._left[0])
 
     def at_least(self, share: float, norm: float) -> float:
-        """The larger one of a norm of strains and a share of the root of that. Collective.
+        """Return the larger one of a norm of strains and a share of the root of that. Collective.
 
         The latter's integral is formed if a bound by the largest displacement does not decide.
         """

@@ -54,7 +54,7 @@ class Stiffness:
 
 
 def create_stiffness(problem: Problem) -> PETSc.Mat:
-    """A matrix of zeros in blocks that has room for K and for A = TᵀKT. Collective."""
+    """Return a matrix of zeros in blocks that has room for K and for A = TᵀKT. Collective."""
     V, T = problem.V, problem.basis.T
     topology = V.mesh.topology
     index_map, bs = V.dofmap.index_map, V.dofmap.index_map_bs
@@ -88,7 +88,7 @@ def create_stiffness(problem: Problem) -> PETSc.Mat:
 
 
 def _closed(T: PETSc.Mat) -> PETSc.Mat:
-    """Nodes that follow others by any number of steps, of nodes that follow others by one.
+    """Return nodes that follow others by any number of steps, of nodes that follow others by one.
 
     Single unknowns need one step, but a node's other component may follow further nodes: where a
     rigid surface is in contact, say. Collective; the given matrix is destroyed.

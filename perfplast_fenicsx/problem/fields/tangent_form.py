@@ -22,7 +22,7 @@ class TangentForm:
 
         Args:
             fields: Whose strain the tangent is taken at.
-            space: Of trial and test functions.
+            space: Space of trial and test functions.
         """
         self._problem: Problem = fields.problem
         self._rho = fem.Constant(self._problem.tagged_mesh.mesh, default_scalar_type(1))
@@ -42,7 +42,7 @@ class TangentForm:
             expression.interpolate(function)
 
     def _store(self, on: LawOnCells, e: fem.Function) -> dict[str, fem.Function]:
-        """Functions for what a law's tangent needs, of the shapes that the law gives it."""
+        """Return functions for what a law's tangent needs, of the shapes that the law gives it."""
         problem, stored = self._problem, {}
         for name, value in on.law.tangent_fields(e, on.old, self._rho).items():
             space = problem.space_at_points(value.ufl_shape)

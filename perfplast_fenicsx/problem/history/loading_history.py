@@ -35,7 +35,7 @@ class LoadingHistory:
     """Takes a problem through stages; the problem's loads, motion and e₀ are then its own.
 
     Attributes:
-        problem: What is loaded.
+        problem: The problem that is loaded.
         stages: One after the other.
     """
 
@@ -79,7 +79,7 @@ class LoadingHistory:
                 yield k + step / stage.steps
 
     def rests_first(self) -> bool:
-        """Whether something loads the bodies before the first stage. Collective."""
+        """Return whether something loads the bodies before the first stage. Collective."""
         problem = self.problem
         strained = self._first_strain is not None
         settled = bool(self._at_rest.displacement[0].any())
@@ -103,7 +103,7 @@ class LoadingHistory:
         return {name: (1 - share) * before[name] + share * after[name] for name in after}
 
     def tightened(self, time: float) -> dict[str, float]:
-        """Forces to which the stage of a time tightens bolts at it, by name."""
+        """Return forces to which the stage of a time tightens bolts at it, by name."""
         factors, stage = self.factors(time), self.stages[self.number(time)]
         named = [name for name in self._preloads if name in stage.factors and time > 0]
         return {name: factors[name] * self._preloads[name] for name in named}
@@ -144,7 +144,7 @@ class LoadingHistory:
                 e0.x.array[:] += now[name] * strain
 
     def _case(self, k: int) -> LoadCase:
-        """The loads of a stage. Collective."""
+        """Return the loads of a stage. Collective."""
         first, rate = self._lines(k)
         dead, live = self._constant.copy(), self.problem.create_vector()
         for name, vector in self._vectors.items():
@@ -159,7 +159,7 @@ class LoadingHistory:
         return {name: before[name] - k * rate[name] for name in after}, rate
 
     def _at_end(self, k: int) -> Mapping[str, float]:
-        """Factors at the end of a stage; zero before the first one, and 1 of bolts."""
+        """Return factors at the end of a stage; zero before the first one, and 1 of bolts."""
         factors = dict.fromkeys((name for a in self.stages for name in a.factors), 0.0)
         factors |= dict.fromkeys(self._preloads, 1.0)
         for stage in self.stages[: k + 1]:
@@ -167,7 +167,7 @@ class LoadingHistory:
         return factors
 
     def _strain(self, given: Sequence[Initial]) -> Floats:
-        """The initial strain of some of them at the points."""
+        """Return the initial strain of some of them at the points."""
         problem = self.problem
         spaces = Spaces(problem.degree, problem.V, problem.S, problem.Q, problem.dx)
         materials = problem.given.materials

@@ -56,7 +56,7 @@ def in_stage(
     first: Mapping[str, float],
     rate: Mapping[str, float],
 ) -> GivenMotion:
-    """The motion in a stage, in which the factor of a name is first + ζ · rate.
+    """Return the motion in a stage, in which the factor of a name is first + ζ · rate.
 
     Args:
         constant: The problem's, of which the part without ζ counts.

@@ -137,7 +137,7 @@ def contact_forces(
 
 
 def friction_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floats:
-    """The same of friction, shape (num_places, gdim − 1). Collective."""
+    """Return the same of friction, shape (num_places, gdim − 1). Collective."""
     r = _left(problem, stress, zeta)
     forces = -problem.friction.jumps(r)
     r.destroy()

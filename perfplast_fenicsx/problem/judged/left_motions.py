@@ -52,7 +52,7 @@ def _together(problem: Problem, grams: Floats) -> Floats:
 
     Args:
         problem: The bodies with their ties.
-        grams: Of supports, shape (count, num_modes, num_modes).
+        grams: Gram matrices of supports, shape (count, num_modes, num_modes).
     """
     count, modes = grams.shape[:2]
     jumps = rigid_jumps(problem.V, problem.bodies, problem.ties.B)

@@ -7,11 +7,11 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def moment(problem: Problem, forces: Floats) -> Floats:
-    """Sum of the moments of forces at the nodes of this rank. Not collective.
+    """Return the sum of the moments of forces at the nodes of this rank. Not collective.
 
     Args:
         problem: At whose nodes they are.
-        forces: Of the nodes that this rank owns, shape (num_nodes, gdim).
+        forces: Forces of the nodes that this rank owns, shape (num_nodes, gdim).
 
     Returns:
         About x, y and z in space, about z in the plane (for each unit of depth), shape (3,) or

@@ -69,7 +69,8 @@ class LevelReport:
         active_contacts: Pairs that push.
         contact_pairs: All pairs.
         max_penetration: Largest (u_a − u_b)·n − g, at least 0 (length).
-        smallest_contact_force: Of all pairs (force); negative means an adhesive one. 0 without any.
+        smallest_contact_force: Smallest contact force of all pairs (force); negative means an
+            adhesive one. 0 without any.
         complementarity: Σ force × remaining gap, relative to |Ψ| + ½‖σ‖², as the duality gap.
         equilibrium: Norm of the forces that nothing balances (contact forces apart, which the three
             numbers above judge), relative to the largest of these: the loads, the contact forces,
@@ -83,7 +84,7 @@ class LevelReport:
         balance: Their sum or moment, relative to all nodal forces.
         slipping: Places with friction that slip; in stages since the level before.
         friction_dissipation: What this slip has dissipated, Σ c × slip (energy).
-        rounds: Of the fixed point of Coulomb's friction; 1 without it.
+        rounds: Rounds of the fixed point of Coulomb's friction; 1 without it.
         friction_excess: Largest force of friction beyond c, relative to the largest c, at least 0.
         driving_force: Where ζ moves supports and obstacles, the work that they do on the bodies for
             a growth of ζ by 1: the force along what moves, times how far it moves for ζ = 1.
@@ -142,7 +143,7 @@ class LevelReport:
         return f"LevelReport({self.summary()})"
 
     def summary(self) -> str:
-        """The level in a few words."""
+        """Return the level in a few words."""
         if not self.converged:
             return f"zeta={self.zeta:.6g}, no solution: {self.reason}"
         return (

@@ -55,7 +55,7 @@ def resultants(
     zeta: float,
     least: float = 0.0,
 ) -> Resultants:
-    """The resultants at a state. Collective.
+    """Return the resultants at a state. Collective.
 
     Args:
         problem: The bodies, their loads and what holds them.

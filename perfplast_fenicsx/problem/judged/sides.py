@@ -185,7 +185,7 @@ def sides_of(
     Args:
         facets: All outer facets.
         axes: Letters of the coordinates.
-        size: Of the bodies (length).
+        size: Size of the bodies (length).
         surfaces: The tag of each name, or its tags.
     """
     count, gdim = len(facets.area), facets.x.shape[2]

@@ -39,8 +39,8 @@ class Level:
     Attributes:
         state: What it ended with.
         stress: σ = Σ(ε(u)), Mandel vectors (:mod:`mandel`) at the quadrature points.
-        contact_forces: Of the pairs hosted by this rank (force), positive where the bodies push
-            each other, shape (num_pairs,).
+        contact_forces: Contact forces of the pairs hosted by this rank (force), positive where the
+            bodies push each other, shape (num_pairs,).
         report: What is known of it.
         iterations: Each step.
         refuted: Whether it ended with a verdict that no equilibrium exists, with the bounds that

@@ -24,7 +24,7 @@ from perfplast_fenicsx.solvers.active_set.slip import Slip
 
 
 def condensable(program: EqualityProgram, friction: Friction) -> bool:
-    """Whether slip has two directions, and pairs and places are few. Collective."""
+    """Return whether slip has two directions, and pairs and places are few. Collective."""
     most_unknowns = 300  # so many pairs and places are condensed at most
     few = program.comm.allreduce(len(program.index) + len(friction.index)) <= most_unknowns
     return few and friction.index.shape[1] == 1
@@ -88,7 +88,7 @@ def condense_friction(
 
 
 def moves_of(S: Floats, G: Floats, bound: Floats, is_place: np.ndarray) -> Floats:
-    """How far pairs open (negative) and places slip; shape (n,).
+    """Return how far pairs open (negative) and places slip; shape (n,).
 
     Args:
         S: Force on each for a unit jump of each, shape (n, n).

@@ -79,13 +79,13 @@ def condense(
 
 
 def closed_pairs(stiffness: Floats, forces: Floats) -> PairFlags:
-    """Pairs that stay closed, of :func:`openings`; shape (n,)."""
+    """Return pairs that stay closed, of :func:`openings`; shape (n,)."""
     closed: PairFlags = openings(stiffness, forces) <= 0
     return closed
 
 
 def openings(stiffness: Floats, forces: Floats) -> Floats:
-    """The z ≥ 0 that minimises ½ zᵀSz − gᵀz, scaled: what counts is where it is zero.
+    """Return the z ≥ 0 that minimises ½ zᵀSz − gᵀz, scaled: what counts is where it is zero.
 
     With S = R Rᵀ this is the least-squares problem min ‖Rᵀz − R⁻¹g‖ over z ≥ 0, which the method of
     Lawson and Hanson solves exactly (Solving Least Squares Problems, SIAM 1995, chapter 23).

@@ -47,8 +47,9 @@ class ContactStep:
         settled: Whether the active set is that of the solution; if not, δ is feasible, but no
             solution, and no iteration may end with it.
         iterations: Sets of held pairs solved with.
-        multiplier: Of the work equality; 0 without it.
-        held_forces: Of the unknowns that were given, what holds them, shape (num_held,).
+        multiplier: Multiplier of the work equality; 0 without it.
+        held_forces: Support forces of the unknowns that were given, what holds them, shape
+            (num_held,).
     """
 
     delta: PETSc.Vec

@@ -121,7 +121,7 @@ class EqualityProgram:
         """Solve with these pairs held. Collective.
 
         Args:
-            model: What is minimised.
+            model: The quadratic model that is minimised.
             held: Pairs hosted here that are held, shape (num_pairs,).
             delta: Takes δ.
 
@@ -134,7 +134,7 @@ class EqualityProgram:
         """Return the start of :meth:`minimise`, for :meth:`complete`. Collective.
 
         Args:
-            model: What is minimised.
+            model: The quadratic model that is minimised.
             held: Pairs hosted here that are held, shape (num_pairs,).
             delta: Takes δ, which is zero but at held unknowns.
         """
@@ -195,7 +195,7 @@ class EqualityProgram:
         self._rhs.array[self._closed(model, held)] = 0
 
     def _closed(self, model: QuadraticModel, held: PairFlags) -> Ints:
-        """All held unknowns."""
+        """Return all held unknowns."""
         return np.concatenate([self.index[held], model.given.index])
 
     def _solve(self, start: Solution, held: PairFlags, correction: bool) -> Solution:

@@ -29,7 +29,7 @@ class FrictionSplitting:
 
         Args:
             problem: Whose places they are at.
-            operator: Of the bodies, as it stays.
+            operator: Operator of the bodies, as it stays.
             stiffness: k, shape (num_places,).
         """
         self._problem, self._k, friction = problem, stiffness, problem.friction

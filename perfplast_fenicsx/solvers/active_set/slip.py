@@ -41,7 +41,7 @@ def stuck(shape: tuple[int, ...]) -> Slip:
     """Nothing slips.
 
     Args:
-        shape: Of the jumps.
+        shape: Shape of the jumps.
     """
     return Slip(np.ones(shape[0], dtype=np.bool_), np.zeros(shape), np.zeros(shape[0]))
 

@@ -236,7 +236,7 @@ class VariationalInequality:
         f.array[index] = np.where(wanted, -size, size)
 
     def _is_elsewhere(self, x: PETSc.Vec) -> bool:
-        """Whether a line search of the user's has not taken the full step. Collective."""
+        """Return whether a line search of the user's has not taken the full step. Collective."""
         index, delta = self._program.index, self._delta
         off = self._off
         off.waxpy(-1.0, x, delta)
@@ -282,7 +282,7 @@ class VariationalInequality:
         y.array[:] = (x.array_r - self._delta.array_r)[inactive]
 
     def test(self, iteration: int, norm: float) -> int | None:
-        """Whether to stop, and why (called by PETSc). Collective."""
+        """Return whether to stop, and why (called by PETSc). Collective."""
         if self._failure is not None:
             return int(Reason.DIVERGED_LINEAR_SOLVE)
         if iteration == 0:

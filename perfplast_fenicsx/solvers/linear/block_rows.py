@@ -17,7 +17,7 @@ class BlockRows:
     """Blocks row by row, their entries in an order and a precision of their own.
 
     Attributes:
-        rows: Of blocks; ``columns``: the same.
+        rows: Rows of blocks; ``columns``: the same.
         matrix: What kernels take of it: where the blocks of each row begin, which columns they
             have, and their entries, row by row.
     """
@@ -35,8 +35,8 @@ class BlockRows:
         """Find the blocks. Collective.
 
         Args:
-            comm: Of the matrix.
-            precision: Of what is kept, float32 or float64.
+            comm: Communicator of the matrix.
+            precision: Precision of what is kept, float32 or float64.
             both: Rows and columns of a block, each of a size that kernels have.
             rows: This rank's.
             columns: How many there are at least.
@@ -66,7 +66,7 @@ class BlockRows:
         assert astray == 0, f"{astray} entries are where the matrix had none at first"
 
     def _of(self, kind: str, array: npt.NDArray) -> Any:
-        """An array as kernels take it, which keeps it alive."""
+        """Return an array as kernels take it, which keeps it alive."""
         return self._ffi.from_buffer(kind, array)
 
     def reals(self, count: int) -> Any:
@@ -75,7 +75,7 @@ class BlockRows:
         return self._of(kind, np.zeros(count, dtype=self._precision))
 
     def vector(self, array: Floats) -> Any:
-        """Numbers of double precision as kernels take them."""
+        """Return numbers of double precision as kernels take them."""
         return self._of("double[]", array)
 
     def _told(self, rows: Rows) -> tuple[Any, ...]:
@@ -86,7 +86,7 @@ class BlockRows:
 
 
 def whole(entries: int, size: int) -> int:
-    """How many blocks it takes for so many entries."""
+    """Return how many blocks it takes for so many entries."""
     return -(-entries // size)
 
 

@@ -21,7 +21,7 @@ def for_size(of: str) -> str:
 
 
 def own_types(text: str, precision: type[np.floating]) -> str:
-    """A source with PETSc's integers for INDEX, and REAL for what is kept."""
+    """Return a source with PETSc's integers for INDEX, and REAL for what is kept."""
     whole = f"int{8 * np.dtype(PETSc.IntType).itemsize}_t"
     real = {np.float32: "float", np.float64: "double"}[precision]
     head = r"""
@@ -37,7 +37,7 @@ def source(precision: type[np.floating]) -> str:
     """Functions ``pattern`` and ``fill``; blocks have n rows and m columns.
 
     Args:
-        precision: Of what is kept, float32 or float64.
+        precision: Precision of what is kept, float32 or float64.
     """
     return own_types(_kernels() + for_size("n") + _calls(), precision)
 

@@ -33,7 +33,7 @@ class BlockedProducts:
 
         Args:
             A: Symmetric, of type "aij", with blocks of one of the sizes that kernels have.
-            precision: Of what is kept and multiplied, float32 or float64.
+            precision: Precision of what is kept and multiplied, float32 or float64.
         """
         size = A.getBlockSize()
         comm = A.comm.tompi4py()

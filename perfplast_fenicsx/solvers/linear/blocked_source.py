@@ -14,7 +14,7 @@ def source(precision: type[np.floating]) -> str:
     """Functions product, add, take and give.
 
     Args:
-        precision: Of what is kept and multiplied, float32 or float64.
+        precision: Precision of what is kept and multiplied, float32 or float64.
     """
     products = "".join(
         _products().replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)

@@ -31,7 +31,7 @@ class ConjugateResiduals:
         self.count = 0
 
     def step(self, motion: Floats, effect: Floats, left: Floats) -> Floats | None:
-        """The step along one more direction that leaves least. Collective.
+        """Return the step along one more direction that leaves least. Collective.
 
         Args:
             motion: This rank's part of the direction, shape (num_owned,).

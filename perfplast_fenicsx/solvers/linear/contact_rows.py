@@ -49,7 +49,7 @@ class ContactRows:
 
 
 def every_column(A: PETSc.Mat) -> PETSc.IS:
-    """All columns of a matrix, as they are distributed, to choose rows of it with."""
+    """Return all columns of a matrix, as they are distributed, to choose rows of it with."""
     return PETSc.IS().createStride(
         A.getLocalSize()[1], first=A.getOwnershipRangeColumn()[0], step=1, comm=A.comm
     )

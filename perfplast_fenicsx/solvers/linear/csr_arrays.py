@@ -21,7 +21,7 @@ class Rows:
 
     Attributes:
         pointer: Where each row's entries begin, shape (num_rows + 1,).
-        columns: Of the entries, local numbers.
+        columns: Columns of the entries, local numbers.
         values: The entries, in PETSc's memory: they are of no use once the matrix changes.
     """
 
@@ -31,7 +31,7 @@ class Rows:
 
 
 def own_rows(A: PETSc.Mat) -> tuple[Rows, Rows | None, Indices]:
-    """The rows of this rank.
+    """Return the rows of this rank.
 
     Args:
         A: Of type "aij".

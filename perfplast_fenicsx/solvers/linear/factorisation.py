@@ -39,7 +39,7 @@ class Factorisation:
     """A factorisation of the operator with its held unknowns.
 
     Attributes:
-        name: What is used, for people.
+        name: Name of the solver, for people.
     """
 
     def __init__(

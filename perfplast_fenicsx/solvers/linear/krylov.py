@@ -21,7 +21,7 @@ class Krylov:
     """A Krylov method, and a preconditioner that may be older than the matrix.
 
     Attributes:
-        name: What is used, for people.
+        name: Name of the solver, for people.
         worth: Krylov iterations that a set-up costs about as much as.
     """
 

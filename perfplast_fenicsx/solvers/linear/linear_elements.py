@@ -45,7 +45,7 @@ class LinearElements:
         return K.PtAP(self.interpolation)
 
     def at_vertices(self, motion: PETSc.Vec) -> Floats:
-        """A motion in nodal unknowns at the owned vertices, shape (num_vertices, gdim)."""
+        """Return a motion in nodal unknowns at the owned vertices, shape (num_vertices, gdim)."""
         coarse = self._at_vertices.createVecRight()
         self._at_vertices.multTranspose(motion, coarse)
         values: Floats = coarse.array.reshape(self.nodes.shape).copy()
@@ -59,7 +59,7 @@ class LinearElements:
 
 
 def _vertex_rows(interpolation: PETSc.Mat) -> PETSc.Mat:
-    """An interpolation with its rows of vertices alone. Collective."""
+    """Return an interpolation with its rows of vertices alone. Collective."""
     pointer, column, value = interpolation.getValuesCSR()
     # A linear shape function is larger at its own vertex only; at midsides it is a half at most.
     at_vertex = 0.9

@@ -46,7 +46,7 @@ class Method(Protocol):
     """A way of solving A x = b.
 
     Attributes:
-        name: What is used, for people.
+        name: Name of the solver, for people.
     """
 
     name: str
@@ -200,7 +200,7 @@ class LinearSolver:
         return outcome
 
     def _costs_more(self, outcome: Outcome) -> bool:
-        """Whether a factorisation would have cost less than this solve. Collective."""
+        """Return whether a factorisation would have cost less than this solve. Collective."""
         return not self.direct and outcome.iterations > self._price.iterations
 
     @cached_property
@@ -213,7 +213,7 @@ class LinearSolver:
         return price
 
     def _aged(self) -> bool:
-        """Whether another matrix calls for another set-up.
+        """Return whether another matrix calls for another set-up.
 
         Factors serve as long as nothing but the held unknowns changes.
         """
@@ -267,7 +267,7 @@ def chosen_solver(problem: Problem) -> str:
 
 
 def _method(problem: Problem) -> Method:
-    """The way of solving that the user asks for, or the one for this size."""
+    """Return the way of solving that the user asks for, or the one for this size."""
     preset = _preset(problem)
     ksp, pc = _types(preset)
     if ksp == "preonly":
@@ -276,14 +276,14 @@ def _method(problem: Problem) -> Method:
 
 
 def _types(preset: Mapping[str, object]) -> tuple[str, str]:
-    """Types of PETSc's KSP and PC: the preset's, unless the user gives others."""
+    """Return types of PETSc's KSP and PC: the preset's, unless the user gives others."""
     options = PETSc.Options()
     ksp = options.getString(LINEAR + "ksp_type", str(preset["ksp_type"]))
     return ksp, options.getString(LINEAR + "pc_type", str(preset["pc_type"]))
 
 
 def _preset(problem: Problem) -> Mapping[str, object]:
-    """The preset whose preconditioner the user asks for, or the one for this size."""
+    """Return the preset whose preconditioner the user asks for, or the one for this size."""
     asked = PETSc.Options().getString(LINEAR + "pc_type", "")
     for preset in (DIRECT, MULTIGRID):
         if preset["pc_type"] == asked:

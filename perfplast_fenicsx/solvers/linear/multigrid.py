@@ -40,7 +40,7 @@ class Multigrid:
     """A Krylov method with smoothed aggregation in the jump basis.
 
     Attributes:
-        name: What is used, for people.
+        name: Name of the solver, for people.
         worth: Krylov iterations that a set-up costs about as much as.
     """
 

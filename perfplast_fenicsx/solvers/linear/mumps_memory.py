@@ -35,7 +35,7 @@ class Analysis:
     """The estimates of MUMPS before it factorises.
 
     Attributes:
-        operations: Of a factorisation, of all ranks.
+        operations: Operations of a factorisation, of all ranks.
         per_entry: The same for an entry of the factors.
         needed: Memory that this rank needs at least (bytes).
     """
@@ -46,7 +46,7 @@ class Analysis:
 
 
 def price(ksp: PETSc.KSP, matrix: PETSc.Mat) -> Price:
-    """The price of a factorisation by MUMPS. Collective.
+    """Return the price of a factorisation by MUMPS. Collective.
 
     Args:
         ksp: With its options and operators, not set up yet; it is left so.

@@ -119,7 +119,7 @@ def check_snes_vi(options: Options) -> None:
 
 
 def _culprit(kind: str, tried: Options) -> str:
-    """The first option that fails by itself, or else the last."""
+    """Return the first option that fails by itself, or else the last."""
     for name, value in tried.items():
         try:
             _read(kind, {name: value})
@@ -165,7 +165,7 @@ def _read(kind: str, options: Options) -> set[str]:
 
 
 def _was_read(name: str) -> bool:
-    """Whether anybody has asked for an option; petsc4py has no word for it."""
+    """Return whether anybody has asked for an option; petsc4py has no word for it."""
     read = ctypes.c_int(0)
     ctypes.CDLL(PETSc.__file__).PetscOptionsUsed(None, name.encode(), ctypes.byref(read))
     return bool(read.value)

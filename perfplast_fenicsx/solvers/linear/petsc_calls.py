@@ -14,7 +14,7 @@ def call(name: str, *arguments: object) -> None:
     """Call one.
 
     Args:
-        name: Of the function.
+        name: Name of the function.
         arguments: As ctypes takes them.
 
     Raises:

@@ -86,7 +86,7 @@ def _delete(own: str, presets: Iterable[str], all_: bool) -> None:
 
 
 def solver_name(ksp: str, pc: str) -> str:
-    """A linear solver for people, by the types of PETSc's KSP and PC."""
+    """Return a linear solver for people, by the types of PETSc's KSP and PC."""
     # Linear solvers by the types of PETSc's KSP and PC.
     names = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}
     return names.get((ksp, pc), f"{ksp} + {pc}")

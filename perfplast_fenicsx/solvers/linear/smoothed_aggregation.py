@@ -150,8 +150,8 @@ class CoarseSpaces:
         Args:
             A: Operator of the finest level, with rows and columns of the identity at ``held``.
             held: Local (owned) indices of unknowns that are zero.
-            pc: Of type "mg", with as many levels. Gets interpolations and operators; its finest
-                operator is set by whoever solves with it.
+            pc: Preconditioner of type "mg", with as many levels. Gets interpolations and operators;
+                its finest operator is set by whoever solves with it.
         """
         self._hold(held)
         for depth in range(self.levels - 1):
@@ -187,7 +187,7 @@ class CoarseSpaces:
 
 
 def _nodes(problem: Problem) -> Floats:
-    """Where the owned nodes are, shape (num_nodes, gdim)."""
+    """Return where the owned nodes are, shape (num_nodes, gdim)."""
     owned = problem.V.dofmap.index_map.size_local
     nodes: Floats = problem.V.tabulate_dof_coordinates()[:owned, : problem.bodies.gdim]
     return nodes
@@ -198,8 +198,8 @@ def _smoothed(A: PETSc.Mat, aggregates: Aggregates, prefix: str) -> PETSc.Mat:
 
     Args:
         A: Of the finer level.
-        aggregates: Of its nodes.
-        prefix: Of the options for the spectral radius of D^-1 A.
+        aggregates: Aggregates of its nodes.
+        prefix: Prefix of the options for the spectral radius of D^-1 A.
     """
     Q = aggregates.interpolation(A.comm)
     P = A.matMult(Q)
@@ -254,7 +254,7 @@ def _regular(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def _rows(A: PETSc.Mat, local: Ints) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
-    """Rows with these local indices, as pointers, global columns and values. Collective."""
+    """Return rows with these local indices, as pointers, global columns and values. Collective."""
     first = A.getOwnershipRange()[0]
     chosen = PETSc.IS().createGeneral((local + first).astype(PETSc.IntType), comm=A.getComm())
     columns = every_column(A)

@@ -29,7 +29,7 @@ class SupernodalFactors:
         Args:
             ksp: Of MUMPS, with its operators.
             analysis: Of MUMPS; None without one.
-            prefix: Of options by which users may have said which solver they want.
+            prefix: Prefix of options by which users may have said which solver they want.
         """
         # operations for an entry of the factors from which on CHOLMOD is the quicker one
         least = 300.0

@@ -14,7 +14,7 @@ class Asked:
     Attributes:
         r: Gradient at δ = 0, in the jump basis.
         f: The forces −r on torn unknowns.
-        room: Of each pair, shape (num_pairs,).
+        room: Room of each pair, shape (num_pairs,).
         work: ℓᵀδ in units of the border; None if it is not prescribed.
         accuracy: Norm of nodal forces that may be left out of balance.
         noise: Contact forces that decide nothing.

@@ -30,7 +30,7 @@ class CoarseProblem:
 
         Args:
             comm: The ranks.
-            pieces: Of all bodies.
+            pieces: Pieces of all bodies.
             B: Their rows.
             free: How many rigid motions of the bodies no row resists.
         """

@@ -38,7 +38,7 @@ class Gluing:
         count: How many copies the node of each owned unknown has.
         num_glue: Rows of this rank that glue copies; they come first.
         num_pairs: Rows of contact of this rank.
-        length: Of the rows of contact, before they were scaled, shape (num_pairs,).
+        length: Length of the rows of contact, before they were scaled, shape (num_pairs,).
     """
 
     B: PETSc.Mat
@@ -89,7 +89,7 @@ def make_gluing(problem: Problem, pieces: Subdomains) -> Gluing:
 
 
 def _stacked(comm: PETSc.Comm, columns: Sizes, parts: Sequence[tuple[int, Entries]]) -> PETSc.Mat:
-    """Rows of all parts below each other on each rank. Collective."""
+    """Return rows of all parts below each other on each rank. Collective."""
     entries: list[Entries] = []
     begun = 0
     for count, (row, column, value) in parts:
@@ -117,7 +117,7 @@ def _glue(place: Longs, copy: Longs, free: npt.NDArray[np.bool_]) -> tuple[Entri
     """Orthonormal rows of copies, which are sorted by node.
 
     Args:
-        place: Of each copy among those of its node.
+        place: Place of each copy among those of its node.
         copy: Its number.
         free: Components that are to be glued, shape (num_copies, gdim).
 

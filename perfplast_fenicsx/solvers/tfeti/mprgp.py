@@ -149,7 +149,7 @@ def minimise(program: BoundProgram, enough: Callable[[Floats, float], bool], mos
 
 
 def _reach(program: BoundProgram, direction: Floats) -> float:
-    """How far x − s d is feasible. Collective."""
+    """Return how far x − s d is feasible. Collective."""
     towards = direction > 0
     room = (program.x - program.lower)[towards] / direction[towards]
     return program.comm.allreduce(float(room.min(initial=np.inf)), MPI.MIN)

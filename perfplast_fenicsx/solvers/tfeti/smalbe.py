@@ -60,7 +60,7 @@ class Smalbe:
         multiplier: μ, in the range of Q.
         projected: Norm of the projected gradient that is left.
         off: ‖Qx‖ that is left.
-        rounds: Of the augmented Lagrangian.
+        rounds: Rounds of the augmented Lagrangian.
     """
 
     def __init__(self, program: DualProgram, start: Floats) -> None:

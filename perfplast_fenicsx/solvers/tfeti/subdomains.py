@@ -117,7 +117,7 @@ def bisected(x: Floats, count: int) -> Ints:
 
 
 def _connected(problem: Problem, label: Ints) -> Ints:
-    """Parts of equal label that facets connect, numbered from 0. Collective."""
+    """Return parts of equal label that facets connect, numbered from 0. Collective."""
     topology = problem.V.mesh.topology
     topology.create_connectivity(topology.dim - 1, topology.dim)
     to_cell = topology.connectivity(topology.dim - 1, topology.dim)

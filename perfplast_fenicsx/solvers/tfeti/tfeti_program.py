@@ -136,7 +136,7 @@ class TfetiProgram:
         return self._programs, 0, 0
 
     def _new(self, closed: PairFlags, seen: list[PairFlags]) -> bool:
-        """Whether a face may be tried next. Collective."""
+        """Return whether a face may be tried next. Collective."""
         again = np.array([(earlier == closed).all() for earlier in seen], dtype=np.int32)
         self._comm.Allreduce(MPI.IN_PLACE, again, MPI.MIN)
         return len(seen) < MOST_EXCHANGES and not again.any()
@@ -202,7 +202,7 @@ class TfetiProgram:
         self._dual.put_in_force(pairs, None if asked.work is None else self._border)
 
     def _program(self, asked: Asked, pairs: PairFlags, lower: Floats, start: Floats) -> TornProgram:
-        """The dual with the rows of these pairs in force. Collective."""
+        """Return the dual with the rows of these pairs in force. Collective."""
         c = np.zeros(self._dual.size)
         c[self._dual.contact] = np.where(pairs, asked.room / self._length, 0.0)
         if self._comm.rank == 0:
@@ -210,7 +210,7 @@ class TfetiProgram:
         return TornProgram(self._dual, self._faces.apply, asked.f, c, lower, start)
 
     def _search(self, asked: Asked) -> TornProgram:
-        """The dual with all rows and their bounds. Collective."""
+        """Return the dual with all rows and their bounds. Collective."""
         every = np.ones(len(asked.room), dtype=np.bool_)
         self._in_force(every, asked)
         self._dual.measure()
@@ -283,7 +283,7 @@ class TfetiProgram:
         return np.asarray(np.where(closed, forces < -noise, excess > least))
 
     def _left(self, asked: Asked, closed: PairFlags) -> float:
-        """Norm of the nodal forces that δ leaves out of balance. Collective."""
+        """Return the norm of the nodal forces that δ leaves out of balance. Collective."""
         self._delta.array[self._index[closed]] = asked.room[closed]
         self._bodies.gradient(self._dual.stiffness, self._delta, asked.r, self._rest)
         if asked.work is not None:
@@ -292,7 +292,7 @@ class TfetiProgram:
         return float(self._rest.norm())
 
     def _share(self) -> float:
-        """The multiplier of the work equality, a change of ζ. Collective."""
+        """Return the multiplier of the work equality, a change of ζ. Collective."""
         last = float(self.multipliers[-1]) if self._comm.rank == 0 else 0.0
         return -self._comm.bcast(last) / self._unit
 

@@ -85,7 +85,7 @@ class TornProgram:
         return self.smalbe.run(jumps, forces, most)
 
     def at_rounding(self, rtol: float) -> bool:
-        """Whether no smaller tolerance makes sense."""
+        """Return whether no smaller tolerance makes sense."""
         return rtol * self.jumps <= self._least_jumps and rtol * self.forces <= self._least_forces
 
     def multipliers(self) -> Floats:

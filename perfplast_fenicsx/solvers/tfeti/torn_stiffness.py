@@ -127,7 +127,7 @@ class TornStiffness:
 
 
 def _blocks(pieces: Subdomains, gdim: int) -> PETSc.Mat:
-    """A symmetric matrix of zeros, in blocks, with room for K."""
+    """Return a symmetric matrix of zeros, in blocks, with room for K."""
     cells, nodes = pieces.torn.shape
     ones = np.ones(cells * nodes, dtype=np.int8)
     place = (np.repeat(np.arange(cells), nodes), pieces.torn.ravel())

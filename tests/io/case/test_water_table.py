@@ -66,7 +66,9 @@ def test_units_have_their_unit_weight_of_water() -> None:
     for system, weight in {"m-MN-MPa": 9.81e-3, "SI": 9810.0, "ft-lbf-psf": 62.45}.items():
         (load,) = water(units=Units(system=system), table=INSIDE).loads  # type: ignore[arg-type]
         assert isinstance(load, PorePressure)
-        assert evaluate(load.value, np.array([[10.0, 16, 0]]), "") == pytest.approx(weight, rel=1e-3)
+        assert evaluate(load.value, np.array([[10.0, 16, 0]]), "") == pytest.approx(
+            weight, rel=1e-3
+        )
 
 
 @pytest.mark.parametrize(
@@ -74,7 +76,10 @@ def test_units_have_their_unit_weight_of_water() -> None:
     [
         ({}, "no water is given"),
         ({"table": [[0, 5], [50, 5]]}, "goes from x = 0 to 50, but the ground from 0 to 60"),
-        ({"table": [[0, -5], [60, -1]]}, r"below all of the ground, whose lowest point is \(0, 0\)"),
+        (
+            {"table": [[0, -5], [60, -1]]},
+            r"below all of the ground, whose lowest point is \(0, 0\)",
+        ),
         ({"table": [[0, 5], [30, 6], [30, 7], [60, 7]]}, r"from \(30, 6\) to \(30, 7\)"),
         ({"table": INSIDE, "unit_weight": 9.81e-3}, r"9\.81 kN/m\^3; correct it, or \[units\]"),
         ({"table": INSIDE, "unit_weight": -1.0}, "unit_weight = -1"),
