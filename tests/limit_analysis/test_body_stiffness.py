@@ -10,7 +10,7 @@ import pytest
 from meshes.strip_footing import write_strip_footing
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Pressure, Problem, Support, Tie, VonMises, stacked_blocks
-from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli
+from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.discrete.body_stiffness import BodyStiffness
 from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains

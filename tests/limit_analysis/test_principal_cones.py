@@ -168,8 +168,10 @@ def test_smooth_circular_footings(read: Read, angle: float, exact: float) -> Non
 @pytest.mark.parametrize("cut", [False, True])
 def test_moduli_are_those_of_the_linear_system(cut: bool) -> None:
     """One step's stress, rates and multipliers fulfil the equations of a point, by their parts."""
-    from perfplast_fenicsx.limit_analysis.conic.principal_blocks import Blocks
-    from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
+    from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import (
+        PrincipalCones,
+        PrincipalPoints,
+    )
     from perfplast_fenicsx.limit_analysis.discrete.standard_cones import never_yields
     from perfplast_fenicsx.mandel_arrays import matrices
 
@@ -180,7 +182,7 @@ def test_moduli_are_those_of_the_linear_system(cut: bool) -> None:
     if cut:
         tensions[1:] = 0.1, 0.5
     cones = PrincipalCones(np.arange(3), bounds, sines, tensions, matrices(frame.T))
-    blocks = Blocks(cones)
+    blocks = PrincipalPoints(cones, bounds, np.ones(3))
     p, s, t = random.normal(size=3), random.normal(size=(3, 5)), random.normal(size=3)
     X = blocks.members(t, p, s)
     stress = p[:, None, None] * np.eye(3) + cones.deviators(s)

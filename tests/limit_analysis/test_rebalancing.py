@@ -11,17 +11,31 @@ import pytest
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic import rebalancing
+from perfplast_fenicsx.limit_analysis.conic.cone import Borne
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 
 pytestmark = pytest.mark.serial
 
 
 @dataclass
-class Forces:
+class Iterate:
     """An iterate with contact forces alone."""
 
-    forces: Floats
-    deviator: Floats
+    borne: Borne
+
+    @property
+    def forces(self) -> Floats:
+        """Of the pairs."""
+        return self.borne.forces
+
+    def bearing(self, borne: Borne, _blocks: object) -> "Iterate":
+        """The same with other forces."""
+        return Iterate(borne)
+
+
+def pushing(forces: Floats) -> Iterate:
+    """An iterate with these forces."""
+    return Iterate(Borne(np.zeros(2), np.zeros((2, 2)), forces))
 
 
 @pytest.mark.parametrize("singular", [2, 3, None])
@@ -29,7 +43,7 @@ def test_what_was_balanced_last_is_left(
     singular: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A program in which each correction makes another force pull."""
-    found: list[Forces] = []
+    found: list[Iterate] = []
 
     def factorise() -> None:
         if singular == len(found) + 1:
@@ -38,7 +52,7 @@ def test_what_was_balanced_last_is_left(
     def balance(iteration: Any, _springs: Floats) -> None:
         forces = iteration.now.forces.copy()
         forces[len(found)] = -0.1
-        iteration.now = Forces(forces, iteration.now.deviator)
+        iteration.now = pushing(forces)
         found.append(iteration.now)
 
     monkeypatch.setattr(rebalancing, "_balance", balance)
@@ -49,8 +63,9 @@ def test_what_was_balanced_last_is_left(
         springs=np.ones(9),
         stiffness=stiffness,
         assemble=lambda *_: None,
+        blocks=(),
     )
-    iteration = SimpleNamespace(program=program, now=Forces(np.ones(9), np.zeros(2)))
+    iteration = SimpleNamespace(program=program, now=pushing(np.ones(9)))
     rebalancing.rebalance(cast("Any", iteration))
     assert len(found) == (rebalancing.MOST_ROUNDS if singular is None else singular - 1)
     assert iteration.now is found[-1]

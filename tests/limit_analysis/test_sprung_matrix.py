@@ -6,8 +6,11 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, SingularStiffness
-from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
+from perfplast_fenicsx.limit_analysis.conic.discretisation import (
+    NONE,
+    SingularStiffness,
+    SprungMatrix,
+)
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 
 

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
 
 
 class ConesAtPoints(Protocol):

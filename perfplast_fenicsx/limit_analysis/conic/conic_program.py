@@ -17,6 +17,7 @@ A :class:`discretisation.Discretisation` defines the velocities v: displacements
 (:mod:`static_program`).
 """
 
+from collections.abc import Sequence
 from typing import TypeAlias
 
 from mpi4py import MPI
@@ -25,14 +26,19 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.limit_analysis.conic.cone import (
+    PROXIMAL,
+    Block,
+    Borne,
+    Moduli,
+    Places,
+    Rates,
+)
 from perfplast_fenicsx.limit_analysis.conic.cone_functions import powers, yield_ratios
-from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Discretisation, Moduli
-from perfplast_fenicsx.limit_analysis.conic.principal_blocks import MOST_VISCOUS, Blocks
-
-PROXIMAL = 1e-5
-"""Proximal parameter δ of stresses that nothing bounds: they change by 1/δ times a strain. Larger:
-slow where linear elements nearly lock (three times the steps at 1e-4); smaller: K is
-ill-conditioned."""
+from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Discretisation
+from perfplast_fenicsx.limit_analysis.conic.half_spaces import Pairs
+from perfplast_fenicsx.limit_analysis.conic.second_order_cones import Cones, Cylinders
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalPoints
 
 Stress: TypeAlias = tuple[Floats, Floats]
 """Pressure and deviator at the points, shapes (count,) and (count, m)."""
@@ -64,13 +70,10 @@ class ConicProgram:
         keeps: Whether no stress can be scaled into yield: beside constant loads, without cohesion.
         strengths: Sizes of those that can yield, about 1 where bodies bear the loads, and 0 of
             others, shape (count,).
-        blocks: Those whose principal stresses are bounded; round: which have a second-order cone.
-        radii: γ of the round points, about 1; slopes: α of them; dilating: which have α > 0.
         dilates: Whether any plastic point of any rank does.
         strongest: Largest γ (stress) of the plastic points.
-        viscosities: γ of the round points over a rate that suits each.
         springs: Stiffness of contact that suits that of the bodies, shape (num_pairs,).
-        degree: Round points, rows of semidefinite matrices and pairs of all ranks.
+        degree: Of the blocks of all ranks.
         stress_unit: What 1 is of σ.
         load_unit: What 1 is of λ, ``force_unit`` of r.
         carried: Stress that nothing bounds, of pressures and of points that are not plastic, which
@@ -125,18 +128,8 @@ class ConicProgram:
         self.plastic = np.isfinite(self.sizes) & (self.sizes <= strongest)
         left = 1 - self._reserve if self.keeps else 1.0
         self.strengths = left / unit * np.where(self.plastic, self.sizes, 0.0)
-        principal = self.strains.principal
-        self.blocks = Blocks(principal.those(self.plastic[principal.at]).divided(unit / left))
-        cones = self.plastic.copy()
-        cones[self.blocks.cones.at] = False
-        # all of them as a slice, which copies nothing
-        self.round = slice(None) if cones.all() else np.flatnonzero(cones)
-        slopes = self.strains.slopes * np.where(self._loose & self._of_slopes, left, 1.0)
-        self.slopes, loose = slopes[self.round], self._loose[self.round]
-        self.radii = np.where(loose, 0.0, self.strengths[self.round])
-        self.dilating = self.slopes > 0
-        self.viscosities = np.minimum(self.strengths[self.round] ** 2, MOST_VISCOUS)
-        mine = len(self.radii) + self.blocks.degree
+        self._of_points = self._blocks_of_points(unit, left)
+        mine = sum(block.degree for block in self._of_points)
         dilating = np.count_nonzero(self.strains.slopes[self.plastic])
         many, some = self.comm.allreduce(np.array([mine, dilating]))
         self.degree, self.dilates = self.num_pairs + int(many), bool(some)
@@ -144,6 +137,41 @@ class ConicProgram:
         self.stress_unit = unit
         for load in (self.load, self.dead, self.free):
             load.scale(before / self.force_unit)
+
+    def _blocks_of_points(self, unit: float, left: float) -> list[Block]:
+        """Points that can yield, by the kind of their cones.
+
+        Args:
+            unit: Of stress.
+            left: Share of the strengths that is left of them.
+        """
+        strains, found = self.strains, list[Block]()
+        principal = strains.principal.those(self.plastic[strains.principal.at])
+        rest = self.plastic.copy()
+        rest[principal.at] = False
+        slopes = strains.slopes * np.where(self._loose & self._of_slopes, left, 1.0)
+        radii = np.where(self._loose, 0.0, self.strengths)
+        for dilate in (False, True):
+            at = np.flatnonzero(rest & ((slopes > 0) == dilate))
+            if not len(at):
+                continue
+            here: Places = slice(None) if len(at) == len(rest) else at
+            given = here, radii[here], self.strengths[here], self.weights[here]
+            if dilate:
+                found.append(Cones(*given, slopes[here]))
+            else:
+                tilts = None if strains.tilts is None else strains.tilts[here]
+                found.append(Cylinders(*given, tilts))
+        if principal.count:
+            at = principal.at
+            sets = principal.divided(unit / left)
+            found.append(PrincipalPoints(sets, self.strengths[at], self.weights[at]))
+        return found
+
+    @property
+    def blocks(self) -> Sequence[Block]:
+        """Points and pairs of this rank by the kind of their cones, the pairs last."""
+        return (*self._of_points, Pairs(self.springs))
 
     def multiply(self, unit: float) -> None:
         """Multiply the loads, and so divide the load factor that is sought."""
@@ -172,21 +200,14 @@ class ConicProgram:
         ratios = yield_ratios(self.strains, *(self.stress_unit * part for part in stress))
         return float(self.comm.allreduce(ratios.max(initial=0.0), MPI.MAX))
 
-    def start(self) -> Floats:
-        """Return pressures in the middle of the cones of the points, shape (count,)."""
-        found: Floats = np.zeros(self.strains.count)
-        room = self.strengths[self.round] - self.radii
-        found[self.round] = -room / np.where(room > 0, self.slopes, 1.0)
-        found[self.blocks.cones.at] = self.blocks.pressures
-        return found
+    def nothing_borne(self) -> Borne:
+        """No stress and no forces."""
+        count, size = self.strains.count, self.strains.size
+        return Borne(np.zeros(count), np.zeros((count, size), order="F"), np.zeros(len(self.jumps)))
 
-    def members(self, stress: Stress) -> Floats:
-        """(γ − αp, s + γt) of the round points, shape (num_round, 1 + m), by components."""
-        heads = self.radii - self.slopes * stress[0][self.round]
-        tails = np.asfortranarray(stress[1][self.round])
-        if self.strains.tilts is not None:
-            tails = tails + self.radii[:, None] * self.strains.tilts[self.round]
-        return np.column_stack([heads, tails])
+    def rates_of(self, velocity: PETSc.Vec) -> Rates:
+        """Strain rates and jumps of a velocity. Collective."""
+        return Rates(*self.strains.of(velocity), velocity.array_r[self.jumps])
 
     def whole(self, stress: Stress, load: float) -> Stress:
         """Return a stress that balances all loads, of one that balances what of them is sought."""
@@ -218,25 +239,20 @@ class ConicProgram:
         return self.weights * moduli.bulk * trace, (self.weights * moduli.a)[:, None] * deviator
 
     def flow_moduli(self) -> Moduli:
-        """Those of the flow that units are chosen by, and of the first step. Collective."""
-        viscosity = self.at_points(self.viscosities, 1 / PROXIMAL)
-        bulk = np.full_like(viscosity, 1 / PROXIMAL)
-        if self.dilates:
-            soft = self.viscosities[self.dilating] / self.slopes[self.dilating] ** 2
-            bulk[np.arange(len(bulk))[self.round][self.dilating]] = soft
-        at = self.blocks.cones.at
-        bulk[at], viscosity[at] = self.blocks.moduli(1 / PROXIMAL)
-        none: Floats = np.zeros((len(viscosity), self.strains.size))
-        return Moduli(bulk, viscosity, none)
-
-    def at_points(self, values: Floats, others: float) -> Floats:
-        """Return values at all points from those at the round ones."""
-        found: Floats = np.full((self.strains.count, *values.shape[1:]), others, order="F")
-        found[self.round] = values
+        """Those of the flow that units are chosen by, and of the first step."""
+        found = self.moduli(1 / PROXIMAL)
+        for block in self._of_points:
+            block.flow(found)
         return found
 
+    def moduli(self, uniform: float) -> Moduli:
+        """Moduli that are the same at all points."""
+        shape = self.strains.count, self.strains.size
+        bulk, a = np.full(shape[0], uniform), np.full(shape[0], uniform)
+        return Moduli(bulk, a, np.zeros(shape, order="F"))
+
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Assemble Σ w² times the moduli; see :class:`discretisation.Stiffness`.
+        """Assemble Σ w² times the moduli, and springs; see :class:`discretisation.Stiffness`.
 
         No a counts as less than :data:`SOFTEST`: directions are a little less exact then, and the
         balance that they leave is made up for by the next ones.
@@ -252,6 +268,8 @@ class ConicProgram:
             at, roots = moduli.whole
             scaled = scaled.with_whole(at, np.sqrt(scale[at])[:, None, None] * roots)
         self.stiffness.assemble(scaled, held)
+        if moduli.springs is not None:
+            self.stiffness.add_at_jumps(moduli.springs)
 
     def internal_forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to Σ w (p δ + s):ε(v) for all v. Collective."""
@@ -284,7 +302,7 @@ class ConicProgram:
         volume = trace**2 / self.strains.gdim
         wrong = volume + np.where(self.plastic, 0.0, squares)
         if self.dilates:
-            slopes, cones = self.strains.slopes, self.blocks.cones
+            slopes, cones = self.strains.slopes, self.strains.principal
             short = np.maximum(slopes * np.sqrt(squares) - trace, 0.0)
             short = cones.put(short, cones.lacking(trace, deviator))
             wrong = np.where(self.plastic & (slopes > 0), short**2, wrong)

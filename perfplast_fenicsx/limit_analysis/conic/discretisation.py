@@ -1,6 +1,11 @@
-"""The discrete form of a limit load problem: strain rates at points, and a stiffness of moduli."""
+"""The discrete form of a limit load problem: strain rates at points, and a stiffness of moduli.
 
-from dataclasses import dataclass, replace
+:class:`SprungMatrix` is the common part of both kinds of stiffness: springs at the jumps of
+contact, and factors.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 from mpi4py import MPI
@@ -8,86 +13,20 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
-from perfplast_fenicsx.rounding import TINY
+from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
+from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
+from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
+from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
+from perfplast_fenicsx.solvers.linear.supernodal import SupernodalFactors
 
 NONE = np.zeros(0, dtype=np.int32)
 
 
 class SingularStiffness(RuntimeError):
     """A factorisation that has failed, on every rank alike."""
-
-
-@dataclass(frozen=True)
-class Moduli:
-    """κ, a, N and b of ⟨κ (tr ε − b:ε)² + a‖dev ε‖² − (N:ε)²⟩ at points, or whole moduli.
-
-    Attributes:
-        bulk: κ, shape (count,).
-        a: Shape (count,).
-        normal: N, a deviator, shape (count, m).
-        along: b, a deviator, shape (count, m); None for zero.
-        whole: Numbers of the points, shape (num,), whose modulus is RRᵀ of (tr ε, dev ε) instead,
-            and R, shape (num, 1 + m, 1 + m); None without such points.
-    """
-
-    bulk: Floats
-    a: Floats
-    normal: Floats
-    along: Floats | None = None
-    whole: tuple[Longs, Floats] | None = None
-
-    def with_whole(self, at: Longs, roots: Floats) -> "Moduli":
-        """Return the same but for the whole ones of some points."""
-        return replace(self, whole=(at, roots))
-
-    def first(self, count: int) -> "Moduli":
-        """Return those of the first points, among which those with whole moduli are."""
-        along = None if self.along is None else self.along[:count]
-        return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along, self.whole)
-
-    def beyond(self, count: int) -> "Moduli":
-        """Those of the points after the first ones, where whole moduli are among these."""
-        along = None if self.along is None else self.along[count:]
-        return Moduli(self.bulk[count:], self.a[count:], self.normal[count:], along)
-
-    def matrices(self) -> Floats:
-        """Return the same as forms of (tr ε, dev ε), shape (count, 1 + m, 1 + m)."""
-        count, m = self.normal.shape
-        found = np.zeros((count, 1 + m, 1 + m))
-        found[:, 1:, 1:] = self.a[:, None, None] * np.eye(m)
-        found[:, 1:, 1:] -= self.normal[:, :, None] * self.normal[:, None]
-        first = np.zeros((count, 1 + m))
-        first[:, 0] = 1.0
-        if self.along is not None:
-            first[:, 1:] = -self.along
-        found += self.bulk[:, None, None] * first[:, :, None] * first[:, None]
-        if self.whole is not None:
-            at, roots = self.whole
-            found[at] = roots @ np.swapaxes(roots, 1, 2)
-        return found
-
-    def roots(self) -> Floats:
-        """R with R Rᵀ = κ(1, −b)(1, −b)ᵀ, and a I − N Nᵀ on the deviator, or the whole modulus.
-
-        Returns:
-            Shape (count, 1 + m, 1 + m).
-        """
-        length2 = np.einsum("ni,ni->n", self.normal, self.normal)
-        left = np.sqrt(np.maximum(1 - length2 / self.a, 0.0))
-        share = (1 - left) / np.maximum(length2, TINY)
-        count, m = self.normal.shape
-        roots = np.zeros((count, 1 + m, 1 + m))
-        roots[:, 0, 0] = np.sqrt(self.bulk)
-        if self.along is not None:
-            roots[:, 1:, 0] = -roots[:, :1, 0] * self.along
-        along = np.einsum("n,ni,nj->nij", share, self.normal, self.normal)
-        roots[:, 1:, 1:] = np.sqrt(self.a)[:, None, None] * (np.eye(m) - along)
-        if self.whole is not None:
-            at, whole = self.whole
-            roots[at] = whole
-        return roots
 
 
 class Strains(Protocol):
@@ -132,7 +71,7 @@ class Strains(Protocol):
 
 
 class Stiffness(Protocol):
-    """K with :class:`Moduli` at the points and c s² for the jump s of each contact pair."""
+    """K with :class:`~cone.Moduli` at the points and c s² for the jump s of each contact pair."""
 
     @property
     def factorisations(self) -> int:
@@ -197,3 +136,91 @@ class Discretisation:
     free: PETSc.Vec
     jumps: Ints
     proves_stress: bool = False
+
+
+class SprungMatrix:
+    """The common part of both kinds of :class:`Stiffness`, for an assembled matrix.
+
+    Attributes:
+        factorisations: So far.
+        solves: Systems solved so far.
+    """
+
+    def __init__(
+        self, comm: PETSc.Comm, matrix: PETSc.Mat, jumps: Ints, options: Mapping[str, object]
+    ) -> None:
+        """Take a matrix over that is still to be assembled. Collective.
+
+        Args:
+            comm: The ranks.
+            matrix: Assembled again by the owner of this.
+            jumps: Owned unknowns that are jumps.
+            options: PETSc's, of the factorisation.
+        """
+        self._matrix, self._jumps = matrix, jumps
+        self.factorisations = self.solves = 0
+        self._ksp = PETSc.KSP().create(comm)
+        self._ksp.setOptionsPrefix(own_prefix(self, LIMIT, options))
+        self._ksp.setFromOptions()
+        self._supernodal, self._checked = SupernodalFactors(), False
+        self._used = self._ksp
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        for thing in (self._supernodal, self._ksp, self._matrix):
+            thing.destroy()
+
+    @property
+    def uses(self) -> str:
+        """PETSc's name of what has made the last factors."""
+        return str(self._used.getPC().getFactorSolverType())
+
+    def jump_diagonal(self) -> Floats:
+        """Diagonal entries of the jumps of this rank's pairs. Collective."""
+        diagonal = self._matrix.getDiagonal()
+        values: Floats = diagonal.array_r[self._jumps].copy()
+        diagonal.destroy()
+        return values
+
+    def add_at_jumps(self, springs: Floats) -> None:
+        """Add c to the diagonal, shape (num_pairs,) on each rank. Collective."""
+        diagonal = self._matrix.getDiagonal()
+        diagonal.array[self._jumps] += springs
+        self._matrix.setDiagonal(diagonal)
+        diagonal.destroy()
+
+    def check_once(self) -> None:
+        """Refuse the matrix if its factors do not fit into memory, once. Collective.
+
+        Raises:
+            TooLarge: With what is needed and what there is.
+        """
+        if not self._checked:
+            self._ksp.setOperators(self._matrix)
+            self._checked, analysis = True, check_memory(self._ksp)
+            self._supernodal.take_over(self._ksp, analysis, LIMIT)
+
+    @phase("linear set-up")
+    def factorise(self) -> None:
+        """Factorise the matrix as it is. Collective.
+
+        Raises:
+            SingularStiffness: If that fails.
+            InputError: If it takes more memory than there is, before the first one.
+        """
+        self.check_once()
+        self.factorisations += 1
+        self._used = self._supernodal.factorise(self._matrix) or self._ksp
+        if self._used is not self._ksp:
+            return
+        self._ksp.setOperators(self._matrix)
+        self._ksp.setUp()
+        if self._ksp.getPC().getFailedReason():
+            forget_factors(self._ksp)
+            raise SingularStiffness("the stiffness could not be factorised")
+
+    @phase("linear solve")
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Solve K x = b with the last factors. Collective."""
+        self._used.solve(b, x)
+        self.solves += 1

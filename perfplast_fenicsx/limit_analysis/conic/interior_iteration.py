@@ -1,12 +1,14 @@
 """Primal-dual interior point iteration for limit loads.
 
-A step takes one factorisation of a stiffness: with the scaling of Nesterov and Todd the stress of a
-point changes by H⁻¹ times a strain, and H⁻¹ is a multiple of the identity less something of rank
-one, or, where semidefinite matrices bound principal stresses, any modulus. Steps are Mehrotra's, a
-predictor and a corrector, and then Gondzio's (:mod:`centrality`), all with the same factors.
-Stresses that nothing bounds, mean ones and those of elastic bodies, follow the proximal point
-method, which does not change where the iteration ends.
+A step takes one factorisation of a stiffness. The stress of a point changes by moduli times a
+strain, and each kind of cone defines its moduli (:mod:`cone`). Steps are
+Mehrotra's, a predictor and a corrector, and then Gondzio's (:class:`cone.Products`), all with the
+same factors. Stresses that nothing bounds, mean ones and those of elastic bodies, follow the
+proximal point method, which does not change where the iteration ends.
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -14,13 +16,216 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.conic_program import PROXIMAL, ConicProgram
-from perfplast_fenicsx.limit_analysis.conic.conic_unknowns import Unknowns
-from perfplast_fenicsx.limit_analysis.conic.newton_directions import NewtonDirections, Workspace
+from perfplast_fenicsx.limit_analysis.conic.cone import (
+    PROXIMAL,
+    Block,
+    Borne,
+    Members,
+    Products,
+)
+from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram
+from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.statements.bound import measure_of
 
 AT_REST = 1e-4
 """Strain rates, relative to those of a flow that meets resistance, that are next to none."""
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Static and kinematic unknowns, or changes of them, on this rank, in the program's units.
+
+    Attributes:
+        load: λ.
+        aside: Factor of the loads of any factor, 0 without them.
+        borne: Stress at the points, and forces of the pairs.
+        members: Those of the program's blocks, the contact pairs last.
+    """
+
+    load: float
+    aside: float
+    borne: Borne
+    members: tuple[Members, ...]
+
+    @property
+    def stress(self) -> tuple[Floats, Floats]:
+        """Pressure and deviator, in the coordinates of the cones."""
+        return self.borne.pressure, self.borne.deviator
+
+    @property
+    def forces(self) -> Floats:
+        """Forces r of contact pairs, shape (num_pairs,)."""
+        return self.borne.forces
+
+    @property
+    def rooms(self) -> Floats:
+        """−[v] of contact pairs, shape (num_pairs,)."""
+        return self.members[-1].kinematic
+
+    def plus(self, t: float, change: "Unknowns") -> "Unknowns":
+        """The unknowns after t times a change."""
+        both = zip(self.members, change.members, strict=True)
+        return Unknowns(
+            self.load + t * change.load,
+            self.aside + t * change.aside,
+            self.borne.plus(t, change.borne),
+            tuple(members.plus(t, by) for members, by in both),
+        )
+
+    def bearing(self, borne: Borne, blocks: Sequence[Block]) -> "Unknowns":
+        """The unknowns with other stress and forces."""
+        both = zip(blocks, self.members, strict=True)
+        members = (replace(it, static=block.static(borne, it.own)) for block, it in both)
+        return replace(self, borne=borne, members=tuple(members))
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """Changes of the unknowns, and of the velocity's entries on this rank."""
+
+    unknowns: Unknowns
+    velocity: Floats
+
+
+class Workspace:
+    """Velocities that steps work with, made once.
+
+    Attributes:
+        balance: Forces that nothing balances.
+        right: Of a linear system.
+        change: Of the velocity.
+        motions: Under a unit of the loads whose factors are unknown.
+    """
+
+    def __init__(self, program: ConicProgram) -> None:
+        """Make room. Collective."""
+        make = program.create_vector
+        self.balance, self.right, self.change = make(), make(), make()
+        self.motions = [make() for _ in range(2 if program.has_free else 1)]
+
+    def destroy(self) -> None:
+        """Give PETSc's memory back. Collective."""
+        for vector in (self.balance, self.right, self.change, *self.motions):
+            vector.destroy()
+
+
+class NewtonDirections:
+    """Newton's directions from one iterate, for given changes of the products of cones and pairs.
+
+    All are found with the factors of one K.
+    """
+
+    def __init__(
+        self,
+        program: ConicProgram,
+        now: Unknowns,
+        velocity: PETSc.Vec,
+        work: Workspace,
+        factorised: bool,
+        proximal: float = PROXIMAL,
+    ) -> None:
+        """Assemble and factorise K, and find what is the same for all directions. Collective.
+
+        Args:
+            program: What is solved.
+            now: Where the iteration is.
+            velocity: Its velocity.
+            work: Vectors to work with; ``balance`` is what nothing balances there.
+            factorised: Whether the last factors are those of K.
+            proximal: δ.
+        """
+        self._program, self._now, self._work = program, now, work
+        self._blocks = program.blocks
+        self._free = program.weights / proximal
+        self._rates = program.rates_of(velocity)
+        both = zip(self._blocks, now.members, strict=True)
+        self._scaled = [block.scaled(members, self._rates) for block, members in both]
+        if not factorised:
+            self._factorise(proximal)
+        self._find_of_loads(velocity)
+
+    def _factorise(self, proximal: float) -> None:
+        program = self._program
+        moduli = program.moduli(1 / proximal)
+        for scaled in self._scaled:
+            moduli = scaled.stiffen(moduli)
+        program.assemble(moduli)
+        program.stiffness.factorise()
+
+    def _find_of_loads(self, velocity: PETSc.Vec) -> None:
+        """Motions under unit loads, their works, and the works that are missing. Collective."""
+        program, work = self._program, self._work
+        self._loads = [program.load, program.free] if program.has_free else [program.load]
+        self._motions = work.motions[: len(self._loads)]
+        for load, motion in zip(self._loads, self._motions, strict=True):
+            program.stiffness.solve(load, motion)
+        self._works = np.array([[float(a.dot(b)) for b in self._motions] for a in self._loads])
+        self._missing = np.array([1.0, 0.0][: len(self._loads)]) - self._of_all(velocity)
+
+    def _of_all(self, velocity: PETSc.Vec) -> Floats:
+        """Works of the loads with unknown factors. Collective."""
+        return np.array([float(load.dot(velocity)) for load in self._loads])
+
+    def products(self, change: Unknowns | None = None) -> Products:
+        """Products of the unknowns, or of a change of them."""
+        if change is None:
+            return Products(self._blocks, [scaled.products() for scaled in self._scaled])
+        both = zip(self._scaled, change.members, strict=True)
+        return Products(self._blocks, [scaled.products(members) for scaled, members in both])
+
+    def products_after(self, t: float, change: Unknowns) -> Products:
+        """Products of the unknowns after t times a change."""
+        return self.products(self._now.plus(t, change))
+
+    def towards(self, change: Products) -> Direction:
+        """The direction in which the products change so, to first order. Collective."""
+        program, work, jumps = self._program, self._work, self._program.jumps
+        aims = [it.aim(part) for it, part in zip(self._scaled, change.parts, strict=True)]
+        before = self._proximal(self._rates.trace, self._rates.deviator)
+        for scaled, aim in zip(self._scaled, aims, strict=True):
+            scaled.bear(aim, before)
+        program.internal_forces(before.pressure, before.deviator, work.right)
+        work.right.axpy(1.0, work.balance)
+        work.right.array[jumps] += before.forces
+        work.right.scale(-1.0)
+        program.stiffness.solve(work.right, work.change)
+        try:
+            factors = np.linalg.solve(self._works, self._missing - self._of_all(work.change))
+        except np.linalg.LinAlgError as failure:
+            raise SingularStiffness("the loads do no work on any flow") from failure
+        for factor, motion in zip(factors, self._motions, strict=True):
+            work.change.axpy(float(factor), motion)
+
+        rates = program.rates_of(work.change)
+        borne = self._proximal(
+            self._rates.trace + rates.trace, self._rates.deviator + rates.deviator
+        )
+        both = zip(self._scaled, aims, strict=True)
+        members = tuple(scaled.follow(aim, rates, borne) for scaled, aim in both)
+        unknowns = Unknowns(float(factors[0]), float(factors[1:].sum()), borne, members)
+        return Direction(unknowns, work.change.array_r.copy())
+
+    def _proximal(self, trace: Floats, deviator: Floats) -> Borne:
+        """Stress by the proximal point method; blocks replace what they bound."""
+        none = np.zeros(len(self._program.jumps))
+        return Borne(self._free * trace, self._free[:, None] * deviator, none)
+
+    def balanced(self, now: Unknowns) -> Unknowns:
+        """Unknowns with what the balance in the workspace calls for. Collective.
+
+        Args:
+            now: The unknowns.
+        """
+        program, change = self._program, self._work.change
+        program.stiffness.solve(self._work.balance, change)
+        rates = program.rates_of(change)
+        less = self._proximal(rates.trace, rates.deviator)
+        owns = [scaled.resist(rates, less) for scaled in self._scaled]
+        borne = now.borne.plus(-1.0, less)
+        borne = replace(borne, forces=np.maximum(borne.forces, 0.0))
+        both = zip(now.members, owns, strict=True)
+        members = tuple(replace(it, own=it.own - own) for it, own in both)
+        return replace(now, members=members).bearing(borne, self._blocks)
 
 
 class InteriorIteration:
@@ -42,15 +247,10 @@ class InteriorIteration:
         self._begun = False
         self._comm, self._jumps = program.comm, program.jumps
         self.velocity, self._work = program.create_vector(), Workspace(program)
-        shape = (program.strains.count, program.strains.size)
-        stress, pressure = np.zeros(shape, order="F"), program.start()
-        S = program.members((pressure, stress))
-        Z = np.zeros_like(S)
-        Z[:, 0] = program.strengths[program.round] / program.viscosities
-        root = np.sqrt(program.springs)
         self._newton: NewtonDirections | None = None
-        of_blocks = program.blocks.start()
-        self.now = Unknowns(0.0, 0.0, pressure, stress, S, Z, *of_blocks, root, 1 / root)
+        borne = program.nothing_borne()
+        members = tuple(block.start(borne) for block in program.blocks)
+        self.now = Unknowns(0.0, 0.0, borne, members)
 
     def destroy(self) -> None:
         """Give PETSc's memory back. Collective."""
@@ -59,7 +259,8 @@ class InteriorIteration:
 
     def gap(self) -> float:
         """By how much static and kinematic load differ once all else is right. Collective."""
-        return self.program.total(self.now.products())
+        both = zip(self.program.blocks, self.now.members, strict=True)
+        return self.program.total(sum(block.inner(members) for block, members in both))
 
     def unbalanced(self) -> float:
         """Largest force that nothing balances, relative to the largest of the loads. Collective."""
@@ -95,7 +296,7 @@ class InteriorIteration:
     def balance(self) -> PETSc.Vec:
         """Σ w σ:ε(v) + r·[v] less the work of the loads for all v, to become zero. Collective."""
         program, now, left = self.program, self.now, self._work.balance
-        program.internal_forces(now.pressure, now.deviator, left)
+        program.internal_forces(*now.stress, left)
         left.axpy(-now.load, program.load)
         left.axpy(-1.0, program.dead)
         if program.has_free:
@@ -187,4 +388,7 @@ class InteriorIteration:
         return length
 
     def _longest(self, change: Unknowns) -> float:
-        return float(self._comm.allreduce(self.now.longest(change), MPI.MIN))
+        """Longest step that keeps all cones and pairs inside. Collective."""
+        each = zip(self.program.blocks, self.now.members, change.members, strict=True)
+        mine = min(block.longest(now, by) for block, now, by in each)
+        return float(self._comm.allreduce(mine, MPI.MIN))

@@ -8,9 +8,8 @@ from enum import StrEnum
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.conic_unknowns import Unknowns
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
-from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration, Unknowns
 
 MOST_STEPS = 60
 

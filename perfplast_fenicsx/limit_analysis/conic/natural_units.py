@@ -20,8 +20,9 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.conic_program import PROXIMAL, ConicProgram, Stress
-from perfplast_fenicsx.limit_analysis.conic.conic_unknowns import Unknowns
+from perfplast_fenicsx.limit_analysis.conic.cone import PROXIMAL
+from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram, Stress
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import Unknowns
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
 
 CONTRAST = 1e4
@@ -94,7 +95,7 @@ def next_start(
         return replace(start, pushed=True)
     over = False
     if now is not None:
-        whole = program.whole((now.pressure, now.deviator), now.load)
+        whole = program.whole(now.stress, now.load)
         over = program.overstress(whole) > 1 + rtol
     if verdict is Verdict.NO_RESISTANCE or (verdict is Verdict.FOUND and not over):
         return None

@@ -7,7 +7,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli, SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic.cone import Borne, Moduli
+from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
 from perfplast_fenicsx.solvers.linear.conjugate_residuals import ConjugateResiduals
 
@@ -31,7 +32,7 @@ def rebalance(iteration: InteriorIteration) -> None:
     springs = program.springs * (balanced.forces / (largest or 1.0) + least_change)
     try:
         for _ in range(MOST_ROUNDS):
-            program.assemble(Moduli(uniform, uniform, np.zeros_like(balanced.deviator)))
+            program.assemble(Moduli(uniform, uniform, np.zeros_like(balanced.borne.deviator)))
             program.stiffness.add_at_jumps(springs)
             program.stiffness.factorise()
             _balance(iteration, springs)
@@ -40,7 +41,8 @@ def rebalance(iteration: InteriorIteration) -> None:
             if not program.comm.allreduce(int(pulls.sum())):
                 break
             springs[pulls] = 0.0
-            iteration.now = replace(balanced, forces=np.maximum(balanced.forces, 0.0))
+            pushes = replace(balanced.borne, forces=np.maximum(balanced.forces, 0.0))
+            iteration.now = balanced.bearing(pushes, program.blocks)
     except SingularStiffness:
         pass
     finally:
@@ -80,17 +82,9 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
             if step is None:
                 break
             direction.array[:] = step
-            pressure, stress, pushes = _resistance(iteration, springs, direction, product)
-            now = iteration.now
-            changed = now.pressure - pressure, now.deviator - stress
-            iteration.now = replace(
-                now,
-                pressure=changed[0],
-                deviator=changed[1],
-                S=program.members(changed),
-                X=program.blocks.members(now.t, *changed),
-                forces=now.forces - pushes,
-            )
+            less = _resistance(iteration, springs, direction, product)
+            borne = iteration.now.borne.plus(-1.0, less)
+            iteration.now = iteration.now.bearing(borne, program.blocks)
     finally:
         iteration.now = best
         for vector in (direction, product):
@@ -99,19 +93,19 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
 
 def _resistance(
     iteration: InteriorIteration, springs: Floats, motion: PETSc.Vec, out: PETSc.Vec
-) -> tuple[Floats, Floats, Floats]:
-    """Pressure, deviator and contact forces that resist a motion. Collective.
+) -> Borne:
+    """Stress and forces that resist a motion. Collective.
 
     Args:
-        iteration: Iteration of whose program they are.
+        iteration: Of whose program it is.
         springs: Stiffness of contact.
-        motion: Motion of bodies whose moduli are 1.
-        out: Set to the forces of all of them.
+        motion: Of bodies whose moduli are 1.
+        out: Set to the forces of all of it.
     """
     program = iteration.program
-    trace, deviator = program.strains.of(motion)
-    pressure, stress = program.weights * trace, program.weights[:, None] * deviator
-    program.internal_forces(pressure, stress, out)
-    pushes = springs * motion.array_r[program.jumps]
+    rates, weights = program.rates_of(motion), program.weights
+    stress = weights * rates.trace, weights[:, None] * rates.deviator
+    program.internal_forces(*stress, out)
+    pushes = springs * rates.jumps
     out.array[program.jumps] += pushes
-    return pressure, stress, pushes
+    return Borne(*stress, pushes)

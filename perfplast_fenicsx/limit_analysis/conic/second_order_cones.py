@@ -1,16 +1,31 @@
-"""Second-order cones a₀ ≥ ‖a'‖, many at once, and the scaling of Nesterov and Todd. NumPy only.
+"""Second-order cones a₀ ≥ ‖a'‖, and the blocks of points that have one each. NumPy only.
 
 Members are rows (a₀, a') of arrays of shape (num_cones, 1 + m). Notation and formulas are those of
 E. D. Andersen, C. Roos, T. Terlaky, On implementing a primal-dual interior-point method for conic
 quadratic optimization, Math. Program. 95 (2003), 249.
+
+The static member of a point is (γ − αp, s + γt), its kinematic one (d, −w dev ε) with the weight w
+of the point. Where α = 0 (:class:`Cylinders`) nothing bounds p, and d ≥ w‖dev ε‖ is an unknown.
+Where α > 0 (:class:`Cones`) bodies dilate, and d = w tr ε/α. With the scaling W of Nesterov and
+Todd members change by dS = W r − W² dz where the products are to change by W z ∘ r.
 """
 
+from dataclasses import replace
+
 import numpy as np
-import numpy.typing as npt
 
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.cone import (
+    MOST_VISCOUS,
+    NO_OWN,
+    Borne,
+    Members,
+    Moduli,
+    Places,
+    Rates,
+    missing_of,
+)
 from perfplast_fenicsx.rounding import TINY
-
-Floats = npt.NDArray[np.float64]
 
 
 def determinant(a: Floats) -> Floats:
@@ -111,3 +126,238 @@ class Scaling:
             1/η², shape (num_cones,); n, shape (num_cones, 1 + m).
         """
         return self._eta**-2.0, np.column_stack([self._w0, -self._w])
+
+
+class _Points:
+    """The common part of both kinds of points; see :class:`cone.Block`."""
+
+    def __init__(self, at: Places, radii: Floats, strengths: Floats, weights: Floats) -> None:
+        """Take the points' numbers in the units of the program.
+
+        Args:
+            at: The points.
+            radii: γ, shape (num,).
+            strengths: Sizes of the strengths, about 1, which without cohesion γ is not.
+            weights: w, shape (num,).
+        """
+        self.at, self.radii, self.strengths, self.weights = at, radii, strengths, weights
+        self._viscosities = np.minimum(strengths**2, MOST_VISCOUS)
+
+    @property
+    def degree(self) -> int:
+        """Points."""
+        return len(self.radii)
+
+    def inner(self, now: Members) -> float:
+        """See :meth:`cone.Block.inner`."""
+        return float(np.einsum("ni,ni->", now.static, now.kinematic))
+
+    def longest(self, now: Members, change: Members) -> float:
+        """See :meth:`cone.Block.longest`."""
+        static = longest_step(now.static, change.static)
+        return min(static, longest_step(now.kinematic, change.kinematic))
+
+    def raised(self, products: Floats, by: float) -> Floats:
+        """See :meth:`cone.Block.raised`."""
+        found = products.copy(order="K")
+        found[:, 0] += by
+        return found
+
+    def missing(self, products: Floats, mu: float) -> Floats:
+        """See :meth:`cone.Block.missing`."""
+        size = np.linalg.norm(products[:, 1:], axis=1)
+        low, high = (missing_of(products[:, 0] + s * size, mu) for s in (-1, 1))
+        found = np.empty_like(products)
+        found[:, 0] = (low + high) / 2
+        share = (high - low) / 2 / np.maximum(size, TINY)
+        found[:, 1:] = share[:, None] * products[:, 1:]
+        return found
+
+    def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
+        """See :meth:`cone.Block.viscosities`."""
+        sizes = np.linalg.norm(now.kinematic[:, 1:], axis=1)
+        out[self.at] = now.static[:, 0] / np.maximum(sizes, 1 / stiffer)
+
+    def _start(self, static: Floats) -> Members:
+        kinematic = np.zeros_like(static)
+        kinematic[:, 0] = self.strengths / self._viscosities
+        return Members(static, kinematic)
+
+
+class Cylinders(_Points):
+    """Points with ‖s + γt‖ ≤ γ, where nothing bounds p; see :class:`cone.Block`."""
+
+    def __init__(
+        self,
+        at: Places,
+        radii: Floats,
+        strengths: Floats,
+        weights: Floats,
+        tilts: Floats | None = None,
+    ) -> None:
+        """As :class:`_Points`, with t, shape (num, m), None for zero."""
+        super().__init__(at, radii, strengths, weights)
+        self._middles = None if tilts is None else radii[:, None] * tilts
+
+    def start(self, borne: Borne) -> Members:
+        """Without stress."""
+        return self._start(self.static(borne, NO_OWN))
+
+    def flow(self, moduli: Moduli) -> None:
+        """See :meth:`cone.Block.flow`."""
+        moduli.a[self.at] = self._viscosities
+
+    def static(self, borne: Borne, own: Floats) -> Floats:
+        """(γ, s + γt), shape (num, 1 + m)."""
+        tails = np.asfortranarray(borne.deviator[self.at])
+        if self._middles is not None:
+            tails = tails + self._middles
+        return np.column_stack([self.radii, tails])
+
+    def scaled(self, now: Members, rates: Rates) -> "ScaledCylinders":
+        """The points at an iterate."""
+        return ScaledCylinders(self, now, rates)
+
+
+class Cones(_Points):
+    """Points with ‖s‖ ≤ γ − αp; see :class:`cone.Block`."""
+
+    def __init__(
+        self, at: Places, radii: Floats, strengths: Floats, weights: Floats, slopes: Floats
+    ) -> None:
+        """As :class:`_Points`, with α > 0, shape (num,)."""
+        super().__init__(at, radii, strengths, weights)
+        self.slopes = slopes
+
+    def start(self, borne: Borne) -> Members:
+        """With the pressure that leaves points without cohesion their strengths."""
+        borne.pressure[self.at] = -(self.strengths - self.radii) / self.slopes
+        return self._start(self.static(borne, NO_OWN))
+
+    def flow(self, moduli: Moduli) -> None:
+        """See :meth:`cone.Block.flow`."""
+        moduli.bulk[self.at] = self._viscosities / self.slopes**2
+        moduli.a[self.at] = self._viscosities
+
+    def static(self, borne: Borne, own: Floats) -> Floats:
+        """(γ − αp, s), shape (num, 1 + m)."""
+        heads = self.radii - self.slopes * borne.pressure[self.at]
+        return np.column_stack([heads, np.asfortranarray(borne.deviator[self.at])])
+
+    def rates(self, rates: Rates) -> Floats:
+        """(w tr ε/α, −w dev ε), shape (num, 1 + m)."""
+        heads = self.weights * rates.trace[self.at] / self.slopes
+        return np.column_stack([heads, -self.weights[:, None] * rates.deviator[self.at]])
+
+    def scaled(self, now: Members, rates: Rates) -> "ScaledCones":
+        """The points at an iterate."""
+        return ScaledCones(self, now, rates)
+
+
+class _ScaledPoints:
+    """The common part of both kinds at an iterate; see :class:`cone.ScaledBlock`."""
+
+    def __init__(self, now: Members) -> None:
+        self.scaling = Scaling(now.static, now.kinematic)
+
+    def products(self, change: Members | None = None) -> Floats:
+        """See :meth:`cone.ScaledBlock.products`."""
+        if change is None:
+            return product(self.scaling.point, self.scaling.point)
+        scaled = self.scaling.invert(change.static), self.scaling.apply(change.kinematic)
+        return product(*scaled)
+
+
+class ScaledCylinders(_ScaledPoints):
+    """Points at an iterate; see :class:`cone.ScaledBlock`."""
+
+    def __init__(self, block: Cylinders, now: Members, rates: Rates) -> None:
+        super().__init__(now)
+        self._at, self._weights = block.at, block.weights[:, None]
+        self._a, self._normal = self.scaling.moduli()
+        self._off = now.kinematic[:, 1:] + self._weights * rates.deviator[self._at]
+
+    def stiffen(self, moduli: Moduli) -> Moduli:
+        """See :meth:`cone.ScaledBlock.stiffen`."""
+        moduli.a[self._at], moduli.normal[self._at] = self._a, self._normal
+        return moduli
+
+    def aim(self, products: Floats) -> tuple[Floats, Floats]:
+        """R, and the part of W⁻¹r that belongs to the deviator."""
+        aim = quotient(self.scaling.point, products)
+        return aim, self.scaling.invert(aim)[:, 1:]
+
+    def bear(self, aim: tuple[Floats, Floats], change: Borne) -> None:
+        """See :meth:`cone.ScaledBlock.bear`."""
+        change.deviator[self._at] = self._stress(aim[1] + self._off)
+
+    def follow(self, aim: tuple[Floats, Floats], rates: Rates, change: Borne) -> Members:
+        """See :meth:`cone.ScaledBlock.follow`."""
+        scaled, unscaled = aim
+        tails = -self._off - self._weights * rates.deviator[self._at]
+        stress = self._stress(unscaled - tails)
+        change.deviator[self._at] = stress
+        static, kinematic = np.zeros_like(scaled), np.zeros_like(scaled)
+        static[:, 1:] = stress
+        kinematic[:, 0] = self.scaling.invert(scaled - self.scaling.invert(static))[:, 0]
+        kinematic[:, 1:] = tails
+        return Members(static, kinematic)
+
+    def resist(self, rates: Rates, change: Borne) -> Floats:
+        """See :meth:`cone.ScaledBlock.resist`."""
+        change.deviator[self._at] = self._stress(self._weights * rates.deviator[self._at])
+        return NO_OWN
+
+    def _stress(self, x: Floats) -> Floats:
+        """The moduli times x."""
+        along = np.einsum("ni,ni->n", self._normal, x)
+        found: Floats = self._a[:, None] * x - along[:, None] * self._normal
+        return found
+
+
+class ScaledCones(_ScaledPoints):
+    """Points at an iterate; see :class:`cone.ScaledBlock`.
+
+    Their moduli are W², with dp = −dS₀/α.
+    """
+
+    def __init__(self, block: Cones, now: Members, rates: Rates) -> None:
+        super().__init__(now)
+        self._block, self._at = block, block.at
+        self._off = now.kinematic - block.rates(rates)
+
+    def stiffen(self, moduli: Moduli) -> Moduli:
+        """See :meth:`cone.ScaledBlock.stiffen`."""
+        along = np.zeros_like(moduli.normal) if moduli.along is None else moduli.along
+        moduli.a[self._at], moduli.normal[self._at] = self.scaling.moduli()
+        moduli.bulk[self._at], along[self._at] = self.scaling.coupled(self._block.slopes)
+        return replace(moduli, along=along)
+
+    def aim(self, products: Floats) -> Floats:
+        """R."""
+        return quotient(self.scaling.point, products)
+
+    def bear(self, aim: Floats, change: Borne) -> None:
+        """See :meth:`cone.ScaledBlock.bear`."""
+        self._put(self._static(-self._off, aim), change)
+
+    def follow(self, aim: Floats, rates: Rates, change: Borne) -> Members:
+        """See :meth:`cone.ScaledBlock.follow`."""
+        kinematic = self._block.rates(rates) - self._off
+        static = self._static(kinematic, aim)
+        self._put(static, change)
+        return Members(static, kinematic)
+
+    def resist(self, rates: Rates, change: Borne) -> Floats:
+        """See :meth:`cone.ScaledBlock.resist`."""
+        self._put(self._static(self._block.rates(rates)), change)
+        return NO_OWN
+
+    def _static(self, kinematic: Floats, aim: Floats | None = None) -> Floats:
+        """How static members change with kinematic ones, shape (num, 1 + m)."""
+        scaled = -self.scaling.apply(kinematic)
+        return self.scaling.apply(scaled if aim is None else scaled + aim)
+
+    def _put(self, static: Floats, change: Borne) -> None:
+        change.pressure[self._at] = -static[:, 0] / self._block.slopes
+        change.deviator[self._at] = static[:, 1:]

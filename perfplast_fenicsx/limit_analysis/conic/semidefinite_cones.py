@@ -1,13 +1,51 @@
-"""Symmetric matrices of 3 × 3 that are positive semidefinite, many at once, and their scaling.
+"""Positive semidefinite matrices of 3 × 3, and the blocks of points that they bound. NumPy only.
 
 Members are arrays of shape (..., 3, 3). Notation and formulas are those of M. J. Todd, K. C. Toh,
 R. H. Tütüncü, On the Nesterov–Todd direction in semidefinite programming, SIAM J. Optim. 8 (1998),
-769. What is done to each of them is written out, as libraries take longer to call. NumPy only.
+769. What is done to each of them is written out, as libraries take longer to call.
+
+Points have sets of principal stresses, (1 + s)σ₁ − (1 − s)σ₃ ≤ b: Mohr–Coulomb, and Tresca of
+s = 0. Or that and a tensile strength, σ₁ ≤ f. With the mean stress p and the deviator d such a set
+is the shadow of one in (p, d, t) that two matrices bound,
+
+    t I − (1 + s) d ⪰ 0,    (1 − s) d + (b − t − 2sp) I ⪰ 0,
+
+since the one says t ≥ (1 + s)d₁ and the other t ≤ b − 2sp + (1 − s)d₃ (K. Krabbenhøft, A. V.
+Lyamin, S. W. Sloan, Int. J. Solids Struct. 45 (2008), 6552). Strain rates are admissible where
+tr ε ≥ s Σ|ε_i|, and dissipate (b/2s) tr ε; of s = 0 where tr ε = 0, and then (b/2) Σ|ε_i|.
+
+With f < b/2s there is a third matrix, f I − pI − d ⪰ 0. The set then ends at three vertices with
+σ₁ = f, and σ₂ and σ₃ each f or r = ((1 + s)f − b)/(1 − s). It holds no other stress without end
+where s > 0, and pressure alone where s = 0: so the same rates are admissible, of s = 0 those with
+tr ε ≥ 0, and dissipate (f − h) tr ε + h Σ|ε_i|, h = (f − r)/2.
+
+The members X_k = a_k t I + d_k dev σ + e_k p I + c_k b I are linear in y = (t, p, s), X = h + Gy.
+Their multipliers Z_k fulfil −Gᵀz = (0, w tr ε, w dev ε). With the scaling of Nesterov and Todd,
+dx̃ + dz̃ = r̃ for the products to change by Λ∘r̃, so that
+
+    GᵀW⁻²G dy = G̃ᵀ r̃ + Gᵀz + w(ε + dε),
+
+a system of 2 + m rows a point. Of its inverse the part without t is the modulus. Where p is in no
+member, as without friction, it follows the proximal point method.
 """
 
-import numpy as np
+from dataclasses import dataclass, replace
 
-from perfplast_fenicsx.arrays import Floats
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.limit_analysis.conic.cone import (
+    MOST_VISCOUS,
+    NEAR,
+    PROXIMAL,
+    Borne,
+    Members,
+    Moduli,
+    Rates,
+    missing_of,
+)
+from perfplast_fenicsx.mandel_arrays import vectors
 from perfplast_fenicsx.rounding import TINY
 
 SIZE = 3
@@ -145,3 +183,380 @@ def _orthogonal_columns(a: Floats) -> tuple[Floats, Floats]:
             break
     sizes = np.stack([np.linalg.norm(column, axis=-1) for column in columns], axis=-1)
     return np.stack(turned, axis=-1), np.maximum(sizes, TINY)
+
+
+@dataclass(frozen=True, eq=False)
+class PrincipalCones:
+    """Sets of principal stresses at points, in the coordinates (p, s) of :mod:`standard_cones`.
+
+    Attributes:
+        at: Their numbers, shape (num,).
+        bounds: b > 0 (stress), shape (num,).
+        sines: s in [0, 1), shape (num,).
+        tensions: f > 0 (stress), ∞ where nothing else bounds σ₁, shape (num,).
+        tensors: Unit tensor and orthonormal deviators that p and the first k of s are factors of,
+            shape (1 + k, 3, 3); others are of other sets.
+        flat: Whether no rate is out of the plane, and the stress there the mean of those in it.
+    """
+
+    at: Longs
+    bounds: Floats
+    sines: Floats
+    tensions: Floats
+    tensors: Floats
+    flat: bool = False
+
+    @classmethod
+    def none(cls) -> "PrincipalCones":
+        """Return cones for no point."""
+        nothing: Floats = np.zeros(0)
+        return cls(np.zeros(0, dtype=np.int64), nothing, nothing, nothing, np.zeros((1, 3, 3)))
+
+    @property
+    def count(self) -> int:
+        """Points."""
+        return len(self.at)
+
+    @property
+    def cut(self) -> npt.NDArray[np.bool_]:
+        """Which have a tensile strength, shape (num,)."""
+        return np.isfinite(self.tensions)
+
+    @property
+    def grows(self) -> npt.NDArray[np.bool_]:
+        """Where the mean stress is bounded, so that bodies dilate, shape (num,)."""
+        return (self.sines > 0) | self.cut
+
+    def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> "PrincipalCones":
+        """Some of the points.
+
+        Args:
+            chosen: Which, flags of shape (num,) or places among them.
+        """
+        numbers = {name: getattr(self, name)[chosen] for name in ("bounds", "sines", "tensions")}
+        return replace(self, at=self.at[chosen], **numbers)
+
+    def divided(self, unit: float) -> "PrincipalCones":
+        """The same with stresses measured in a unit."""
+        bounds, tensions = (np.asarray(of / unit) for of in (self.bounds, self.tensions))
+        return replace(self, bounds=bounds, tensions=tensions)
+
+    def scaled(self, factors: Floats) -> "PrincipalCones":
+        """Return the same with bounds b multiplied by factors at all points, shape (count,)."""
+        return replace(self, bounds=self.bounds * factors[self.at])
+
+    def put(self, values: Floats, of_these: Floats) -> Floats:
+        """Values at all points with those of these points in their places."""
+        values[self.at] = of_these
+        return values
+
+    def ratios(self, pressure: Floats, deviator: Floats) -> Floats:
+        """By how much stresses exceed yield, shape (num,); negative where no multiple does.
+
+        Args:
+            pressure: p at all points, shape (count,).
+            deviator: s at all points, shape (count, m).
+        """
+        d = eigenvalues(self.deviators(deviator))
+        along = (1 + self.sines) * d[:, 2] - (1 - self.sines) * d[:, 0]
+        found: Floats = (along + 2 * self.sines * pressure[self.at]) / self.bounds
+        pulled = (pressure[self.at] + d[:, 2]) / self.tensions  # 0 without a strength
+        return np.where(self.cut, np.maximum(found, pulled), found)
+
+    def powers(self, trace: Floats, deviator: Floats) -> Floats:
+        """Return the dissipation of admissible rates per volume, shape (num,).
+
+        Args:
+            trace: tr ε at all points, shape (count,).
+            deviator: The deviator of ε there, shape (count, m).
+        """
+        of_trace, of_sizes = self.factors
+        found: Floats = of_trace * trace[self.at] + of_sizes * self.sizes(trace, deviator)
+        return found
+
+    @property
+    def factors(self) -> tuple[Floats, Floats]:
+        """Return the factors of tr ε and Σ|ε_i| for :meth:`powers`, shape (num,)."""
+        steep, cut = self.sines > 0, self.cut
+        of_trace = np.where(steep, self.bounds / np.where(steep, 2 * self.sines, 1.0), 0.0)
+        of_sizes = np.where(steep, 0.0, self.bounds / 2)
+        tensions = self.tensions[cut]
+        half = (self.bounds[cut] / 2 - self.sines[cut] * tensions) / (1 - self.sines[cut])
+        of_trace[cut], of_sizes[cut] = tensions - half, half
+        return of_trace, of_sizes
+
+    def lacking(self, trace: Floats, deviator: Floats) -> Floats:
+        """Return the shortfall of tr ε from s Σ|ε_i|, shape (num,); see :meth:`powers`."""
+        found: Floats = np.maximum(self.sines * self.sizes(trace, deviator) - trace[self.at], 0.0)
+        return found
+
+    def sizes(self, trace: Floats, deviator: Floats) -> Floats:
+        """Σ|ε_i|, without the trace where nothing bounds p, shape (num,); see :meth:`powers`."""
+        unit = np.diag([1.0, 1.0, 0.0 if self.flat else 1.0])
+        means = np.where(self.grows, trace[self.at], 0.0) / np.trace(unit)
+        values = eigenvalues(self.deviators(deviator) + means[:, None, None] * unit)
+        found: Floats = np.abs(values).sum(axis=1)
+        return found
+
+    def components(self, deviator: Floats) -> Floats:
+        """Those of s that count, shape (num, k), of s at all points."""
+        found: Floats = deviator[self.at, : len(self.tensors) - 1]
+        return found
+
+    def deviators(self, deviator: Floats) -> Floats:
+        """Tensors of s at all points, shape (num, 3, 3)."""
+        found: Floats = np.einsum("nj,jab->nab", self.components(deviator), self.tensors[1:])
+        return found
+
+
+class PrincipalPoints:
+    """Points whose principal stresses are bounded; see :class:`cone.Block`.
+
+    Their matrices are two, or three where any of a rank's points has a tensile strength: the third
+    one of a point without is a constant.
+
+    Attributes:
+        cones: Of the points.
+        weights: w, shape (num,).
+    """
+
+    def __init__(self, cones: PrincipalCones, strengths: Floats, weights: Floats) -> None:
+        """Write down what X_k is of t, p and the deviator.
+
+        Args:
+            cones: Of the points, in the units of the program.
+            strengths: Sizes of the strengths of the points, shape (num,).
+            weights: w, shape (num,).
+        """
+        self.cones, self.weights, self._strengths = cones, weights, strengths
+        s, one, none = cones.sines, np.ones(cones.count), np.zeros(cones.count)
+        cut = np.where(cones.cut, one, none)
+        half = cones.bounds / 2
+        self._pressures: Floats = -half * cut
+        middle = half * (1 + s * cut)
+        columns = [(one, none, -(1 + s), none, middle), (-one, -2 * s, 1 - s, 2 * half, middle)]
+        if cut.any():
+            tensions = np.where(cones.cut, cones.tensions, half)
+            columns.append((none, -cut, -cut, tensions, tensions - self._pressures))
+        parts = (np.stack(of, axis=1) for of in zip(*columns, strict=True))
+        self._of_t, self._of_p, self._of_d, self._constant, self._rooms = parts
+
+    @property
+    def degree(self) -> int:
+        """Rows of all matrices."""
+        return SIZE * self._of_t.size
+
+    def members(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
+        """X, shape (num, k, 3, 3).
+
+        Args:
+            t: Shape (num,).
+            pressure: At all points.
+            deviator: The same.
+        """
+        found = self.changes(t, pressure, deviator)
+        found += self._constant[:, :, None, None] * np.eye(SIZE)
+        return found
+
+    def changes(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
+        """Those of X with changes of the arguments of :meth:`members`."""
+        cones = self.cones
+        heads = self._of_t * t[:, None] + self._of_p * pressure[cones.at, None]
+        tensors = cones.deviators(deviator)
+        found: Floats = heads[:, :, None, None] * np.eye(SIZE)
+        found += self._of_d[:, :, None, None] * tensors[:, None]
+        return found
+
+    @property
+    def _viscosities(self) -> Floats:
+        """Return the squares of the factors of unit tensors P in the middle, shape (num, k)."""
+        found: Floats = np.minimum(self._rooms**2, MOST_VISCOUS)
+        return found
+
+    def flow(self, moduli: Moduli) -> None:
+        """See :meth:`cone.Block.flow`: matrices are scaled by multiples of the unit tensor."""
+        grows, squares = self.cones.grows, self._viscosities
+        # with the t that makes the first two the same
+        of_p = self._of_p.copy()
+        of_p[:, :2] = self._of_p[:, :2].mean(axis=1, keepdims=True)
+        soft = SIZE * (of_p**2 / squares).sum(axis=1)
+        at, loose = self.cones.at, 1 / PROXIMAL
+        moduli.bulk[at] = np.where(grows, 1 / np.where(grows, soft, 1.0), loose)
+        moduli.a[at] = 1 / (self._of_d**2 / squares).sum(axis=1)
+
+    def start(self, borne: Borne) -> Members:
+        """In the middle of the sets, without a deviator."""
+        borne.pressure[self.cones.at] = self._pressures
+        apart = self._rooms / self._viscosities
+        X, Z = (of[:, :, None, None] * np.eye(SIZE) for of in (self._rooms, apart))
+        return Members(X, Z, self._rooms[:, 0].copy())
+
+    def static(self, borne: Borne, own: Floats) -> Floats:
+        """See :meth:`members`."""
+        return self.members(own, borne.pressure, borne.deviator)
+
+    def inner(self, now: Members) -> float:
+        """See :meth:`cone.Block.inner`."""
+        return float(np.einsum("nkab,nkab->", now.static, now.kinematic))
+
+    def longest(self, now: Members, change: Members) -> float:
+        """See :meth:`cone.Block.longest`."""
+        static = longest_step(now.static, change.static)
+        return min(static, longest_step(now.kinematic, change.kinematic))
+
+    def raised(self, products: Floats, by: float) -> Floats:
+        """See :meth:`cone.Block.raised`."""
+        found: Floats = products + by * np.eye(SIZE)
+        return found
+
+    def missing(self, products: Floats, mu: float) -> Floats:
+        """See :meth:`cone.Block.missing`."""
+        found = np.zeros_like(products)
+        near = 1 + 1e-6  # most matrices have nothing to be moved, which their ends show sooner
+        least, most = least_eigenvalue(products), -least_eigenvalue(-products)
+        far = (least < near * NEAR * mu) | (most * near > mu / NEAR)
+        values, axes = np.linalg.eigh(products[far])
+        found[far] = (axes * missing_of(values, mu)[..., None, :]) @ np.swapaxes(axes, -1, -2)
+        return found
+
+    def scaled(self, now: Members, rates: Rates) -> "ScaledPrincipal":
+        """The points at an iterate."""
+        return ScaledPrincipal(self, now, rates)
+
+    def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
+        """See :meth:`cone.Block.viscosities`."""
+        at = self.cones.at
+        flows = self.weights * np.linalg.norm(rates.deviator[at], axis=1)
+        out[at] = self._strengths / np.maximum(flows, 1 / stiffer)
+
+    def middle(self, pressure: Floats, deviator: Floats) -> Floats:
+        """The t that leaves both members as much room, shape (num,)."""
+        X = self.members(np.zeros(self.cones.count), pressure, deviator)
+        least = least_eigenvalue(X)
+        found: Floats = (least[:, 1] - least[:, 0]) / 2
+        return found
+
+    def columns(self, primal: Floats) -> Floats:
+        """Return the columns of members in (t, p, s), as vectors.
+
+        Args:
+            primal: Unit tensor and deviators as each member scales them, shape (num, k, 1 + m, 3,
+                3).
+
+        Returns:
+            Shape (num, 6k, 2 + m).
+        """
+        numbers = vectors(primal)
+        of_t, of_p = (
+            coefficient[:, :, None, None] * numbers[:, :, :1]
+            for coefficient in (self._of_t, self._of_p)
+        )
+        of_d = self._of_d[:, :, None, None] * numbers[:, :, 1:]
+        found = np.concatenate([of_t, of_p, of_d], axis=2)
+        return np.swapaxes(found, 2, 3).reshape(len(found), -1, found.shape[2])
+
+    def works(self, Z: Floats) -> Floats:
+        """Gᵀz, shape (num, 2 + m)."""
+        traces = np.trace(Z, axis1=2, axis2=3)
+        deviators = np.einsum("nkab,jab->nkj", Z, self.cones.tensors[1:])
+        return np.column_stack(
+            [
+                (self._of_t * traces).sum(axis=1),
+                (self._of_p * traces).sum(axis=1),
+                np.einsum("nk,nkj->nj", self._of_d, deviators),
+            ]
+        )
+
+    def least(self, works: Floats) -> Floats:
+        """The smallest z of given :meth:`works`, that of p being left out where none is."""
+        grows = self.cones.grows
+        grid = np.empty((len(works), 2, 2))
+        both = np.stack([self._of_t, self._of_p], axis=1)
+        grid[:] = SIZE * both @ np.swapaxes(both, 1, 2)
+        grid[~grows, 1, 1] = 1.0
+        right = np.where(np.column_stack([grows | True, grows]), works[:, :2], 0.0)
+        heads = (np.linalg.solve(grid, right[:, :, None])[:, :, 0][:, None] @ both)[:, 0]
+        tails = works[:, 2:] / (self._of_d**2).sum(axis=1)[:, None]
+        tensors = np.einsum("nj,jab->nab", tails, self.cones.tensors[1:])
+        found: Floats = heads[:, :, None, None] * np.eye(SIZE)
+        return found + self._of_d[:, :, None, None] * tensors[:, None]
+
+
+class ScaledPrincipal:
+    """Such points at an iterate; see :class:`cone.ScaledBlock`."""
+
+    def __init__(self, block: PrincipalPoints, now: Members, rates: Rates) -> None:
+        """Scale, and factorise the system of each point."""
+        self._block, self._cones = block, block.cones
+        self._scaling = MatrixScaling(now.static, now.kinematic)
+        scaled = [self._scaling.primal(tensor) for tensor in self._cones.tensors]
+        self._columns = block.columns(np.stack(scaled, axis=2))
+        soft = np.zeros((self._cones.count, 1, self._columns.shape[2]))
+        soft[:, 0, 1] = np.where(self._cones.grows, 0.0, np.sqrt(PROXIMAL))
+        rows = np.concatenate([self._columns, soft], axis=1)
+        triangles = np.linalg.qr(rows, mode="r")
+        self._roots: Floats = np.asarray(np.linalg.inv(triangles), dtype=np.float64)
+        self._off = block.works(now.kinematic) + self._rates(rates)
+
+    def _rates(self, rates: Rates) -> Floats:
+        """w(0, tr ε, dev ε), shape (num, 2 + m)."""
+        at = self._cones.at
+        parts = [np.zeros(len(at)), rates.trace[at], self._cones.components(rates.deviator)]
+        return self._block.weights[:, None] * np.column_stack(parts)
+
+    def stiffen(self, moduli: Moduli) -> Moduli:
+        """See :meth:`cone.ScaledBlock.stiffen`."""
+        roots = self._roots[:, 1:, 1:]  # of a triangle's part, as it is a triangle too
+        more = moduli.normal.shape[1] + 1 - roots.shape[2]
+        return moduli.with_whole(self._cones.at, np.pad(roots, ((0, 0), (0, more), (0, more))))
+
+    def products(self, change: Members | None = None) -> Floats:
+        """See :meth:`cone.ScaledBlock.products`."""
+        if change is None:
+            found: Floats = self._scaling.point[..., None] ** 2 * np.eye(SIZE)
+            return found
+        scaled = self._scaling.primal(change.static), self._scaling.dual(change.kinematic)
+        return product(*scaled)
+
+    def aim(self, products: Floats) -> Floats:
+        """r̃."""
+        return self._scaling.quotient(products)
+
+    def bear(self, aim: Floats, change: Borne) -> None:
+        """See :meth:`cone.ScaledBlock.bear`."""
+        self._put(self._answer(aim, np.zeros_like(self._off)), change)
+
+    def follow(self, aim: Floats, rates: Rates, change: Borne) -> Members:
+        """See :meth:`cone.ScaledBlock.follow`."""
+        more = self._rates(rates)
+        dy = self._answer(aim, more)
+        self._put(dy, change)
+        t = dy[:, 0]
+        static = self._block.changes(t, change.pressure, change.deviator)
+        kinematic = self._scaling.undone(aim - self._scaling.primal(static))
+        left = self._block.works(kinematic) + self._off + more
+        return Members(static, kinematic - self._block.least(left), t)
+
+    def resist(self, rates: Rates, change: Borne) -> Floats:
+        """See :meth:`cone.ScaledBlock.resist`."""
+        dy = self._solved(self._rates(rates))
+        self._put(dy, change)
+        own: Floats = dy[:, 0]
+        return own
+
+    def _answer(self, aim: Floats, rates: Floats) -> Floats:
+        """Dy of an aim, with what is missing in Z, and of rates, shape (num, 2 + m)."""
+        right = rates + self._off
+        numbers = vectors(aim).reshape(len(aim), -1, 1)
+        right += (np.swapaxes(self._columns, 1, 2) @ numbers)[:, :, 0]
+        return self._solved(right)
+
+    def _solved(self, right: Floats) -> Floats:
+        """Dy of a right-hand side, shape (num, 2 + m)."""
+        half = np.einsum("nji,nj->ni", self._roots, right)
+        found: Floats = np.einsum("nij,nj->ni", self._roots, half)
+        return found
+
+    def _put(self, dy: Floats, change: Borne) -> None:
+        at = self._cones.at
+        change.pressure[at], change.deviator[at, : dy.shape[1] - 2] = dy[:, 1], dy[:, 2:]

@@ -9,7 +9,7 @@ import ufl
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
 from perfplast_fenicsx.limit_analysis.discrete.standard_cones import (
     PlainCone,
     PlainPrincipal,

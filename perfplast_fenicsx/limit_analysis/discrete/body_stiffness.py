@@ -16,7 +16,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.compiled_kernels import aligned, compiled
-from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli
+from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.discrete.body_source import source
 from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains

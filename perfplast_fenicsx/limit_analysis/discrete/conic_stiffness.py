@@ -1,8 +1,8 @@
 """The stiffness with moduli given at each point, factorised in the contact basis."""
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Moduli
-from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
+from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
+from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, SprungMatrix
 from perfplast_fenicsx.limit_analysis.discrete.body_stiffness import BodyStiffness
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.problem.problem import Problem

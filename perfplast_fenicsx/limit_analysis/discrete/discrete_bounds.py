@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.conic_program import PROXIMAL
-from perfplast_fenicsx.limit_analysis.conic.discretisation import Moduli, SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic.cone import PROXIMAL, Moduli
+from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.conic.rebalancing import rebalance
 from perfplast_fenicsx.limit_analysis.statements.bound import measure_of
@@ -91,7 +91,7 @@ def static_load(iteration: InteriorIteration) -> StaticLoad:
     if not unbalanced <= left_by_factors:
         rebalance(iteration)
     program, now = iteration.program, iteration.now
-    ratio = program.overstress(program.whole((now.pressure, now.deviator), now.load))
+    ratio = program.overstress(program.whole(now.stress, now.load))
     unbalanced = iteration.unbalanced()
     if not unbalanced <= IN_BALANCE:
         return StaticLoad(None, unbalanced)
@@ -161,13 +161,11 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     # who check them let pass is about `EXACT`.
     better = 1e-12
     v.array[held] = 0
-    sizes = np.linalg.norm(now.Z[:, 1:], axis=1)
     # Regions that flow less than the mean are at most so many times stiffer in the projection.
     stiffer = 1e3
-    viscosity = program.at_points(now.S[:, 0] / np.maximum(sizes, 1 / stiffer), 1.0)
-    at = program.blocks.cones.at
-    flows = program.weights[at] * np.linalg.norm(strains.of(v)[1][at], axis=1)
-    viscosity[at] = program.strengths[at] / np.maximum(flows, 1 / stiffer)
+    rates, viscosity = program.rates_of(v), np.ones(strains.count)
+    for block, members in zip(program.blocks, now.members, strict=True):
+        block.viscosities(members, rates, stiffer, viscosity)
     stiffest = 1e9  # weight of volume changes in the projection
     none = np.zeros((len(viscosity), strains.size))
     stiff = np.where(program.plastic, viscosity, stiffest)

@@ -126,7 +126,7 @@ def discrete_result(
 def _write_stress(problem: Problem, iteration: InteriorIteration, function: fem.Function) -> None:
     """Write the stress of the iterate into a function of S. Collective."""
     now = iteration.now
-    pressure, deviator = iteration.program.whole((now.pressure, now.deviator), now.load)
+    pressure, deviator = iteration.program.whole(now.stress, now.load)
     count = problem.Q.dofmap.index_map.size_local  # points of friction follow them
     found = PointCoordinates(problem).whole(pressure[:count], deviator[:count])
     function.x.array[: found.size] = iteration.program.stress_unit * found.ravel()

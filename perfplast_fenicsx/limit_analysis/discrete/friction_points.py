@@ -18,7 +18,8 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.rows.friction import Friction
-from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Moduli, Stiffness, Strains
+from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
+from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Stiffness, Strains
 
 Springs = tuple[Ints, Floats]
 """Unknowns of small groups, shape (n, k), −1 for none, and their moduli, shape (n, k, k)."""

@@ -13,7 +13,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.conic_program import PROXIMAL, SOFTEST
+from perfplast_fenicsx.limit_analysis.conic.cone import PROXIMAL
+from perfplast_fenicsx.limit_analysis.conic.conic_program import SOFTEST
 from perfplast_fenicsx.limit_analysis.conic.second_order_cones import Scaling, quotient
 from perfplast_fenicsx.limit_analysis.shakedown.corner_cones import CornerCones
 from perfplast_fenicsx.limit_analysis.shakedown.point_operator import PointOperator

@@ -15,8 +15,7 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import evaluate, interpolation_points
-from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE
-from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
+from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, SprungMatrix
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import weights_of_points
 from perfplast_fenicsx.problem.assembled.integrals import assemble_force
 from perfplast_fenicsx.problem.fields.stiffness import create_stiffness

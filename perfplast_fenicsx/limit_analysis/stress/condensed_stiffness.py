@@ -5,8 +5,12 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Moduli, SingularStiffness
-from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
+from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
+from perfplast_fenicsx.limit_analysis.conic.discretisation import (
+    NONE,
+    SingularStiffness,
+    SprungMatrix,
+)
 from perfplast_fenicsx.limit_analysis.discrete.friction_points import Springs
 from perfplast_fenicsx.limit_analysis.stress.cell_condensation import CellCondensation
 from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains

@@ -37,7 +37,7 @@ class StaticIteration(InteriorIteration):
 
     def settle(self) -> None:
         """Bring stress and loads into balance, row by row, as far as rounding lets. Collective."""
-        pressure, _ = self.program.whole((self.now.pressure, self.now.deviator), self.now.load)
+        pressure, _ = self.program.whole(self.now.stress, self.now.load)
         self._rows = self._static.forces_of_strengths(self.program.stress_unit * pressure)
         left = self.unbalanced()
         # Forces without balance, relative to strengths, that need not be

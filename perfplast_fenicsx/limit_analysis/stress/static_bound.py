@@ -241,7 +241,7 @@ def _result(
     strains = form.strains
     iteration.settle()
     now = iteration.now
-    pressure, deviator = program.whole((now.pressure, now.deviator), now.load)
+    pressure, deviator = program.whole(now.stress, now.load)
     pressure, deviator = static.shared_out((pressure, deviator))
     ratio = program.overstress((pressure, deviator))
     scale = program.stress_unit / (1.0 if program.keeps else max(1.0, ratio))

@@ -15,7 +15,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
 from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import MechanismRates
 from perfplast_fenicsx.problem.problem import Problem
 

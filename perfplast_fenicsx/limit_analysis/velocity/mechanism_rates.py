@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.principal_cones import PrincipalCones
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_of_cells
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE
-from perfplast_fenicsx.limit_analysis.conic.sprung_matrix import SprungMatrix
+from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, SprungMatrix
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 from perfplast_fenicsx.solvers.linear.mumps_memory import Analysis
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT

@@ -1,0 +1,109 @@
+"""Contact pairs: forces r ≥ 0 and rooms −[v] ≥ 0, each a cone of one number. NumPy only."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.cone import (
+    NO_OWN,
+    Borne,
+    Members,
+    Moduli,
+    Rates,
+    missing_of,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """The contact pairs of a rank; see :class:`cone.Block`.
+
+    Attributes:
+        springs: Stiffness of contact that suits that of the bodies, shape (num_pairs,).
+    """
+
+    springs: Floats
+
+    @property
+    def degree(self) -> int:
+        """Pairs."""
+        return len(self.springs)
+
+    def start(self, borne: Borne) -> Members:
+        """Forces and rooms whose products are 1."""
+        root = np.sqrt(self.springs)
+        borne.forces[:] = root
+        return Members(root, 1 / root)
+
+    def flow(self, moduli: Moduli) -> None:
+        """Springs are added where they are known."""
+
+    def static(self, borne: Borne, own: Floats) -> Floats:
+        """The forces."""
+        return borne.forces
+
+    def inner(self, now: Members) -> float:
+        """Σ r·(−[v])."""
+        return float(now.static @ now.kinematic)
+
+    def longest(self, now: Members, change: Members) -> float:
+        """See :meth:`cone.Block.longest`."""
+        lengths = []
+        for a, da in ((now.static, change.static), (now.kinematic, change.kinematic)):
+            lengths.append(float((-a[da < 0] / da[da < 0]).min(initial=np.inf)))
+        return min(lengths)
+
+    def raised(self, products: Floats, by: float) -> Floats:
+        """See :meth:`cone.Block.raised`."""
+        return products + by
+
+    def missing(self, products: Floats, mu: float) -> Floats:
+        """See :meth:`cone.Block.missing`."""
+        return missing_of(products, mu)
+
+    def scaled(self, now: Members, rates: Rates) -> "ScaledPairs":
+        """The pairs at an iterate."""
+        return ScaledPairs(now, rates)
+
+    def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
+        """No points are of this kind."""
+
+
+class ScaledPairs:
+    """Pairs at an iterate; see :class:`cone.ScaledBlock`."""
+
+    def __init__(self, now: Members, rates: Rates) -> None:
+        self._forces, self._rooms = now.static, now.kinematic
+        self._springs = now.static / now.kinematic
+        self._off = rates.jumps + now.kinematic
+
+    def stiffen(self, moduli: Moduli) -> Moduli:
+        """With springs r/(−[v])."""
+        return replace(moduli, springs=self._springs)
+
+    def products(self, change: Members | None = None) -> Floats:
+        """R·(−[v]), which need no scaling."""
+        if change is None:
+            return self._forces * self._rooms
+        return change.static * change.kinematic
+
+    def aim(self, products: Floats) -> Floats:
+        """The products themselves."""
+        return products
+
+    def bear(self, aim: Floats, change: Borne) -> None:
+        """See :meth:`cone.ScaledBlock.bear`."""
+        change.forces[:] = (aim + self._forces * self._off) / self._rooms
+
+    def follow(self, aim: Floats, rates: Rates, change: Borne) -> Members:
+        """See :meth:`cone.ScaledBlock.follow`."""
+        rooms = -self._off - rates.jumps
+        forces = (aim - self._forces * rooms) / self._rooms
+        change.forces[:] = forces
+        return Members(forces, rooms)
+
+    def resist(self, rates: Rates, change: Borne) -> Floats:
+        """See :meth:`cone.ScaledBlock.resist`."""
+        change.forces[:] = self._springs * rates.jumps
+        return NO_OWN
