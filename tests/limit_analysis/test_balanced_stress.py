@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.limit_analysis.conic.natural_units import RESERVES, Start
+from perfplast_fenicsx.limit_analysis.conic.conic_program import RESERVES, Start
 from perfplast_fenicsx.limit_analysis.stress.balanced_stress import BalancedStress
 
 pytestmark = pytest.mark.serial

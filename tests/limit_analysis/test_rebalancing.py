@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic import rebalancing
+from perfplast_fenicsx.limit_analysis.conic import interior_iteration
 from perfplast_fenicsx.limit_analysis.conic.cone import Borne
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 
@@ -55,7 +55,7 @@ def test_what_was_balanced_last_is_left(
         iteration.now = pushing(forces)
         found.append(iteration.now)
 
-    monkeypatch.setattr(rebalancing, "_balance", balance)
+    monkeypatch.setattr(interior_iteration, "_balance", balance)
     stiffness = SimpleNamespace(factorise=factorise, add_at_jumps=lambda _: None)
     program = SimpleNamespace(
         weights=np.ones(2),
@@ -66,6 +66,6 @@ def test_what_was_balanced_last_is_left(
         blocks=(),
     )
     iteration = SimpleNamespace(program=program, now=pushing(np.ones(9)))
-    rebalancing.rebalance(cast("Any", iteration))
-    assert len(found) == (rebalancing.MOST_ROUNDS if singular is None else singular - 1)
+    interior_iteration.rebalance(cast("Any", iteration))
+    assert len(found) == (interior_iteration.MOST_ROUNDS if singular is None else singular - 1)
     assert iteration.now is found[-1]

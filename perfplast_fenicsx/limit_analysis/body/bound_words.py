@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
+from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_in_words
 from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import pores_in_words
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound

@@ -24,7 +24,7 @@ from perfplast_fenicsx.limit_analysis.body.halves import halves_at_once, pays
 from perfplast_fenicsx.limit_analysis.body.parts_of_cells import of_parents, on_parts
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.body.ring_results import of_displacements
-from perfplast_fenicsx.limit_analysis.conic.natural_units import UNLIMITED
+from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.cohesion import check_cohesion
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point

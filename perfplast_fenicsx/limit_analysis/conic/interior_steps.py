@@ -2,12 +2,13 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram, Start
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration, Unknowns
 
@@ -146,3 +147,27 @@ def iterate(
         if balanced and gap <= rtol * size:
             good = iteration.now, iteration.velocity.array_r.copy()
     return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"
+
+
+def next_start(
+    start: Start, program: ConicProgram, now: Unknowns | None, verdict: Verdict, rtol: float
+) -> Start | None:
+    """Return the next start if a search has not found what is sought; None to end. Collective.
+
+    Args:
+        start: Where it began.
+        program: That of the search.
+        now: Where it ended; None if it has not begun.
+        verdict: What came of it.
+        rtol: By how much stress may exceed yield that was found.
+    """
+    if verdict is Verdict.UNBOUNDED and now is not None and program.num_pairs and not start.pushed:
+        return replace(start, pushed=True)
+    over = False
+    if now is not None:
+        whole = program.whole(now.stress, now.load)
+        over = program.overstress(whole) > 1 + rtol
+    if verdict is Verdict.NO_RESISTANCE or (verdict is Verdict.FOUND and not over):
+        return None
+    stronger = program.stronger()
+    return None if stronger is None else replace(start, scale=stronger, pushed=False)

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, Start, choose_units
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
@@ -18,11 +19,6 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
     StopSearch,
     Verdict,
     iterate,
-)
-from perfplast_fenicsx.limit_analysis.conic.natural_units import (
-    UNLIMITED,
-    Start,
-    choose_units,
     next_start,
 )
 from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import IN_BALANCE

@@ -5,8 +5,7 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
-from perfplast_fenicsx.limit_analysis.conic.rebalancing import rebalance
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration, rebalance
 from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram
 
 

@@ -14,12 +14,12 @@ from dataclasses import replace
 import numpy as np
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, Start, choose_units
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
-from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict, iterate
-from perfplast_fenicsx.limit_analysis.conic.natural_units import (
-    UNLIMITED,
-    Start,
-    choose_units,
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
+    InteriorStep,
+    Verdict,
+    iterate,
     next_start,
 )
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import weak_bodies

@@ -83,7 +83,7 @@ class StaticProgram:
         (:mod:`stress_cells`), so that nothing has to be asked. Where vertices are bare, rows depend
         on each other too much for an answer by refinement, and it is left to the iteration.
 
-        Asked after :func:`natural_units.choose_units`, whose factors are used.
+        Asked after :func:`conic_program.choose_units`, whose factors are used.
         """
         bare = bool(self.form.strains.idle.any())
         if self.form.strains.gdim == 3 or self.program.comm.allreduce(bare):
