@@ -75,6 +75,8 @@ class YieldSet(Protocol):
 
         Limit loads by the interior point method, strict bounds and their proofs need no more than
         one of them: of principal stresses, or with a matrix of rank m − 1 or m and zero inside.
+        For limit loads of meshes it may be an object of another kind
+        (:class:`perfplast_fenicsx.limit_analysis.conic.cone.LawSet`).
 
         Args:
             size: m.

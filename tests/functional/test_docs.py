@@ -26,8 +26,8 @@ from perfplast_fenicsx.io.case import tables as schemas
 from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
-from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.io.case.water_table import WaterTable
+from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.declared.bolt import Bolt

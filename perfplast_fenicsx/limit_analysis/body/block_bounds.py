@@ -46,7 +46,7 @@ def are_blocks(problem: Problem) -> bool:
     """Return whether none of the bodies can yield, and some are in contact. Collective."""
     touch = problem.given.contacts or problem.given.obstacles
     cones = body_cones(problem).cones
-    return bool(touch) and all(it.plain is None and it.principal is None for it in cones)
+    return bool(touch) and not any(it.yields for it in cones)
 
 
 def check_blocks(problem: Problem) -> None:

@@ -25,7 +25,10 @@ from perfplast_fenicsx.limit_analysis.body.parts_of_cells import of_parents, on_
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.body.ring_results import of_displacements
 from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED
-from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import (
+    body_cones,
+    check_cones_are_provable,
+)
 from perfplast_fenicsx.limit_analysis.discrete.cohesion import check_cohesion
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
@@ -128,6 +131,7 @@ def admitted(problem: Problem, rtol: float) -> Problem:
         check_bounded(load)
     below, above = weaker_and_stronger(problem)
     check_bodies_have_limits(above)
+    check_cones_are_provable(above)
     check_tolerance(rtol)
     if problem.tagged_mesh.axisymmetric:
         problem = without_pores(problem, body_cones(above).dilates)

@@ -7,14 +7,17 @@ brings the products of both to a multiple of the unit. For this it asks a :class
 middle of its cones, the members of a stress, longest steps, and what products lack. At an iterate
 it asks a :class:`ScaledBlock` for moduli, products, and how members follow a velocity.
 
+A law's set at its points, from which blocks are made, is a :class:`PointSets`.
+
 Kinds: :mod:`second_order_cones`, :mod:`semidefinite_cones`, :mod:`half_spaces`. NumPy only.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, Self, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.rounding import TINY
@@ -127,7 +130,7 @@ class Moduli:
         return replace(self, whole=(at, roots))
 
     def first(self, count: int) -> "Moduli":
-        """Those of the first points, among which those with whole moduli are."""
+        """Return those of the first points, among which those with whole moduli are."""
         along = None if self.along is None else self.along[:count]
         return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along, self.whole)
 
@@ -137,7 +140,7 @@ class Moduli:
         return Moduli(self.bulk[count:], self.a[count:], self.normal[count:], along)
 
     def matrices(self) -> Floats:
-        """The same as forms of (tr ε, dev ε), shape (count, 1 + m, 1 + m)."""
+        """Return the same as forms of (tr ε, dev ε), shape (count, 1 + m, 1 + m)."""
         count, m = self.normal.shape
         found = np.zeros((count, 1 + m, 1 + m))
         found[:, 1:, 1:] = self.a[:, None, None] * np.eye(m)
@@ -259,6 +262,79 @@ class Block(Protocol):
         ...
 
 
+class PointSets(Protocol):
+    """Yield sets of one kind at points of a rank, in the coordinates (p, s) and the user's units.
+
+    Points that are in no such sets have second-order cones (:mod:`second_order_cones`). In the
+    coordinates of these a set has a cone around it, whose numbers γ and α are those of its points:
+    α > 0 where the set bounds the mean stress, so that bodies dilate.
+
+    Attributes:
+        at: Numbers of the points, shape (num,).
+    """
+
+    @property
+    def at(self) -> Longs:
+        """Numbers of the points, shape (num,)."""
+        ...
+
+    @property
+    def caps(self) -> Floats:
+        """Largest mean stress of the sets (stress), ∞ of what has none, shape (num,)."""
+        ...
+
+    def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> Self:
+        """Return the sets of some of the points, by flags or places among them."""
+        ...
+
+    def ratios(self, pressure: Floats, deviator: Floats) -> Floats:
+        """Return the gauge of stresses at all points, shape (num,): 1 on the surface of a set."""
+        ...
+
+    def powers(self, trace: Floats, deviator: Floats) -> Floats:
+        """Return the support function of admissible rates at all points, shape (num,)."""
+        ...
+
+    def lacking(self, trace: Floats, deviator: Floats) -> Floats:
+        """Return what tr ε lacks for rates at all points to be admissible, shape (num,)."""
+        ...
+
+    def block(self, unit: float, strengths: Floats, weights: Floats) -> Block:
+        """Return the points as a block of a program.
+
+        Args:
+            unit: Of stress.
+            strengths: Sizes of the strengths in the program's unit, shape (num,).
+            weights: w, shape (num,).
+        """
+        ...
+
+
+class LawSet(Protocol):
+    """A yield set of another kind, which a law returns as its only cone.
+
+    Its coordinates are the mean stress and the deviator, in plane strain those in the plane.
+    """
+
+    def around(self, flat: bool) -> tuple[float, float]:
+        """Return γ (stress) and α of a cone ‖s‖ ≤ γ − αp around the set.
+
+        Args:
+            flat: Whether it is of the stresses in the plane alone, as in plane strain.
+        """
+        ...
+
+    def at_points(self, at: Longs, tensors: Floats, flat: bool) -> PointSets:
+        """Return the set at points.
+
+        Args:
+            at: Numbers of the points.
+            tensors: Tensors that p and the components of s are factors of, shape (1 + m, 3, 3).
+            flat: As for :meth:`around`; the stress out of the plane is then p.
+        """
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Products:
     """Products of static and kinematic members, block by block.
@@ -284,7 +360,7 @@ class Products:
         return Products(self.blocks, [-part for part in self.parts])
 
     def raised(self, by: float) -> "Products":
-        """The products with a number added to their eigenvalues."""
+        """Return the products with a number added to their eigenvalues."""
         both = zip(self.blocks, self.parts, strict=True)
         return Products(self.blocks, [block.raised(part, by) for block, part in both])
 

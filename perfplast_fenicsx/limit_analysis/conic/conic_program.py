@@ -48,11 +48,14 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
     Places,
     Rates,
 )
-from perfplast_fenicsx.limit_analysis.conic.cone_functions import powers, yield_ratios
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Discretisation
 from perfplast_fenicsx.limit_analysis.conic.half_spaces import Pairs
-from perfplast_fenicsx.limit_analysis.conic.second_order_cones import Cones, Cylinders
-from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalPoints
+from perfplast_fenicsx.limit_analysis.conic.second_order_cones import (
+    Cones,
+    Cylinders,
+    powers,
+    yield_ratios,
+)
 
 Stress: TypeAlias = tuple[Floats, Floats]
 """Pressure and deviator at the points, shapes (count,) and (count, m)."""
@@ -96,11 +99,11 @@ class Start:
 
     @classmethod
     def within(cls, rtol: float) -> "Start":
-        """The first one of a search with a tolerance, relative."""
+        """Return the first one of a search with a tolerance, relative."""
         return cls(reserve=min(RESERVES[0], rtol / 10))
 
     def with_more_in_reserve(self, over: float | None = None) -> "Start | None":
-        """The next one with more in reserve; None if that would change the bound.
+        """Return the next one with more in reserve; None if that would change the bound.
 
         Args:
             over: By how much the stress has left yield, relative, if that is known.
@@ -213,9 +216,10 @@ class ConicProgram:
             left: Share of the strengths that is left of them.
         """
         strains, found = self.strains, list[Block]()
-        principal = strains.principal.those(self.plastic[strains.principal.at])
+        sets = [it.those(self.plastic[it.at]) for it in strains.sets]
         rest = self.plastic.copy()
-        rest[principal.at] = False
+        for it in sets:
+            rest[it.at] = False
         slopes = strains.slopes * np.where(self._loose & self._of_slopes, left, 1.0)
         radii = np.where(self._loose, 0.0, self.strengths)
         for dilate in (False, True):
@@ -229,10 +233,10 @@ class ConicProgram:
             else:
                 tilts = None if strains.tilts is None else strains.tilts[here]
                 found.append(Cylinders(*given, tilts))
-        if principal.count:
-            at = principal.at
-            sets = principal.divided(unit / left)
-            found.append(PrincipalPoints(sets, self.strengths[at], self.weights[at]))
+        for it in sets:
+            if len(it.at):
+                strengths, weights = self.strengths[it.at], self.weights[it.at]
+                found.append(it.block(unit / left, strengths, weights))
         return found
 
     @property
@@ -369,9 +373,10 @@ class ConicProgram:
         volume = trace**2 / self.strains.gdim
         wrong = volume + np.where(self.plastic, 0.0, squares)
         if self.dilates:
-            slopes, cones = self.strains.slopes, self.strains.principal
+            slopes = self.strains.slopes
             short = np.maximum(slopes * np.sqrt(squares) - trace, 0.0)
-            short = cones.put(short, cones.lacking(trace, deviator))
+            for it in self.strains.sets:
+                short[it.at] = it.lacking(trace, deviator)
             wrong = np.where(self.plastic & (slopes > 0), short**2, wrong)
         part, whole = (
             self.total(self.weights @ wrong),
@@ -503,7 +508,7 @@ def _divide(
         program: Whose loads they are.
         load: The loads, of which what is carried is taken off.
         flow: That of the loads.
-        springs: Of contact, whose forces are looked for as well; None if not.
+        springs: Springs of contact, whose forces are looked for as well; None if not.
 
     Returns:
         What is carried, None of nothing; contact forces, zeros where none are looked for; whether

@@ -14,8 +14,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
-from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
+from perfplast_fenicsx.limit_analysis.conic.cone import Moduli, PointSets
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
@@ -44,8 +43,8 @@ class Strains(Protocol):
         radii: Yield radius γ (stress) without mean stress, ∞ in elastic bodies, shape (count,).
         slopes: α, by which it falls with the mean stress, shape (count,).
         tilts: t, shape (count, m); None where all are zero.
-        principal: The points whose principal stresses are bounded instead; γ and α are there those
-            of the narrowest cone of the same apex around that set.
+        sets: Of the points that have other sets instead, by their kinds; γ and α are there those of
+            the narrowest cone of the same apex around a set.
     """
 
     count: int
@@ -55,7 +54,7 @@ class Strains(Protocol):
     radii: Floats
     slopes: Floats
     tilts: Floats | None
-    principal: PrincipalCones
+    sets: tuple[PointSets, ...]
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
         """Trace and deviator of ε(v), shapes (count,) and (count, m). Collective."""

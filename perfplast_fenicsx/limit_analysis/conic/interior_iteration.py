@@ -68,7 +68,7 @@ class Unknowns:
         return self.members[-1].kinematic
 
     def plus(self, t: float, change: "Unknowns") -> "Unknowns":
-        """The unknowns after t times a change."""
+        """Return the unknowns after t times a change."""
         both = zip(self.members, change.members, strict=True)
         return Unknowns(
             self.load + t * change.load,
@@ -98,7 +98,7 @@ class Workspace:
     Attributes:
         balance: Forces that nothing balances.
         right: Of a linear system.
-        change: Of the velocity.
+        change: Change of the velocity.
         motions: Under a unit of the loads whose factors are unknown.
     """
 
@@ -132,8 +132,8 @@ class NewtonDirections:
         """Assemble and factorise K, and find what is the same for all directions. Collective.
 
         Args:
-            program: What is solved.
-            now: Where the iteration is.
+            program: The program that was solved.
+            now: The current iterate.
             velocity: Its velocity.
             work: Vectors to work with; ``balance`` is what nothing balances there.
             factorised: Whether the last factors are those of K.
@@ -168,22 +168,22 @@ class NewtonDirections:
         self._missing = np.array([1.0, 0.0][: len(self._loads)]) - self._of_all(velocity)
 
     def _of_all(self, velocity: PETSc.Vec) -> Floats:
-        """Works of the loads with unknown factors. Collective."""
+        """Return works of the loads with unknown factors. Collective."""
         return np.array([float(load.dot(velocity)) for load in self._loads])
 
     def products(self, change: Unknowns | None = None) -> Products:
-        """Products of the unknowns, or of a change of them."""
+        """Return products of the unknowns, or of a change of them."""
         if change is None:
             return Products(self._blocks, [scaled.products() for scaled in self._scaled])
         both = zip(self._scaled, change.members, strict=True)
         return Products(self._blocks, [scaled.products(members) for scaled, members in both])
 
     def products_after(self, t: float, change: Unknowns) -> Products:
-        """Products of the unknowns after t times a change."""
+        """Return products of the unknowns after t times a change."""
         return self.products(self._now.plus(t, change))
 
     def towards(self, change: Products) -> Direction:
-        """The direction in which the products change so, to first order. Collective."""
+        """Return the direction in which the products change so, to first order. Collective."""
         program, work, jumps = self._program, self._work, self._program.jumps
         aims = [it.aim(part) for it, part in zip(self._scaled, change.parts, strict=True)]
         before = self._proximal(self._rates.trace, self._rates.deviator)
@@ -216,7 +216,7 @@ class NewtonDirections:
         return Borne(self._free * trace, self._free[:, None] * deviator, none)
 
     def balanced(self, now: Unknowns) -> Unknowns:
-        """Unknowns with what the balance in the workspace calls for. Collective.
+        """Return unknowns with what the balance in the workspace calls for. Collective.
 
         Args:
             now: The unknowns.
@@ -482,7 +482,7 @@ def _resistance(
     Args:
         iteration: Of whose program it is.
         springs: Stiffness of contact.
-        motion: Of bodies whose moduli are 1.
+        motion: Motion of bodies whose moduli are 1.
         out: Set to the forces of all of it.
     """
     program = iteration.program

@@ -8,9 +8,13 @@ The static member of a point is (γ − αp, s + γt), its kinematic one (d, −
 of the point. Where α = 0 (:class:`Cylinders`) nothing bounds p, and d ≥ w‖dev ε‖ is an unknown.
 Where α > 0 (:class:`Cones`) bodies dilate, and d = w tr ε/α. With the scaling W of Nesterov and
 Todd members change by dS = W r − W² dz where the products are to change by W z ∘ r.
+
+Gauge and support function are those of ‖s + γt‖ ≤ γ − αp (:mod:`standard_cones`). With
+ρ² = 1 − ‖t‖², the set of t ≠ 0 (which has α = 0) is that of √(‖s‖² + (t·s)²/ρ²) + t·s/ρ ≤ γρ.
 """
 
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -22,6 +26,7 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
     Members,
     Moduli,
     Places,
+    PointSets,
     Rates,
     missing_of,
 )
@@ -45,6 +50,24 @@ def quotient(a: Floats, b: Floats) -> Floats:
     inner = np.einsum("ni,ni->n", a[:, 1:], b[:, 1:])
     head = ((a[:, 0] * b[:, 0] - inner) / determinant(a))[:, None]
     return np.hstack([head, (b[:, 1:] - head * a[:, 1:]) / a[:, :1]])
+
+
+def raised(products: Floats, by: float) -> Floats:
+    """Return products with a number added to their eigenvalues."""
+    found = products.copy(order="K")
+    found[:, 0] += by
+    return found
+
+
+def missing(products: Floats, mu: float) -> Floats:
+    """Return the change of products that brings outliers nearer to μ; see :meth:`cone.Block`."""
+    size = np.linalg.norm(products[:, 1:], axis=1)
+    low, high = (missing_of(products[:, 0] + s * size, mu) for s in (-1, 1))
+    found = np.empty_like(products)
+    found[:, 0] = (low + high) / 2
+    share = (high - low) / 2 / np.maximum(size, TINY)
+    found[:, 1:] = share[:, None] * products[:, 1:]
+    return found
 
 
 def longest_step(a: Floats, da: Floats) -> float:
@@ -159,19 +182,11 @@ class _Points:
 
     def raised(self, products: Floats, by: float) -> Floats:
         """See :meth:`cone.Block.raised`."""
-        found = products.copy(order="K")
-        found[:, 0] += by
-        return found
+        return raised(products, by)
 
     def missing(self, products: Floats, mu: float) -> Floats:
         """See :meth:`cone.Block.missing`."""
-        size = np.linalg.norm(products[:, 1:], axis=1)
-        low, high = (missing_of(products[:, 0] + s * size, mu) for s in (-1, 1))
-        found = np.empty_like(products)
-        found[:, 0] = (low + high) / 2
-        share = (high - low) / 2 / np.maximum(size, TINY)
-        found[:, 1:] = share[:, None] * products[:, 1:]
-        return found
+        return missing(products, mu)
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
         """See :meth:`cone.Block.viscosities`."""
@@ -361,3 +376,95 @@ class ScaledCones(_ScaledPoints):
     def _put(self, static: Floats, change: Borne) -> None:
         change.pressure[self._at] = -static[:, 0] / self._block.slopes
         change.deviator[self._at] = static[:, 1:]
+
+
+class ConesAtPoints(Protocol):
+    """The cone of each point.
+
+    Attributes:
+        radii: γ (stress), ∞ where nothing yields, shape (count,).
+        slopes: α, shape (count,).
+        tilts: t, shape (count, m); None where all are zero.
+        sets: Of the points that have other sets instead; γ and α are there those of the narrowest
+            cone of the same apex around the set.
+    """
+
+    radii: Floats
+    slopes: Floats
+    tilts: Floats | None
+    sets: tuple[PointSets, ...]
+
+
+def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Floats:
+    """By how much a stress exceeds yield, shape (count,): it is on the surface where 1 is found.
+
+    Negative where no multiple of the stress yields. Without cohesion, γ = 0, a multiple yields
+    where the stress does, and ‖s‖/(−αp) is found: how much steeper than the cone it is.
+
+    Args:
+        cones: The cones.
+        pressure: p, shape (count,).
+        deviator: s, shape (count, m).
+    """
+    sizes = np.linalg.norm(deviator, axis=1) + cones.slopes * pressure
+    loose = cones.radii == 0
+    ratios: Floats = sizes / np.where(loose, 1.0, cones.radii)
+    if loose.any():
+        ratios[loose] = _steepness(cones.slopes[loose] * pressure[loose], deviator[loose])
+    if cones.tilts is not None:
+        tilts = cones.tilts
+        square = 1 - np.einsum("ni,ni->n", tilts, tilts)
+        along = np.einsum("ni,ni->n", tilts, deviator)
+        length2 = np.einsum("ni,ni->n", deviator, deviator)
+        tilted = (np.sqrt(length2 + along**2 / square) + along / np.sqrt(square)) / np.sqrt(square)
+        there = tilts.any(axis=1)
+        ratios[there] = (tilted / cones.radii)[there]
+    for it in cones.sets:
+        ratios[it.at] = it.ratios(pressure, deviator)
+    return ratios
+
+
+def _steepness(heads: Floats, deviator: Floats) -> Floats:
+    """‖s‖/(−αp), 0 without any stress and ∞ where p does not press."""
+    sizes, rest = np.linalg.norm(deviator, axis=1), (heads <= 0) & ~deviator.any(axis=1)
+    found: Floats = np.divide(sizes, -heads, out=np.full_like(sizes, np.inf), where=heads < 0)
+    found[rest] = 0.0
+    return found
+
+
+def own_strengths(cones: ConesAtPoints, pressure: Floats) -> Floats:
+    """Return the strengths that measure residuals: γ, or −αp of a stress without cohesion.
+
+    No more than a tensile strength.
+
+    Args:
+        cones: The cones.
+        pressure: p (stress), shape (count,).
+
+    Returns:
+        Shape (count,), ∞ where nothing yields or, without cohesion, there is no pressure.
+    """
+    heads = -cones.slopes * pressure
+    own = np.where(heads > 0, heads, np.inf)
+    found: Floats = np.where(cones.radii > 0, cones.radii, own)
+    for it in cones.sets:
+        found[it.at] = np.minimum(found[it.at], it.caps)
+    return found
+
+
+def powers(cones: ConesAtPoints, trace: Floats, deviator: Floats) -> Floats:
+    """Return the dissipation of admissible rates per volume, shape (count,).
+
+    Args:
+        cones: The cones.
+        trace: ε'₀, shape (count,).
+        deviator: ε'₁, shape (count, m).
+    """
+    rates = np.linalg.norm(deviator, axis=1)
+    np.divide(trace, cones.slopes, out=rates, where=cones.slopes > 0)
+    if cones.tilts is not None:
+        rates -= np.einsum("ni,ni->n", cones.tilts, deviator)
+    found: Floats = np.where(np.isfinite(cones.radii), cones.radii, 0.0) * rates
+    for it in cones.sets:
+        found[it.at] = it.powers(trace, deviator)
+    return found

@@ -29,6 +29,7 @@ a system of 2 + m rows a point. Of its inverse the part without t is the modulus
 member, as without friction, it follows the proximal point method.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,6 +43,7 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
     Borne,
     Members,
     Moduli,
+    PointSets,
     Rates,
     missing_of,
 )
@@ -228,7 +230,7 @@ class PrincipalCones:
         return (self.sines > 0) | self.cut
 
     def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> "PrincipalCones":
-        """Some of the points.
+        """Return some of the points.
 
         Args:
             chosen: Which, flags of shape (num,) or places among them.
@@ -237,7 +239,7 @@ class PrincipalCones:
         return replace(self, at=self.at[chosen], **numbers)
 
     def divided(self, unit: float) -> "PrincipalCones":
-        """The same with stresses measured in a unit."""
+        """Return the same with stresses measured in a unit."""
         bounds, tensions = (np.asarray(of / unit) for of in (self.bounds, self.tensions))
         return replace(self, bounds=bounds, tensions=tensions)
 
@@ -245,10 +247,14 @@ class PrincipalCones:
         """Return the same with bounds b multiplied by factors at all points, shape (count,)."""
         return replace(self, bounds=self.bounds * factors[self.at])
 
-    def put(self, values: Floats, of_these: Floats) -> Floats:
-        """Values at all points with those of these points in their places."""
-        values[self.at] = of_these
-        return values
+    def block(self, unit: float, strengths: Floats, weights: Floats) -> "PrincipalPoints":
+        """See :meth:`cone.PointSets.block`."""
+        return PrincipalPoints(self.divided(unit), strengths, weights)
+
+    @property
+    def caps(self) -> Floats:
+        """See :meth:`cone.PointSets.caps`."""
+        return self.tensions
 
     def ratios(self, pressure: Floats, deviator: Floats) -> Floats:
         """By how much stresses exceed yield, shape (num,); negative where no multiple does.
@@ -299,14 +305,20 @@ class PrincipalCones:
         return found
 
     def components(self, deviator: Floats) -> Floats:
-        """Those of s that count, shape (num, k), of s at all points."""
+        """Return those of s that count, shape (num, k), of s at all points."""
         found: Floats = deviator[self.at, : len(self.tensors) - 1]
         return found
 
     def deviators(self, deviator: Floats) -> Floats:
-        """Tensors of s at all points, shape (num, 3, 3)."""
+        """Return tensors of s at all points, shape (num, 3, 3)."""
         found: Floats = np.einsum("nj,jab->nab", self.components(deviator), self.tensors[1:])
         return found
+
+
+def principal_of(sets: Sequence[PointSets]) -> PrincipalCones:
+    """Return the sets of principal stresses among all."""
+    found = [it for it in sets if isinstance(it, PrincipalCones)]
+    return found[0] if found else PrincipalCones.none()
 
 
 class PrincipalPoints:
@@ -316,7 +328,7 @@ class PrincipalPoints:
     one of a point without is a constant.
 
     Attributes:
-        cones: Of the points.
+        cones: Cones of the points.
         weights: w, shape (num,).
     """
 
@@ -352,14 +364,14 @@ class PrincipalPoints:
         Args:
             t: Shape (num,).
             pressure: At all points.
-            deviator: The same.
+            deviator: As ``pressure``.
         """
         found = self.changes(t, pressure, deviator)
         found += self._constant[:, :, None, None] * np.eye(SIZE)
         return found
 
     def changes(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
-        """Those of X with changes of the arguments of :meth:`members`."""
+        """Return those of X with changes of the arguments of :meth:`members`."""
         cones = self.cones
         heads = self._of_t * t[:, None] + self._of_p * pressure[cones.at, None]
         tensors = cones.deviators(deviator)
@@ -430,7 +442,7 @@ class PrincipalPoints:
         out[at] = self._strengths / np.maximum(flows, 1 / stiffer)
 
     def middle(self, pressure: Floats, deviator: Floats) -> Floats:
-        """The t that leaves both members as much room, shape (num,)."""
+        """Return the t that leaves both members as much room, shape (num,)."""
         X = self.members(np.zeros(self.cones.count), pressure, deviator)
         least = least_eigenvalue(X)
         found: Floats = (least[:, 1] - least[:, 0]) / 2
@@ -468,7 +480,7 @@ class PrincipalPoints:
         )
 
     def least(self, works: Floats) -> Floats:
-        """The smallest z of given :meth:`works`, that of p being left out where none is."""
+        """Return the smallest z of given :meth:`works`, that of p being left out where none is."""
         grows = self.cones.grows
         grid = np.empty((len(works), 2, 2))
         both = np.stack([self._of_t, self._of_p], axis=1)

@@ -9,6 +9,7 @@ import ufl
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.conic.cone import LawSet, PointSets
 from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
 from perfplast_fenicsx.limit_analysis.discrete.standard_cones import (
     PlainCone,
@@ -43,6 +44,7 @@ class BodyCone:
         standard: The same set in its coordinates; of principal stresses a cone around it.
         shadow: How the stress out of the plane follows, in plane strain.
         profile: The field that the bound c is multiplied by; None where it does not vary.
+        other: A set of another kind, in its place.
     """
 
     plain: PlainCone | None
@@ -50,6 +52,12 @@ class BodyCone:
     shadow: Shadow | None
     principal: PlainPrincipal | None = None
     profile: SpatialField | None = None
+    other: LawSet | None = None
+
+    @property
+    def yields(self) -> bool:
+        """Whether any stress is out of the set."""
+        return not (self.plain is None and self.principal is None and self.other is None)
 
     def whole(self, stress: Floats) -> Floats:
         """Return stresses with that out of the plane where it leaves the most room.
@@ -142,10 +150,31 @@ class BodyCones:
         at = np.flatnonzero(np.isin(numbers, found))
         of_sets: Floats = np.array([astuple(it) for it in sets])[numbers[at]]
         bounds, sines, tensions = of_sets.T
-        rows, flat = self.cones[found[0]].standard.frame.T, self.normal == OUT_OF_PLANE
+        return PrincipalCones(at, bounds, sines, tensions, *self._tensors(found[0]))
+
+    def _tensors(self, number: int) -> tuple[Floats, bool]:
+        """The tensors of a cone's coordinates; whether they are those in the plane."""
+        rows, flat = self.cones[number].standard.frame.T, self.normal == OUT_OF_PLANE
         if flat:  # the stress out of the plane is between the others
             rows = np.insert(rows, OUT_OF_PLANE, np.eye(len(rows))[0], axis=1)
-        return PrincipalCones(at, bounds, sines, tensions, matrices(rows), flat)
+        return matrices(rows), flat
+
+    def sets_at(self, numbers: Longs, profile: Floats | None) -> tuple[PointSets, ...]:
+        """The sets of points that have no second-order cone, by their kinds.
+
+        Args:
+            numbers: Number of the cone of each point.
+            profile: What strengths vary by at each point; None where none varies.
+        """
+        principal = self.principal_at(numbers)
+        if profile is not None:
+            principal = principal.scaled(profile)
+        found: list[PointSets] = [principal] if principal.count else []
+        for number, cone in enumerate(self.cones):
+            if cone.other is not None:
+                at = np.flatnonzero(numbers == number)
+                found.append(cone.other.at_points(at, *self._tensors(number)))
+        return tuple(found)
 
     def at_cells(self) -> tuple[Floats, Floats, Floats | None]:
         """γ (stress), α and t of the cells; None for t where all are zero."""
@@ -192,6 +221,23 @@ def body_cones(problem: Problem) -> BodyCones:
     return BodyCones(tuple(found), of_cells, 2 if flat else 3)
 
 
+def check_cones_are_provable(problem: Problem) -> None:
+    """Refuse bodies with sets that a proof cannot state. Not collective.
+
+    Raises:
+        InputError: Naming the first one.
+    """
+    flat, size = _components(problem)
+    for name, material in sorted(materials_of(problem).items()):
+        cone = _cone_of(material, size, flat, problem.tagged_mesh.is_thin)
+        if cone is not None and cone.other is not None:
+            raise InputError(
+                f"strict bounds have no proof for the yield set of {material.law.__name__} (volume"
+                f" '{name}'); ask for the limit load of the mesh (control = 'work', until ="
+                " 'limit')."
+            )
+
+
 def has_cones(problem: Problem) -> bool:
     """Return whether the method knows the yield sets of all bodies."""
     flat, size = _components(problem)
@@ -214,7 +260,8 @@ def _is_same(one: BodyCone, other: BodyCone) -> bool:
     if one.profile != other.profile:
         return False
     if one.plain is None or other.plain is None:
-        return one.plain is other.plain and one.principal == other.principal
+        same = one.plain is other.plain and one.principal == other.principal
+        return same and one.other == other.other
     return one.plain.is_same(other.plain)
 
 
@@ -248,7 +295,7 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
 
 def _is_twice(one: BodyCone | None, other: BodyCone) -> bool:
     """Return whether a cone has the shape of another one and twice its bound."""
-    if one is None or (one.plain is None) != (other.plain is None):
+    if one is None or other.other is not None or (one.plain is None) != (other.plain is None):
         return False
     if one.plain is not None and other.plain is not None:
         return one.plain.is_same(replace(other.plain, bound=2 * other.plain.bound))
@@ -271,6 +318,10 @@ def _of_numbers(
     none = Shadow(None, usual, 0.0) if flat else None
     if not cones:
         return BodyCone(None, never_yields(n, normal), none)
+    if not isinstance(cones[0], Cone | PrincipalCone):
+        radius, slope = cones[0].around(flat)
+        around = replace(never_yields(n, normal), radius=radius, slope=slope, isotropic=False)
+        return BodyCone(None, around, none, other=cones[0])
     if isinstance(cones[0], PrincipalCone):
         principal = _principal(cones[0], law)
         by_matrices = not flat or np.isfinite(principal.tension)

@@ -140,7 +140,7 @@ class FrictionStrains:
         self.weights = np.concatenate([points.weights, area * self.length])
         self.radii = np.concatenate([points.radii, places.bound / area])
         self.slopes = np.append(points.slopes, places.slope)
-        self.tilts, self.principal = points.tilts, points.principal
+        self.tilts, self.sets = points.tilts, points.sets
         if points.tilts is not None:
             self.tilts = np.concatenate([points.tilts, np.zeros((len(area), self.size))])
 

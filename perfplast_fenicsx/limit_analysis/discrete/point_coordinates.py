@@ -21,7 +21,7 @@ class PointCoordinates:
         profile: What the strengths vary by, a factor of γ, shape (count,); None where none varies.
         slopes: α, shape (count,).
         tilts: t, shape (count, m); None where all are zero.
-        principal: The points with sets of principal stresses.
+        sets: Of the points that have no second-order cone.
         isotropic: Whether they are trace and deviator at all points.
         dilates: Whether any cone has a slope.
         normal: Normal stresses in equations, two in plane strain.
@@ -47,11 +47,10 @@ class PointCoordinates:
         self.slopes: Floats = np.array([form.slope for form in forms])[numbers]
         tilts = np.array([np.pad(it.tilt, (0, self._size - len(it.tilt))) for it in forms])
         self.tilts: Floats | None = tilts[numbers] if tilts.any() else None
-        self.principal = cones.principal_at(numbers)
         self.profile = profiles_at_points(problem, numbers)
         if self.profile is not None:
             self.radii = self.radii * self.profile
-            self.principal = self.principal.scaled(self.profile)
+        self.sets = cones.sets_at(numbers, self.profile)
         self.frames = StressFrames(cones, numbers, self._size)
 
     def rates(self, e: Floats) -> tuple[Floats, Floats]:

@@ -35,7 +35,7 @@ class PointStrains:
         self.weights = weights_of_points(problem)
         self.coordinates = at = PointCoordinates(problem)
         self.radii, self.slopes, self.tilts = at.radii, at.slopes, at.tilts
-        self.principal, self.profile = at.principal, at.profile
+        self.sets, self.profile = at.sets, at.profile
         self.gdim = at.normal
 
     def destroy(self) -> None:

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.cone_functions import own_strengths
+from perfplast_fenicsx.limit_analysis.conic.second_order_cones import own_strengths
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_in
 from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
@@ -75,11 +75,10 @@ class MultiplierStrains:
         if around_axis:
             on_axis = coefficients_of_radius(vertices).ravel() == 0
         self.radii[on_axis], self.slopes[on_axis] = np.inf, 0.0  # S is zero there
-        self.principal = cones.principal_at(np.where(on_axis, -1, of_points))
         profile = self._profile(cones, vertices)
         if profile is not None:
             self.radii = self.radii * profile
-            self.principal = self.principal.scaled(profile)
+        self.sets = cones.sets_at(np.where(on_axis, -1, of_points), profile)
         self._frames = StressFrames(cones, of_points)
         self.size = self._frames.size
         self.tilts: Floats | None = None
@@ -118,7 +117,7 @@ class MultiplierStrains:
             self.slopes = np.where(of_points, 0.0, self.slopes)
             if self.tilts is not None:
                 self.tilts = np.where(of_points[:, None], 0.0, self.tilts)
-            self.principal = self.principal.those(~of_points[self.principal.at])
+            self.sets = tuple(it.those(~of_points[it.at]) for it in self.sets)
         self.idle: npt.NDArray[np.bool_] = self._unused() & ~before
 
     def _unused(self) -> npt.NDArray[np.bool_]:

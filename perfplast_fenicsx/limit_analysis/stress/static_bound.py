@@ -288,8 +288,9 @@ def _result(
     powers = heads * np.linalg.norm(rates, axis=1)
     if strains.tilts is not None:
         powers -= radii * np.einsum("ni,ni->n", strains.tilts, rates)
-    works = np.einsum("ni,ni->n", deviator, rates)[strains.principal.at] / unit
-    powers = strains.principal.put(powers, np.maximum(works, 0.0))
+    for it in strains.sets:
+        works = np.einsum("ni,ni->n", deviator[it.at], rates[it.at]) / unit
+        powers[it.at] = np.maximum(works, 0.0)
     powers *= program.weights[: strains.count]
     bounded = StaticBound(
         bound=bound,

@@ -8,7 +8,7 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.cone_functions import yield_ratios
+from perfplast_fenicsx.limit_analysis.conic.second_order_cones import yield_ratios
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.stress.piece_balance import largest_left
 from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram

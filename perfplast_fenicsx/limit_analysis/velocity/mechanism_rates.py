@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones, principal_of
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_of_cells
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
@@ -64,5 +64,5 @@ def mechanism_rates(problem: Problem, mechanism: fem.Function) -> MechanismRates
     above = None
     if at.profile is not None and not has_curved_cells(problem.tagged_mesh.mesh):
         above = profiles_of_cells(problem, "above")
-    bounded = at.weights, at.radii, at.slopes, at.tilts, at.principal, at.profile, above
+    bounded = at.weights, at.radii, at.slopes, at.tilts, principal_of(at.sets), at.profile, above
     return MechanismRates(trace, deviator, powers, at.count, at.gdim, *bounded)

@@ -125,7 +125,7 @@ def _powers(cones: BodyCones, rates: Floats) -> Floats:
     found = np.zeros(rates.shape[:2])
     for number, cone in enumerate(cones.cones):
         here, form = cones.of_cells == number, cone.standard
-        if cone.plain is None and cone.principal is None:
+        if not cone.yields:
             continue
         deviator = (rates[here] @ form.frame)[..., 1:]
         if cone.principal is not None:
