@@ -169,6 +169,26 @@ def test_what_killed_runs_left_half_compiled_is_removed(tmp_path: Path) -> None:
     assert len(list(forms.iterdir())) == 4
 
 
+def test_what_nothing_loads_is_removed_from_a_virtual_environment(tmp_path: Path) -> None:
+    """VTK's list of modules no longer names what is gone, so that it can be imported."""
+    found = re.search(r"^slim\(\) \{.*?^\}", SCRIPT.read_text(encoding="utf-8"), re.M | re.S)
+    assert found is not None
+    packages = tmp_path / "lib" / "python3.13" / "site-packages"
+    gone = ["vtkmodules/libviskores_cont-1.0.so", "vtkmodules/vtkAcceleratorsVTKmCore.so"]
+    gone += ["numpy/linalg/tests/test_linalg.py", "scipy/sparse/tests/data/x.npz"]
+    kept = ["vtkmodules/libvtkCommonCore.so", "numpy/testing/__init__.py", "pyvista/tests/x.py"]
+    for name in (*gone, *kept):
+        (packages / name).parent.mkdir(parents=True, exist_ok=True)
+        (packages / name).touch()
+    lists = [packages / "vtkmodules" / "all.py", packages / "vtk.py"]
+    for each in lists:
+        each.write_text("from x.vtkAcceleratorsVTKmCore import *\nfrom x.vtkCommonCore import *\n")
+    subprocess.run(["bash", "-euc", f'{found[0]}\nslim "$1"', "-", tmp_path], check=True)
+    assert [name for name in gone if (packages / name).exists()] == []
+    assert [name for name in kept if not (packages / name).exists()] == []
+    assert {each.read_text() for each in lists} == {"from x.vtkCommonCore import *\n"}
+
+
 def test_what_chooses_instructions_reaches_the_command() -> None:
     """The clean environment of the root file system has what the numbers may depend on."""
     chosen = {"OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES", "PETSC_OPTIONS"}
