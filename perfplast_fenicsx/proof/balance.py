@@ -143,6 +143,20 @@ class _Acting:
 
 def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
     """Return ‖B‖²‖B⁻¹‖/det B of cells, from above."""
+    largest, inverse = stretches_of(body, shapes, volumes)
+    with np.errstate(divide="ignore", over="ignore"):
+        found = largest**2 * inverse / (volumes / VOLUME[body.dim])
+    return upwards(found)
+
+
+def stretches_of(body: Body, shapes: Shapes, volumes: Floats) -> tuple[Floats, Floats]:
+    """Return ‖B‖ and ‖B⁻¹‖ of the maps from the regular simplex, from above.
+
+    Args:
+        body: The bodies.
+        shapes: Of the cells.
+        volumes: From below.
+    """
     d = body.dim
     regular = np.zeros((d + 1, d))
     for i in range(1, d + 1):
@@ -157,14 +171,12 @@ def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
     inverse = np.linalg.norm(turned, ord=2, axis=(1, 2)) + np.linalg.norm(
         shapes.areas.rad, axis=(1, 2)
     )
-    with np.errstate(divide="ignore", over="ignore"):
-        determinant = volumes / VOLUME[d]
-        found = largest**2 * (inverse / volumes) / determinant
     rounding = 1e-12  # of norms of small matrices, relative
-    return np.asarray(found * (1 + rounding))
+    with np.errstate(divide="ignore", over="ignore"):
+        return largest * (1 + rounding), inverse / volumes * (1 + rounding)
 
 
-def _across(body: Body) -> Longs:
+def across_of(body: Body) -> Longs:
     """Return the side on the other side of each one, −1 of outer ones."""
     sides = body.sides[0]
     found = np.full(len(body.cells) * (body.dim + 1), -1)
@@ -208,7 +220,7 @@ def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floa
         pushes: Sizes of forces on outer facets besides.
     """
     d, wide, count = body.dim, body.dim + 1, len(body.cells)
-    across = _across(body)
+    across = across_of(body)
     levels, back = _tree(body, across, acting.volumes, acting.pieces)
     x, found = body.vertices[body.cells], np.zeros(count)
     forces, turns = acting.forces.copy(), acting.moments.copy()

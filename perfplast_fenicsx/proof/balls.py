@@ -14,6 +14,7 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from perfplast_fenicsx.proof.load_kinds import Floats
 
@@ -152,6 +153,25 @@ def _halves(a: Floats) -> tuple[Floats, Floats]:
     large = 134_217_729.0 * a
     first = large - (large - a)
     return first, a - first
+
+
+def inverse_of(of: Balls) -> Balls:
+    """Return 1 over numbers; the radius is ∞ where zero may be among them.
+
+    For y next to 1/x it is y(1 + r + r² + ...) with r = 1 − yx.
+    """
+    first = Balls.exact(np.divide(1.0, of.mid, out=np.zeros_like(of.mid), where=of.mid != 0))
+    rest = Balls.exact(np.ones_like(of.mid)) - first * of
+    found, size = first + first * rest, rest.size
+    last = np.where(size < 0.5, 2 * np.abs(first.mid) * size**2, np.inf)
+    return Balls(found.mid, found.low, upwards(found.rad + last))
+
+
+def put(all_of: Balls, at: npt.NDArray[np.int64], values: Balls) -> Balls:
+    """Return rows with some of them replaced."""
+    found = all_of.each(np.copy)
+    found.mid[at], found.low[at], found.rad[at] = values.mid, values.low, values.rad
+    return found
 
 
 def contracted(one: Balls, other: Balls) -> Balls:

@@ -215,6 +215,12 @@ class Body:
         weakest = self.cell_strength.min(axis=1)
         return np.asarray(np.append(self.cones.radius, np.inf)[self.cone] * weakest)
 
+    @cached_property
+    def steepness(self) -> Floats:
+        """Return what a rate of size 1 dissipates per volume at most; 0 of elastic cells."""
+        strongest = self.cell_strength.max(axis=1)
+        return np.asarray(np.append(self.cones.steepness, 0.0)[self.cone] * strongest)
+
     @property
     def varies(self) -> bool:
         """Return whether the strength of any cell is another one than that of its cone."""

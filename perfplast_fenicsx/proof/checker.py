@@ -48,7 +48,7 @@ class _Half:
         overlaps: How many points of cells are in others too.
         forces: The sum of forces without balance.
         speed: The largest velocity, relative to L(v).
-        power: What differences of bounds are measured by (:attr:`upper.Flow.size`), over L(v).
+        power: What is dissipated over L(v).
     """
 
     checked: Checked
@@ -193,28 +193,21 @@ def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     if velocity.ndim != 2 or velocity.shape[1] != body.dim or not np.isfinite(velocity).all():
         raise ProofError("the velocity does not fit these bodies.")
     check_nodes(body, nodes, len(velocity))
-    v = velocity[nodes]
-    # How often a cell's edges are halved to integrate the dissipation from above.
-    subdivisions = 3
-    flow = measure_velocity(body, v, subdivisions)
-    faults = (*_reasons(overlaps, flow.reason), *faults_of(flow.measured))
-    proven, reached, speed, power = None, None, np.inf, np.inf
-    if not flow.work > 0:
-        faults = (*faults, "the loads do no work")
-    else:
-        proven, speed = flow.excess / flow.work, flow.speed / flow.work
-        power = flow.size / flow.work
-        reached = None if faults else proven
-        if not proven <= claimed + rounding_of(proven, power):
-            faults = (*faults, f"only {proven:.9g} is proven")
+    flow = measure_velocity(body, velocity[nodes])
+    faults = (*_reasons(overlaps, None), *flow.reasons, *faults_of(flow.measured))
+    reached = None if faults else flow.bound
+    if reached is not None and not reached <= claimed + rounding_of(reached, flow.power):
+        faults = (*faults, f"only {reached:.9g} is proven")
     same = before is not None and body is before.body
     words = ["Of the same bodies." if same else taken_as_written(body)]
     words += reduction_words(body, arrays)
-    if body.others and proven is not None and flow.others > 0:
-        words.append(_up_to(proven, flow.work / flow.others))
-    shown = None if faults else proven
+    if reached is not None:
+        words.append(f"Residuals and rounding cost {flow.cost:.2g} of the bound.")
+        if body.others and flow.others > 0:
+            words.append(_up_to(reached, flow.work / flow.others))
+    shown = None if faults else reached
     found = Checked("upper", claimed, shown, flow.measured, faults, tuple(words), reached)
-    return _Half(found, body, overlaps, speed=speed, power=power)
+    return _Half(found, body, overlaps, speed=flow.speed, power=flow.power)
 
 
 def _up_to(proven: float, factor: float) -> str:

@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.proof.balls import U
 from perfplast_fenicsx.proof.plain_arrays import ProofError, check_sizes
 from perfplast_fenicsx.proof.principal import (
     check_principal,
@@ -236,26 +237,6 @@ class Cones:
             found[loose] = np.where(stress[loose].any(axis=2), own, 0.0)
         return found
 
-    def lacking(self, at: Longs, rates: Floats) -> Floats:
-        """Return the inadmissible part of rates, as a change of volume, shape (num_cells, places).
-
-        Args:
-            at: Cone of each cell, shape (num_cells,).
-            rates: Vectors, shape (num_cells, places, m).
-        """
-        root = np.sqrt({3: 2, 4: 3, 6: 3}[rates.shape[2]])
-        free = np.einsum("ci,cvi->cv", self._null[at], rates)
-        heads, sizes = self._at_apex(at, rates)
-        pull = np.abs(self._pull[at])[:, None]
-        short = np.maximum(sizes - heads, 0.0) * pull
-        found: Floats = root * np.where(self.grows[at, None], short, np.abs(free))
-        here = self.is_principal[at]
-        if here.any():
-            s, (traces, sizes) = self.sine[at[here], None], rate_sizes(rates[here])
-            short, dilates = np.maximum(s * sizes - traces, 0.0), self.grows[at[here], None]
-            found[here] = np.where(dilates, short, np.abs(traces))
-        return found
-
     def _at_apex(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
         """Z and ‖y‖ of cells that grow; numbers of no meaning in others."""
         free = np.einsum("ci,cvi->cv", self._null[at], rates)
@@ -283,6 +264,74 @@ class Cones:
         short = np.where(self.is_cut[at, None], np.maximum(s * sizes - traces, 0.0), 0.0)
         found: Floats = of_trace * traces + np.abs(of_trace) * short + of_sizes * sizes
         return found
+
+    @cached_property
+    def digits(self) -> Floats:
+        """Rounding of numbers that are computed from a cone and a rate, relative."""
+        values = np.linalg.svd(self.matrix, compute_uv=False)
+        last = np.where(self.has_null, values[:, -2], values[:, -1])
+        last = np.where(self.is_principal, 1.0, last)
+        worst = np.where(self.is_principal, 1.0, values[:, 0]) / last
+        return np.asarray(256 * U * worst)
+
+    @cached_property
+    def steepness(self) -> Floats:
+        """The most that what a rate of size 1 dissipates per volume, or may be less by.
+
+        The dissipation here is of any rate, admissible or not, and convex and of first degree.
+        """
+        back = np.linalg.norm(self._back, ord=2, axis=(1, 2))
+        square = 1 - np.einsum("ni,ni->n", self._tilt, self._tilt)
+        found = self.bound * back * (1 + np.sqrt(np.maximum(1 - square, 0.0))) / np.abs(square)
+        found = np.where(self.is_linear, self.bound * self.alertness, found)
+        of_trace, of_sizes = power_factors(self.bound, self.sine, self.tension)
+        some = np.sqrt(3.0) * (np.abs(of_trace) * (2 + self.sine) + of_sizes)
+        apex = np.sqrt(3.0) * self.bound / (2 * np.where(self.sine > 0, self.sine, 1.0))
+        some = np.where(self.is_linear, apex, some)
+        return np.asarray(np.where(self.is_principal, some, found) * (1 + self.digits))
+
+    @cached_property
+    def alertness(self) -> Floats:
+        """The most that a rate of size 1 adds to what growth lacks (:meth:`short`)."""
+        pull = np.where(np.abs(self._pull) > 0, np.abs(self._pull), 1.0)
+        back = np.linalg.norm(self._back, ord=2, axis=(1, 2))
+        found = 1 / pull + back * (1 + np.linalg.norm(self.slope, axis=1) / pull)
+        principal = np.sqrt(3.0) * (1 + np.where(self.is_principal, self.sine, 0.0))
+        return np.asarray(np.where(self.is_principal, principal, found) * (1 + self.digits))
+
+    def short(self, at: Longs, rates: Floats) -> Floats:
+        """Return ‖y‖ − z of cells that grow, at most zero where a rate is admissible.
+
+        Of principal stresses it is s Σ|ε_i| − tr ε.
+
+        Args:
+            at: Cone of each cell, shape (num_cells,).
+            rates: Vectors, shape (num_cells, places, m).
+        """
+        heads, sizes = self._at_apex(at, rates)
+        found = sizes - heads
+        here = self.is_principal[at]
+        if here.any():
+            traces, sizes = rate_sizes(rates[here])
+            found[here] = self.sine[at[here], None] * sizes - traces
+        return np.asarray(found)
+
+    def keeps_volume(self, normals: int) -> Flags:
+        """Return whether a rate is admissible if, and only if, it has no trace.
+
+        Args:
+            normals: How many components, the first, are normal ones.
+        """
+        unit = np.zeros(self.slope.shape[1])
+        unit[:normals] = 1 / np.sqrt(normals)
+        off = np.linalg.norm(self._null - (self._null @ unit)[:, None] * unit, axis=1)
+        quadratic = self.has_null & ~self.grows & (off <= ROUNDED)
+        return np.asarray(np.where(self.is_principal, ~self.grows, quadratic))
+
+    @property
+    def takes_any(self) -> Flags:
+        """Whether every rate is admissible."""
+        return ~self.has_null & ~self.grows & ~self.is_principal
 
     def convex_power(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
         """The same of others with second-order cones, ‖a‖ + b with a and b linear in the rates.

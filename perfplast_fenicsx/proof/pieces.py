@@ -6,9 +6,20 @@ from perfplast_fenicsx.proof.body import Body, Floats, Longs
 
 
 def pieces_of(body: Body) -> Longs:
-    """A number for each cell, the same of those that inner facets join, shape (num_cells,)."""
+    """Return a number for each cell, the same of those that inner facets join, (num_cells,)."""
     one, other = (body.sides[0] // (body.dim + 1)).T
-    found = np.arange(len(body.cells))
+    return joined(len(body.cells), one, other)
+
+
+def joined(count: int, one: Longs, other: Longs) -> Longs:
+    """Return a number for each of so many things, the same of those that pairs join.
+
+    Args:
+        count: How many.
+        one: The first of each pair.
+        other: The second.
+    """
+    found = np.arange(count)
     while (found[one] != found[other]).any():
         least = np.minimum(found[one], found[other])
         for side in (one, other):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perfplast_fenicsx.proof.balls import Balls, U, contracted, crossed, stacked
+from perfplast_fenicsx.proof.balls import Balls, U, contracted, crossed, put, stacked
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.touching import Touching, obstacles_of, touching
@@ -194,8 +194,8 @@ class _Outer:
         """Choose what supports and contact exert."""
         body = self._body
         for pair, c, mu in self._pairs():
-            self._into = _put(self._into, pair.first, self._areas[pair.first])
-            self._into = _put(self._into, pair.second, -self._areas[pair.first])
+            self._into = put(self._into, pair.first, self._areas[pair.first])
+            self._into = put(self._into, pair.second, -self._areas[pair.first])
             self._opposite[pair.first], self._order[pair.first] = pair.second, pair.order
             self._second[pair.second] = True
             self._touches[pair.first] = self._touches[pair.second] = True
@@ -208,12 +208,12 @@ class _Outer:
         for tag, normal, c, mu in obstacles_of(body):
             facets = body.on(tag)
             normals = Balls.exact(np.tile(normal, (len(facets), 1)))
-            self._into = _put(self._into, facets, normals * self._sizes[facets][:, None])
+            self._into = put(self._into, facets, normals * self._sizes[facets][:, None])
             self._touches[facets] = True
             self._rub(facets, self._pushes(facets), c, mu, None)
         guided = np.flatnonzero(body.guided.any(axis=1))
         along = Balls.exact(body.guided[guided]) * self._sizes[guided][:, None]
-        self._into = _put(self._into, guided, along)
+        self._into = put(self._into, guided, along)
         self._pressure[guided] = self._pushes(guided)
 
     def _pairs(self) -> list[tuple[Touching, float, float]]:
@@ -311,10 +311,3 @@ class _Outer:
         opposite = np.where(np.isinf(most), -1, self._opposite[facets])
         there = self._order[facets, corners]
         return Anchors(facets, corners, opposite, there, along, most)
-
-
-def _put(all_of: Balls, at: Longs, values: Balls) -> Balls:
-    """Return rows with some of them replaced."""
-    found = all_of.each(np.copy)
-    found.mid[at], found.low[at], found.rad[at] = values.mid, values.low, values.rad
-    return found

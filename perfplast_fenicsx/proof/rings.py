@@ -16,7 +16,6 @@ import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.parts import parts_of
 
 PAIRS = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 """Number of the coefficient of two vertices."""
@@ -103,20 +102,6 @@ def bernstein(v: Floats) -> Floats:
     return found
 
 
-def ring_rates(body: Body, v: Floats) -> Floats:
-    """Return coefficients of r²ε as vectors, shape (num_cells, 6, 4).
-
-    Args:
-        body: The bodies.
-        v: At the nodes of each cell, shape (num_cells, 6, 2).
-    """
-    at = bernstein(v)
-    grad = derivatives(body, at)
-    g = times_radius(radii_of(body), grad.reshape(len(v), 3, 4)).reshape(-1, 6, 2, 2)
-    shear = np.sqrt(0.5) * (g[..., 0, 1] + g[..., 1, 0] - at[..., 1])
-    return np.stack([g[..., 0, 0] - at[..., 0], g[..., 1, 1], at[..., 0], shear], axis=2)
-
-
 @lru_cache
 def _means() -> Floats:
     """Return means of products of Bernstein's polynomials and linear ones, shape (6, 3)."""
@@ -153,39 +138,6 @@ def over_radius(radii: Floats, areas: Floats) -> Floats:
         rows[:, PAIRS[a, [b, c]]] = 2 * inverse[edge, a, None] / 3
         found[edge] = rows
     return np.asarray(found * areas[:, None])
-
-
-def ring_flow(body: Body, v: Floats, subdivisions: int) -> tuple[float, float, float]:
-    """Return inadmissible rates and strains of elastic cells, integrated, and ∫D from above.
-
-    Args:
-        body: The bodies.
-        v: At the nodes of each cell, shape (num_cells, 6, 2).
-        subdivisions: How often an edge is halved for the last one.
-    """
-    rates, radii = ring_rates(body, v), radii_of(body)
-    cones, plastic = body.cones, body.plastic
-    weights = over_radius(radii, body.volumes)
-    at = body.cone[plastic]
-    lacking = np.einsum("ci,ci->", weights[plastic], cones.lacking(at, rates[plastic]))
-    sizes = np.linalg.norm(rates[~plastic], axis=2)
-    strains = np.einsum("ci,ci->", weights[~plastic], sizes)
-    linear, principal = cones.is_linear[at], cones.is_principal[at]
-    parts, total = parts_of(2, subdivisions), 0.0
-    for part in parts:
-        q = np.einsum("ua,vb,cabm->cuvm", part, part, rates[plastic][:, PAIRS], optimize=True)
-        first, second = np.concatenate([np.tile(np.arange(3)[:, None], 2), ENDS]).T
-        q = q[:, first, second]
-        powers = np.zeros(q.shape[:2])
-        powers[linear] = cones.linear_power(at[linear], q[linear])
-        some = ~linear & principal
-        powers[some] = cones.principal_power(at[some], q[some])
-        some = ~linear & ~principal
-        convex, along = cones.convex_power(at[some], q[some])
-        powers[some] = np.linalg.norm(convex, axis=2) + along
-        shares = over_radius(radii[plastic] @ part.T, body.volumes[plastic] / len(parts))
-        total += float(np.einsum("ci,ci->", shares, powers))
-    return float(lacking), float(strains), total
 
 
 def on_axis(body: Body, values: Floats) -> float:

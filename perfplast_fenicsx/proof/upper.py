@@ -2,33 +2,30 @@
 
 (∫D(ε(v)) − L₀(v))/L(v), with the work L₀(v) of loads that stay, is an upper bound of the limit load
 of the bodies where v = 0 at supports, ε(v) = 0 in elastic bodies, and v enters nothing. D is the
-sup of σ:ε over the cone of each cell (:mod:`cones`), and where it is finite ε is admissible: if the
-cone leaves a stress free, that does no work, and in cells that grow there is enough of that. Where
-surfaces rub, ∫D has what slip dissipates (:mod:`entering`). ε(v) is linear in a cell, so that a
-rate that vanishes at the vertices does so everywhere, and what growth lacks, which is convex, is
-nowhere positive if it is not there. The integral of a convex D is at most that of its linear
-interpolation on any subdivision, and that of a linear one is the mean of the vertices. A strength
-that is linear in the cell multiplies that interpolation, and the product is integrated exactly
-(kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). Of bodies of
-revolution the velocity is v = ru (:mod:`rings`), and works are over 2π.
+sup of σ:ε over the cone of each cell (:mod:`cones`), and where it is finite ε is admissible
+(kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). The velocity
+on file is bent until all that holds (:mod:`mechanism`), but for volume changes, and another one
+undoes these (:mod:`volume_change`). It dissipates something (:mod:`dissipation`), and loads do work
+on it. Both raise the bound, and nothing that is left is taken as zero. Of bodies of revolution the
+velocity is v = ru (:mod:`rings`), and works are over 2π.
 """
 
 from dataclasses import dataclass
 from itertools import combinations
-from math import factorial
+from math import factorial, fsum
 
 import numpy as np
 
-from perfplast_fenicsx.proof.body import Body, Floats, Longs
-from perfplast_fenicsx.proof.cones import vectors
-from perfplast_fenicsx.proof.entering import entering_of
+from perfplast_fenicsx.proof.balls import Balls, U, contracted, crossed, stacked, upwards
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.dissipation import Rates, dissipated, rates_of
 from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.parts import halved, mean_shares
+from perfplast_fenicsx.proof.mechanism import Mechanism, mechanism_of, resting_in
 from perfplast_fenicsx.proof.plain_arrays import ProofError
-from perfplast_fenicsx.proof.rigid import Rigid, rigid_of, sums_of
-from perfplast_fenicsx.proof.rings import on_axis, ring_flow, speed_of
-from perfplast_fenicsx.proof.rubbing import loose
+from perfplast_fenicsx.proof.remainder import Shapes, shapes_of
+from perfplast_fenicsx.proof.rings import normals_of, speed_of
 from perfplast_fenicsx.proof.verdict import share_of
+from perfplast_fenicsx.proof.volume_change import Undone, undone
 from perfplast_fenicsx.proof.work_of_others import most_work, usual_speed
 
 
@@ -62,187 +59,198 @@ def check_nodes(body: Body, nodes: Longs, count: int) -> None:
 
 @dataclass(frozen=True)
 class Flow:
-    """Residuals of the conditions of a velocity, and its work.
+    """The bound that a velocity proves.
 
     Attributes:
-        measured: ``volume_change`` (or the result of :meth:`cones.Cones.lacking` for other cones),
-            ``elastic_strain`` and ``entering_work``: the work of a stress as large as the loads at
-            the bound cause (:meth:`Loads.stress`) at what is left in each cell and facet, all added
-            up, relative to what is dissipated. ``work_of_others``: the work of loads of any factor,
-            relative to what they could do where they are, each with the largest velocity or strain
-            of its own facet or cell. ``entering``: relative to the largest velocity on the same
-            facets, or to a share of the largest of all (:data:`entering.SLOWEST`) if that is more.
-            ``moved_supports``, and of bodies of revolution ``axis``: relative to the largest
-            velocity.
-        dissipation: From above.
-        work: L(v).
-        constant_work: Work of the loads that stay as they are.
-        speed: The largest velocity.
-        others: What loads of any factor 1 can do in all, by what is left of the conditions too.
-        reason: Why the conditions of contact cannot be checked, or None.
-        loose: Whether some cells, or joints, dissipate nothing whatever they do.
+        measured: ``work_of_others``, the work of loads of any factor, relative to what they could
+            do where they are, each with the largest velocity or strain of its own facet or cell.
+        bound: The upper bound, None where there is none.
+        reasons: Why there is none.
+        cost: The part of it that comes of what is undone and of rounding.
+        speed: The largest velocity over the work.
+        power: What is dissipated, or the loads do if that is more, over the work.
+        work: That of the loads whose factor is bounded, from below.
+        others: What loads of any factor 1 can do in all.
     """
 
     measured: dict[str, float]
-    dissipation: float
-    work: float
-    constant_work: float
+    bound: float | None
+    reasons: tuple[str, ...]
+    cost: float
     speed: float
+    power: float
+    work: float
     others: float
-    reason: str | None
-    loose: bool
-
-    @property
-    def excess(self) -> float:
-        """Return the least work of the loads whose factor is bounded."""
-        return self.dissipation - self.constant_work
-
-    @property
-    def size(self) -> float:
-        """Return the measure of residuals: where bodies part nothing is dissipated."""
-        return size_of(self.dissipation, self.excess, self.loose)
 
 
-def measure_velocity(body: Body, v: Floats, subdivisions: int) -> Flow:
-    """Return the residuals of a velocity, its dissipation and work.
+def measure_velocity(body: Body, v: Floats) -> Flow:
+    """Return what a velocity proves.
 
     Args:
         body: The bodies.
         v: Velocity at the nodes of each cell, shape (num_cells, nodes_per_cell, d).
-        subdivisions: How often an edge is halved for the integral.
     """
-    flow = ring_flow if body.is_revolved else _plain_flow
-    volumes, strains, dissipation = flow(body, v, subdivisions)
-    d, rates = body.dim, strain_rates(body, v)  # of v, around an axis too
-    growth = np.einsum("cvii->cv", rates)
-    at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
-    contact = entering_of(body, at_facets, float(np.abs(v).max(initial=0)))
-    dissipation += contact.slip
-    kinds, rigid = (body.sought, body.constant, body.others), rigid_of(body)
-    motions, bent, of_plates = _motions(body, rigid, at_facets)
-    work, constant_work, other_work = (
-        _work(body, of, v, at_facets)
-        + of.pore_work(body.volumes, growth)
-        + float(sum(one.wanted(of) @ motion for one, motion in zip(rigid, motions, strict=True)))
-        for of in kinds
-    )
-    moved = float(np.abs(at_facets * body.held[:, None]).max(initial=0))
-    fastest = float(np.abs(v).max(initial=0))
-    at_one, at_zero, of_others = (
-        of.stress(body.vertices[body.cells]) + sums_of(rigid, of)[1] for of in kinds
-    )
-    factor = abs(dissipation - constant_work) / work if work > 0 else 0.0
-    stress = factor * at_one + at_zero
-    left = (volumes, strains, contact.volume, of_plates)
-    names = ("volume_change", "elastic_strain", "entering_work", "bending_work")
-    joints = (body.contact_adhesion, body.contact_friction)
-    planes = (body.obstacle_adhesion, body.obstacle_friction)
-    is_loose = body.loose or loose(*joints) or loose(*planes)
-    size = size_of(dissipation, dissipation - constant_work, is_loose)
-    # Nor may what a body at its limit under constant loads dissipates hide what others have left.
-    least = factor + (at_zero / at_one if at_one > 0 else 0.0)
-    size = min(size, 1e3 * work * least) if work > 0 else size
-    # Of the loads whose factor is bounded, too: where nothing dissipates only this decides.
-    measured = {
-        name: max(share_of(stress * x, size), share_of(at_one * x, work))
-        for name, x in zip(names, left, strict=True)
-    }
-    measured |= {"moved_supports": share_of(moved, fastest), "entering": contact.relative}
-    if rigid:
-        measured["bent"] = share_of(bent, fastest)
+    shapes = shapes_of(body)
+    resting = resting_in(body, v)
+    found = _measured(body, v, shapes, mechanism_of(body, v, shapes, resting))
+    if not resting:
+        return found
+    # Bodies that may strain give way to each other at each place.
+    other = _measured(body, v, shapes, mechanism_of(body, v, shapes))
+    known = [np.inf if of.bound is None else of.bound for of in (found, other)]
+    return found if known[0] < known[1] else other
+
+
+def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Flow:
+    """Return what a mechanism proves, near the velocity on file."""
+    rates = rates_of(body, mechanism, shapes)
+    of_cells = dissipated(body, rates)
+    keeps, takes = (of & ~mechanism.rigid for of in _kinds(body))
+    left = undone(body, mechanism, rates.change, (keeps, takes), shapes)
+    more = left.gradients * rates.of_gradient
+    some, alert = body.plastic, np.zeros(len(body.cells))
+    alert[some] = body.cones.alertness[body.cone[some]]
+    # Cells around an axis have rates of r²ε, and gradients of v are r times as much there.
+    radius = body.vertices[body.cells][..., 0].max(axis=1) if body.is_revolved else 1.0
+    short = of_cells.short + alert * more * radius
+    reasons = [why for why in (mechanism.reason, left.reason) if why is not None]
+    if not (short <= 0).all():
+        reasons.append(_at(body, short, "cells that dilate grow too little for their strain"))
+    known = ~some | mechanism.rigid | keeps | takes
+    known[some] |= body.cones.grows[body.cone[some]]
+    if not known.all():
+        reasons.append("a cone leaves another stress free than the mean one")
+    cost = float((body.steepness * more)[more > 0].sum() * (1 + 1e-9))
+    dissipation = (of_cells.total + cost + mechanism.slip) * (1 + 64 * U)
+    works = [_work(body, of, mechanism, rates, shapes) for of in _loads(body)]
+    undoes = [_undone_work(body, of, left) for of in _loads(body)]
+    work, work_off = works[0][0], works[0][1] + undoes[0]
+    dead, dead_off = works[1][0], works[1][1] + undoes[1]
+    excess = dissipation - dead + dead_off
+    excess += 4 * U * (dissipation + abs(dead))
+    least, most = work - work_off, work + work_off
+    bound = None
+    if not least > 0 or not np.isfinite(excess):
+        reasons.append("the loads do no work" if not work > 0 else "residuals cost all the work")
+    else:
+        bound = excess / (least if excess > 0 else most)
+        bound = float(np.nextafter(bound, np.inf)) if excess else 0.0
+    measured = {}
     if body.others:
-        usual = usual_speed(body, body.sought, work)
-        most = most_work(body, body.others, v, at_facets, rates, usual)
-        plates = zip(rigid, motions, strict=True)
-        most += sum(
-            float(np.abs(one.wanted(body.others)) @ np.abs(motion)) for one, motion in plates
-        )
-        measured["work_of_others"] = share_of(abs(other_work), most)
-    others = abs(other_work) + of_others * sum(left)
-    speed = fastest
-    if body.is_revolved:
-        measured["axis"] = share_of(on_axis(body, v), fastest)
-        speed = speed_of(body, v)
-    end = (contact.reason, is_loose)
-    return Flow(measured, dissipation, work, constant_work, speed, others, *end)
+        measured["work_of_others"] = _share_of_others(body, v, works[2][0], work)
+    speed = speed_of(body, v) if body.is_revolved else float(np.abs(v).max(initial=0))
+    scale = least if least > 0 else np.nan
+    cost += dead_off + abs(excess) * work_off / scale
+    return Flow(
+        measured,
+        None if reasons else bound,
+        tuple(reasons),
+        cost / scale,
+        speed / scale,
+        max(dissipation, abs(excess)) / scale,
+        least,
+        abs(works[2][0]) + works[2][1] + undoes[2],
+    )
 
 
-def _motions(
-    body: Body, rigid: list[Rigid], at_facets: Floats
-) -> tuple[list[Floats], float, float]:
-    """Motions of rigid surfaces, and what velocities differ from them: the most, and times area."""
-    every = np.append(body.vertices[body.facets], _middles(body), axis=1)
-    motions, largest, volume = [], 0.0, 0.0
-    for surface in rigid:
-        x, v = every[surface.facets], at_facets[surface.facets]
-        motion, off = surface.motion(x.reshape(-1, body.dim), v.reshape(-1, body.dim))
-        motions.append(motion)
-        largest = max(largest, off)
-        volume += off * float(body.areas[surface.facets].sum())
-    return motions, largest, volume
+def _loads(body: Body) -> tuple[Loads, Loads, Loads]:
+    return body.sought, body.constant, body.others
 
 
-def _middles(body: Body) -> Floats:
-    """Return the midpoints of the edges of facets, in the order of the nodes."""
-    x = body.vertices[body.facets]
-    return np.stack([x[:, pair].mean(axis=1) for pair in combinations(range(body.dim), 2)], axis=1)
+def _kinds(body: Body) -> tuple[Flags, Flags]:
+    """Return which cells keep their volume, and of which any rate is admissible."""
+    of_cones = (body.cones.keeps_volume(normals_of(body)), body.cones.takes_any)
+    keeps, takes = (np.append(of, False)[body.cone] for of in of_cones)
+    return keeps, takes
 
 
-def size_of(dissipation: float, excess: float, loose: bool) -> float:
-    """Return the dissipation of a mechanism, or a share of the excess work, if more.
-
-    It is all of that where cells of no cohesion, or joints of no adhesion, dissipate nothing.
-    """
-    # Least dissipation that is counted, over the work of the loads whose factor is bounded.
-    least_share = 1.0 if loose else 1e-3
-    return max(dissipation, least_share * abs(excess))
+def _at(body: Body, values: Floats, words: str) -> str:
+    where = body.vertices[body.cells[np.argmax(values)]].mean(axis=0)
+    return f"{words}, as at ({', '.join(f'{x:.6g}' for x in where)})"
 
 
-def _plain_flow(body: Body, v: Floats, subdivisions: int) -> tuple[float, float, float]:
-    """Return inadmissible rates and strains of elastic cells, integrated, and ∫D from above."""
-    rates, plastic = strain_rates(body, v), body.plastic
-    wrong, dissipation = _dissipated(body, vectors(rates), subdivisions)
-    strains = np.linalg.norm(rates[~plastic], axis=(2, 3)).max(axis=1) @ body.volumes[~plastic]
-    return float((wrong.max(axis=1) * body.volumes).sum()), float(strains), dissipation
-
-
-def _dissipated(body: Body, rates: Floats, subdivisions: int) -> tuple[Floats, float]:
-    """Return the inadmissible rates at the vertices, zero in elastic cells, and ∫D from above."""
-    cones, wrong = body.cones, np.zeros(rates.shape[:2])
-    plastic, linear = body.plastic, np.zeros(len(rates), dtype=bool)
-    wrong[plastic] = cones.lacking(body.cone[plastic], rates[plastic])
-    linear[plastic] = cones.is_linear[body.cone[plastic]]
-    powers = cones.linear_power(body.cone[linear], rates[linear])
-    total = float(_means(powers, body.cell_strength[linear]) @ body.volumes[linear])
-    principal = np.append(cones.is_principal, False)[body.cone]
-    some = np.flatnonzero(plastic & ~linear & ~principal)
-    points, shares = halved(body.dim, subdivisions)
-    at_once = 10_000  # cells whose dissipation is found together, for the memory it takes
-    for cells in np.array_split(some, len(some) // at_once + 1):
-        sizes, along = cones.convex_power(body.cone[cells], rates[cells])
-        squares = np.zeros((len(cells), len(points)))
-        for component in sizes.transpose(2, 0, 1):
-            squares += (component @ points.T) ** 2
-        strength = body.cell_strength[cells]
-        powers = np.einsum("cp,cp->c", np.sqrt(squares), strength @ shares.T)
-        total += float(body.volumes[cells] @ (powers + _means(along, strength)))
-    some = np.flatnonzero(plastic & ~linear & principal)
-    parts = -(-len(some) * len(points) // (100 * at_once))
-    for cells in np.array_split(some, parts) if parts else []:
-        powers = cones.principal_power(body.cone[cells], points @ rates[cells])
-        weights = body.cell_strength[cells] @ shares.T
-        total += float(body.volumes[cells] @ np.einsum("cp,cp->c", powers, weights))
-    return wrong, total
-
-
-def _means(values: Floats, strength: Floats) -> Floats:
-    """Return the means in cells of the products of two functions that are linear in them.
+def _work(
+    body: Body, loads: Loads, mechanism: Mechanism, rates: Rates, shapes: Shapes
+) -> tuple[float, float]:
+    """Return the work of loads, and its error.
 
     Args:
-        values: Values of the one at the vertices, shape (num_cells, d + 1).
-        strength: Strength of the other.
+        body: The bodies.
+        loads: Of one kind.
+        mechanism: Their velocity.
+        rates: Of that.
+        shapes: Of the cells.
     """
-    return np.einsum("cv,cv->c", mean_shares(values[..., None])[..., 0], strength)
+    if not loads:
+        return 0.0, 0.0
+    d, places, at = body.dim, mechanism.places, mechanism.at
+    found = []
+    some = np.flatnonzero(loads.traction.any(axis=(1, 2)))
+    if len(some):
+        vectors = shapes.areas.each(lambda part: part.reshape(-1, d)[body.outer[some]])
+        sizes = (vectors * vectors).sum(axis=1).root()
+        v = at[places.of_facets[some]]
+        means = _means(d)
+        weighted = [
+            sum(
+                (v[:, n] * Balls.exact(means[a, n]) for n in range(1, v.mid.shape[1])),
+                start=v[:, 0] * Balls.exact(means[a, 0]),
+            )
+            for a in range(d)
+        ]
+        power = contracted(Balls.exact(loads.traction[some]), stacked(weighted, 1)).sum(axis=1)
+        found.append(power * sizes * Balls.part(factorial(d + 2) // factorial(d - 1)))
+    some = np.flatnonzero(loads.body_force.any(axis=1))
+    if len(some):
+        v = at[places.of_cells[some]].sum(axis=1)
+        volumes = shapes.volumes[some] * Balls.part(places.of_cells.shape[1])
+        found.append(contracted(Balls.exact(loads.body_force[some]), v) * volumes)
+    some = np.flatnonzero(loads.pore_pressure.any(axis=1))
+    if len(some):
+        u, change = Balls.exact(loads.pore_pressure[some]), rates.change[some]
+        power = u.sum(axis=1) * change.sum(axis=1) + contracted(u, change)
+        found.append(power * Balls.part((d + 1) * (d + 2)))
+    if len(body.rigid):
+        force = Balls.exact(loads.rigid_force)
+        centres = Balls.exact(mechanism.centres)
+        turns = Balls.exact(mechanism.turns)
+        about = Balls.exact(loads.rigid_moment) - crossed(centres, force)
+        power = contracted(force, mechanism.motions)
+        if not body.is_revolved:
+            power = power + contracted(about, turns)
+        else:
+            around = Balls(np.asarray(1 / (2 * np.pi)), np.asarray(0.0), np.asarray(4 * U))
+            power = power * around
+        found.append(power)
+    total = fsum(float(fsum(of.mid)) for of in found) + fsum(float(fsum(of.low)) for of in found)
+    size = fsum(float(of.size.sum()) for of in found)
+    off = fsum(float(upwards(of.rad.sum(), len(of.rad))) for of in found)
+    return total, off + 4 * U * abs(total) + 1e-28 * size
+
+
+def _undone_work(body: Body, loads: Loads, left: Undone) -> float:
+    """Return what loads can do at most on the velocity that undoes volume changes."""
+    if not loads:
+        return 0.0
+    x = body.vertices[body.cells]
+    reach = np.linalg.norm(np.ptp(x, axis=1), axis=1)
+    # w is zero at vertices, and no farther from one than a cell is wide
+    forces = np.linalg.norm(loads.body_force, axis=1) * reach * left.gradients
+    pores = np.abs(loads.pore_pressure).max(axis=1) * left.change
+    pushes = np.linalg.norm(loads.traction, axis=2).max(axis=1) * left.through
+    parts = [values[values > 0].sum() for values in (forces, pores, pushes)]
+    return float(sum(parts) * (1 + 1e-9))
+
+
+def _share_of_others(body: Body, v: Floats, other_work: float, work: float) -> float:
+    """Return the work of loads of any factor relative to what they could do."""
+    d = body.dim
+    at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
+    usual = usual_speed(body, body.sought, work)
+    most = most_work(body, body.others, v, at_facets, strain_rates(body, v), usual)
+    fastest = np.abs(v).max(initial=0.0)
+    sizes = np.abs(body.others.rigid_force).sum() + np.abs(body.others.rigid_moment).sum()
+    return share_of(abs(other_work), most + float(sizes * fastest))
 
 
 def strain_rates(body: Body, v: Floats) -> Floats:
@@ -257,7 +265,7 @@ def strain_rates(body: Body, v: Floats) -> Floats:
 
 
 def _facet_nodes(body: Body) -> Longs:
-    """Return places in the cell of each facet's vertices and of the middles of its edges."""
+    """Places in the cell of each facet's vertices and of the middles of its edges."""
     d = body.dim
     number = np.zeros((d + 1, d + 1), dtype=np.int64)
     for node, (a, b) in enumerate(combinations(range(d + 1), 2), start=d + 1):
@@ -267,34 +275,18 @@ def _facet_nodes(body: Body) -> Longs:
     return np.concatenate([places, np.stack(middles, axis=1)], axis=1)
 
 
-def _work(body: Body, loads: Loads, v: Floats, at_facets: Floats) -> float:
-    """L(v) of tractions and forces, exact."""
-    d = body.dim
-    moments = np.array([[_moment(d - 1, [a, *b]) for b in _quadratic(d)] for a in range(d)])
-    work = np.einsum("f,fai,an,fni->", body.areas, loads.traction, _nodal(moments, d), at_facets)
-    means = _nodal(np.array([[_moment(d, list(b)) for b in _quadratic(d + 1)]]), d + 1)[0]
-    return float(work + np.einsum("c,ci,n,cni->", body.volumes, loads.body_force, means, v))
+def _means(dim: int) -> Floats:
+    """Return means over a facet of linear functions times Bernstein's polynomials.
 
-
-def _quadratic(count: int) -> list[tuple[int, int]]:
-    """Return the products of barycentric coordinates: squares, then those of two."""
-    return [(a, a) for a in range(count)] + list(combinations(range(count), 2))
-
-
-def _moment(dim: int, factors: list[int]) -> float:
-    """Mean over a simplex of a product of barycentric coordinates."""
-    value = factorial(dim) / factorial(dim + len(factors))
-    for factor in set(factors):
-        value *= factorial(factors.count(factor))
-    return value
-
-
-def _nodal(moments: Floats, count: int) -> Floats:
-    """Means against the quadratic shape functions, from those against squares and products."""
-    # shape functions: λ_a(2λ_a − 1) = λ_a² − Σ_b≠a λ_a λ_b, and 4 λ_a λ_b
-    found = moments.copy()
-    for node, (a, b) in enumerate(combinations(range(count), 2), start=count):
-        found[:, a] -= moments[:, node]
-        found[:, b] -= moments[:, node]
-        found[:, node] *= 4
+    They are times (d − 1)!/((d + 2)!) as whole numbers, shape (d, 3 or 6).
+    """
+    groups = [(a, a) for a in range(dim)] + list(combinations(range(dim), 2))
+    found = np.zeros((dim, len(groups)))
+    for a in range(dim):
+        for column, group in enumerate(groups):
+            factors = [a, *group]
+            value = 1.0 if len(set(group)) == 1 else 2.0
+            for factor in set(factors):
+                value *= factorial(factors.count(factor))
+            found[a, column] = value
     return found

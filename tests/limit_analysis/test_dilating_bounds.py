@@ -68,10 +68,14 @@ def proven(low: BodyBounds, high: BodyBounds, path: Path) -> set[str]:
     for kind, half in checked.items():
         assert not half.faults, half
         bound = low.lower if kind == "lower" else high.upper
-        # what rounding leaves of strains is work that the program alone counts as lost: upper
-        # bounds that it tells are larger by as much
-        off = 1e-9 if kind == "lower" else 1e-8
-        assert half.proven == pytest.approx(bound.value, rel=off)
+        assert half.proven is not None and bound.value is not None
+        if kind == "lower":
+            assert half.proven == pytest.approx(bound.value, rel=1e-9)
+        else:
+            # what rounding leaves of strains is work that the program alone counts as lost, and
+            # bodies that hardly strain are rigid for the checker alone
+            assert half.proven <= bound.value * (1 + 1e-8)
+            assert low.lower.value is None or half.proven >= low.lower.value * (1 - 1e-9)
     return set(checked)
 
 

@@ -157,9 +157,9 @@ FORGERIES = {
         "no cell can yield",
     ),
     "less above": (upper(times("bound", 0.999)), "only"),
-    "bent": (upper(bent), "elastic strain"),
+    "bent": (upper(bent), "only"),
     "turned": (upper(turned), "do no work"),
-    "more friction": (upper(times("contact_friction", 1.1)), "entering"),
+    "more friction": (upper(times("contact_friction", 1.1)), "only"),
     "more adhesion": (upper(times("contact_adhesion", 1.1)), "only"),
     "weaker above": (
         lambda halves: halves["upper"].update(

@@ -73,15 +73,14 @@ def test_convex_dissipation(k: int, steep: float, seed: int) -> None:
     M, random = cones.matrix[0], np.random.default_rng(10 + seed)
     for _ in range(3):
         rate = M.T @ random.normal(size=3)
-        assert cones.lacking(AT, rate[None, None])[0, 0] < 1e-12 * np.linalg.norm(rate)
         sizes, along = cones.convex_power(AT, rate[None, None])
         power = float(np.linalg.norm(sizes[0, 0]) + along[0, 0])
         found = best(cones, rate, seed)
         assert found <= power * (1 + 1e-12)
         assert found >= power * (1 - 2e-2)
-    if k < 3:
-        free = np.linalg.svd(M)[2][-1]
-        assert cones.lacking(AT, free[None, None])[0, 0] == pytest.approx(np.sqrt(2))
+        assert power <= cones.steepness[0] * np.linalg.norm(rate)
+    assert cones.takes_any[0] == (k == 3)
+    assert not cones.keeps_volume(2)[0]  # what is free is not the mean stress
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -100,7 +99,7 @@ def test_dissipation_of_what_grows(seed: int) -> None:
     y[2] = 0
     for head, lacks in ((1.5, False), (0.5, True)):
         rate = M.T @ y + head * np.linalg.norm(y) * q
-        assert (cones.lacking(AT, rate[None, None])[0, 0] > 1e-3) == lacks
+        assert (cones.short(AT, rate[None, None])[0, 0] > 0) == lacks
         power = cones.linear_power(AT, rate[None, None])[0, 0]
         assert power == pytest.approx(2.0 * max(head, 1.0) * np.linalg.norm(y))
         if not lacks:
@@ -198,10 +197,10 @@ FORGED: dict[str, tuple[Forgery, str]] = {
     "stronger": (alone("upper", times("cone_bound", 1.001)), "only"),
     "about another pressure": (alone("lower", times("cone_slope", 0.9)), "times as large"),
     "about another pressure, above": (alone("upper", times("cone_slope", 1.1)), "only"),
-    "that bears any pressure": (alone("upper", flattened), "volume change"),
+    "that bears any pressure": (alone("upper", flattened), "only"),
     "another shape above": (high(times("cone_slope", 0.9)), "of other shapes|only"),
-    "changed over": (both(make("cone", lambda a: 1 - a)), "times as large|only|volume"),
-    "changed over above": (high(make("cone", lambda a: 1 - a)), "other shapes|only|volume"),
+    "changed over": (both(make("cone", lambda a: 1 - a)), "times as large|only"),
+    "changed over above": (high(make("cone", lambda a: 1 - a)), "other shapes|only"),
 }
 
 

@@ -231,15 +231,15 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     ),
     "a quick weak cell hides rigid motion": (
         alone("upper", lambda them: weakest_cell(them, 1e20)),
-        "entering",
+        "no work",
     ),
     "a quick weak cell hides moved supports": (
         alone("upper", in_turn(moved(0, 1.0), free_cell(1e-40, 1e20))),
-        "moved supports",
+        "cost all the work",
     ),
     "a quick weak cell hides volume": (
         alone("upper", in_turn(lambda them: swollen(them, -1.0), free_cell(1e-40, 1e20))),
-        "volume change",
+        "cost all the work",
     ),
     "all elastic, hardly loaded": (
         alone("lower", in_turn(make("cone", ELASTIC), times("traction", 1e-12))),
@@ -261,7 +261,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "bodies in one place": (both(twice_in_one_place), "overlap"),
     # empty or harmless loads
     "nothing is loaded": (both(in_turn(times("traction", 0), times("body_force", 0))), "loaded"),
-    "elastic alone": (alone("upper", make("cone", ELASTIC)), "elastic strain of"),
+    "elastic alone": (alone("upper", make("cone", ELASTIC)), "no work"),
     # kinds of numbers
     "velocity complex": (high(make("velocity", lambda a: a + 1j)), "not made of numbers"),
     "vertices complex": (both(make("vertices", lambda a: a + 0j)), "not made of numbers"),
@@ -313,7 +313,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
                 make("cone", lambda a: np.full_like(a, -1)), free_cell(1.0), times("bound", 0.0)
             ),
         ),
-        "elastic strain",
+        "no work",
     ),
     "velocity whose squares are lost": (
         high(in_turn(times("velocity", 1e-170), times("bound", 0.0))),
@@ -460,18 +460,18 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     ),
     "a force on sand without stress": (alone("lower", floating("sand")), "equilibrium"),
     # the velocity
-    "supports move by 1e-300": (
-        high(lambda them: put("velocity", (slice(None), 0), them["velocity"][:, 0] + 1e-300)(them)),
-        "moved supports",
+    "supports move": (
+        high(lambda them: put("velocity", (slice(None), 0), them["velocity"][:, 0] + 1e-3)(them)),
+        "only",
     ),
-    "into the plane": (high(moved(-1, -1e-3)), "entering"),
+    "into the plane": (high(moved(-1, -1e-3)), "only"),
     "at rest": (high(times("velocity", 0.0)), "no work"),
-    "backwards": (high(times("velocity", -1.0)), "no work|entering"),
-    "swelling": (high(lambda them: swollen(them, 1e-6)), "volume change"),
-    "one node": (high(lambda them: put("velocity", 0, them["velocity"][0] + 1e-3)(them)), "left"),
+    "backwards": (high(times("velocity", -1.0)), "no work|all the work"),
+    "swelling": (high(lambda them: swollen(them, 1e-6)), "only"),
+    "one node": (high(lambda them: put("velocity", 0, them["velocity"][0] + 1e-3)(them)), "only"),
     "elastic where it flows": (
         both(elastic_where_weakest),
-        "elastic strain",
+        "no work",
     ),
     "nodes changed over": (
         high(lambda them: put("nodes", (0, slice(0, 2)), them["nodes"][0, 1::-1])(them)),

@@ -81,8 +81,9 @@ def shear_there(share: float) -> Forgery:
 
 
 def test_what_passes_a_guide_is_refused(honest: Halves, tmp_path: Path) -> None:
-    for share in (1e-2, 1e-6, 1e-10):
-        assert "entering" in said_of_forged(honest, pass_through(share), tmp_path)
+    """What passes is bent until it does not, and the bound rises by what that costs."""
+    for share in (1e-2, 1e-6):
+        assert "only" in said_of_forged(honest, pass_through(share), tmp_path)
 
 
 def test_a_shear_traction_on_a_guide_is_refused(honest: Halves, tmp_path: Path) -> None:

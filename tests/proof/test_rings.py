@@ -126,7 +126,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "a smaller upper bound": (high(times("bound", 0.9)), "only"),
     "stress on the axis": (low(pressed_on_the_axis), "axis"),
     "stress between vertices": (low(between_vertices), "equilibrium|inner tractions"),
-    "velocity on the axis": (high(moving_on_the_axis), "axis"),
+    "velocity on the axis": (high(moving_on_the_axis), "only"),
     "lower half farther out": (low(moved(1.0)), "equilibrium|outer tractions|different"),
     "upper half farther out": (high(moved(1.0)), "different"),
     "across the axis": (both(moved(-0.5)), "negative radii"),
@@ -145,7 +145,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "a stronger lower half": (low(times("cone_bound", 2.0)), "weaker"),
     "a rigid surface that turns": (both(rigid_surface), "otherwise than along it"),
     "pores that cancel": (both(pores_that_cancel), "pore|pressure"),
-    "volume that changes": (high(lambda it: swell(it)), "volume change"),
+    "volume that changes": (high(lambda it: swell(it)), "all the work"),
     "cones without a bound": (both(lambda it: loosen(it)), "no bound"),
     "no weight": (low(times("body_force", 0.0)), "equilibrium|different"),
     "a twist of the stress": (

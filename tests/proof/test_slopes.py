@@ -100,11 +100,11 @@ SLOPES: dict[str, tuple[Forgery, str]] = {
     "a stress that pulls": (alone("lower", sucked), "times as large as they may be"),
     "a velocity that grows too little": (
         alone("upper", times("cone_slope", 1.01)),
-        "volume change",
+        "grow too little",
     ),
     "a velocity that ought not to grow": (
         alone("upper", times("cone_slope", 0.0)),
-        "volume change",
+        "only",
     ),
     "a velocity that grows through more strength": (
         alone("upper", times("cone_slope", 0.99)),
@@ -114,7 +114,7 @@ SLOPES: dict[str, tuple[Forgery, str]] = {
     "of stronger ground above": (high(times("cone_slope", 0.5)), "of other shapes"),
     "of the other body": (
         both(make("cone", other_way_round)),
-        "times as large|volume change",
+        "times as large|only",
     ),
     "a claim too high": (low(in_turn(times("bound", 1.001))), "outer tractions|equilibrium"),
     "a claim too low": (high(times("bound", 0.999)), "only"),

@@ -1,0 +1,198 @@
+"""Compute what a mechanism dissipates in cells, from above, and judge its rates of strain.
+
+Rates are those of strain times the volume of the cell, so that nothing is divided by it. In cells
+that grow a rate is admissible where z ≥ ‖y‖ (:mod:`cones`). That is a convex cone, so that it holds
+everywhere where it does at the vertices, or of Bernstein's coefficients around an axis. It has to
+hold by more than the rounding. Where volume is kept, the dissipation counts as that of the rate
+without its trace, as another velocity undoes that (:mod:`volume_change`).
+
+ε(v) is linear in a cell. The integral of a convex D is at most that of its linear interpolation on
+any subdivision, and that of a linear one is the mean of the vertices. A strength that is linear in
+the cell multiplies that interpolation, and the product is integrated exactly. Of bodies of
+revolution the velocity is v = ru (:mod:`rings`), and works are over 2π.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.proof.balls import Balls, U, upwards
+from perfplast_fenicsx.proof.body import Body, Flags, Floats
+from perfplast_fenicsx.proof.cones import vectors
+from perfplast_fenicsx.proof.mechanism import Mechanism
+from perfplast_fenicsx.proof.parts import halved, mean_shares, parts_of
+from perfplast_fenicsx.proof.places import numbers_in_cell
+from perfplast_fenicsx.proof.remainder import Shapes
+from perfplast_fenicsx.proof.rings import ENDS, PAIRS, over_radius, radii_of, times_radius
+
+SUBDIVISIONS = 3
+"""How often a cell's edges are halved to integrate the dissipation from above."""
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Rates of strain times the volume, at the vertices or of coefficients, with errors.
+
+    Attributes:
+        values: Vectors, shape (num_cells, d + 1 or 6, m); of r²ε around an axis.
+        errors: Of each cell, shape (num_cells,).
+        change: div v times the volume at vertices, shape (num_cells, d + 1).
+        reach: ∫ of a rate of size 1 over its cell, over the volume: 1, around an axis ∫1/r.
+        of_gradient: The largest rate that ‖∇w‖ = 1 makes in a cell, with ``reach`` in it.
+    """
+
+    values: Floats
+    errors: Floats
+    change: Balls
+    reach: Floats
+    of_gradient: Floats
+
+
+def rates_of(body: Body, mechanism: Mechanism, shapes: Shapes) -> Rates:
+    """Return the rates of a mechanism."""
+    d = body.dim
+    own = mechanism.at.each(lambda part: part[mechanism.places.of_cells])
+    number = numbers_in_cell(d)
+    slopes = shapes.areas * Balls.part(d) * Balls.exact(-2.0)
+    own = own.where(~mechanism.rigid[:, None, None])  # whose rates are zero, whatever is rounded
+    columns = []
+    for a in range(d + 1):
+        parts = [own[:, number[a, b]][:, :, None] * slopes[:, b][:, None] for b in range(d + 1)]
+        columns.append(sum(parts[1:], start=parts[0]))
+    mid, low, rad = (
+        np.stack([getattr(column, of) for column in columns], axis=1)
+        for of in ("mid", "low", "rad")
+    )
+    gradients = Balls(mid, low, rad)
+    traces = [gradients[:, :, i, i] for i in range(d)]
+    change = sum(traces[1:], start=traces[0])
+    values = mid + low
+    errors = np.sqrt((rad**2).sum(axis=(2, 3))).max(axis=1)
+    errors = upwards(errors + 8 * U * np.sqrt((values**2).sum(axis=(2, 3))).max(axis=1))
+    one = np.ones(len(body.cells))
+    if not body.is_revolved:
+        return Rates(vectors(values), errors, change, one, one)
+    return _of_rings(body, own, values, errors, change)
+
+
+def _of_rings(body: Body, own: Balls, gradients: Floats, errors: Floats, change: Balls) -> Rates:
+    """Return coefficients of r²ε, and what ∇w makes of that.
+
+    r²ε has the norm r‖∇w‖ + √2 |w| at most. In a cell of size h that is r₀ at least from the axis
+    |w| ≤ h‖∇w‖, as w = 0 at vertices. In a cell that touches the axis |w| ≤ κr‖∇w‖, with the
+    distances of other vertices from those on the axis over their radii, κ at most: a line towards
+    such a vertex, or beside it to the edge on the axis, is so long.
+    """
+    radii, volumes = radii_of(body), body.volumes
+    sizes = own.mid + own.low
+    at = sizes * volumes[:, None, None]
+    g = times_radius(radii, gradients.reshape(len(at), 3, 4)).reshape(-1, 6, 2, 2)
+    shear = np.sqrt(0.5) * (g[..., 0, 1] + g[..., 1, 0] - at[..., 1])
+    values = np.stack([g[..., 0, 0] - at[..., 0], g[..., 1, 1], at[..., 0], shear], axis=2)
+    most = np.sqrt((gradients**2).sum(axis=(2, 3))).max(axis=1) * radii.max(axis=1)
+    most += 2 * np.linalg.norm(at, axis=2).max(axis=1)
+    off = errors * radii.max(axis=1) + 2 * np.linalg.norm(own.rad, axis=2).max(axis=1) * volumes
+    shape = 64 * U * _worst(body)  # of volumes
+    reach = over_radius(radii, np.ones(len(radii))).sum(axis=1)
+    x = body.vertices[body.cells]
+    far = np.linalg.norm(x[:, :, None] - x[:, None], axis=3)
+    touches = radii == 0
+    near = np.where(touches, np.inf, radii).min(axis=1)
+    away = np.where(touches[:, :, None] & ~touches[:, None], far, 0.0)
+    longest = np.where(touches.any(axis=1), away.max(axis=(1, 2)), far.max(axis=(1, 2)))
+    ratio = longest / near
+    of_gradient = upwards(1 + np.sqrt(2.0) * ratio)
+    return Rates(values, upwards(off + shape * most), change, upwards(reach), of_gradient)
+
+
+def _worst(body: Body) -> Floats:
+    """Return the largest edge squared over the volume of each cell, by which that is rounded."""
+    x = body.vertices[body.cells]
+    size = np.ptp(x, axis=1).max(axis=1)
+    return np.asarray(1 + size**body.dim / body.volumes)
+
+
+@dataclass(frozen=True)
+class Dissipated:
+    """The dissipation of cells.
+
+    Attributes:
+        total: From above.
+        short: The largest that growth lacks in each cell, with errors, in units of the rates; −∞
+            of cells that do not grow.
+    """
+
+    total: float
+    short: Floats
+
+
+def dissipated(body: Body, rates: Rates) -> Dissipated:
+    """Return what plastic cells dissipate."""
+    cones, plastic = body.cones, body.plastic
+    at, values = body.cone[plastic], rates.values[plastic]
+    sizes = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
+    short = np.full(len(body.cells), -np.inf)
+    grows = cones.grows[at]
+    lacks = cones.short(at[grows], values[grows]).max(axis=1, initial=-np.inf)
+    off = (rates.errors[plastic] + cones.digits[at] * sizes) * cones.alertness[at]
+    short[np.flatnonzero(plastic)[grows]] = lacks + off[grows]
+    integral = _of_rings_in_all if body.is_revolved else _in_all
+    total, count = integral(body, plastic, values)
+    most_of = body.steepness[plastic] * rates.reach[plastic]
+    off = rates.errors[plastic] + 2 * cones.digits[at] * sizes
+    lost, most = float((off * most_of).sum()), float((sizes * most_of).sum())
+    return Dissipated(total + lost * (1 + 1e-9) + 8 * U * (count + 16) * most, short)
+
+
+def _in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, int]:
+    """Return ∫D of rates times volumes, and how many numbers are added up."""
+    cones, at, strength = body.cones, body.cone[plastic], body.cell_strength[plastic]
+    linear, principal = cones.is_linear[at], cones.is_principal[at]
+    total = _of_linear(cones.linear_power(at[linear], rates[linear]), strength[linear])
+    some = np.flatnonzero(~linear & ~principal)
+    points, shares = halved(body.dim, SUBDIVISIONS)
+    at_once = 10_000  # cells whose dissipation is found together, for the memory it takes
+    for cells in np.array_split(some, len(some) // at_once + 1):
+        sizes, along = cones.convex_power(at[cells], rates[cells])
+        squares = np.zeros((len(cells), len(points)))
+        for component in sizes.transpose(2, 0, 1):
+            squares += (component @ points.T) ** 2
+        total += float(np.einsum("cp,cp->", np.sqrt(squares), strength[cells] @ shares.T))
+        total += _of_linear(along, strength[cells])
+    some = np.flatnonzero(~linear & principal)
+    parts = -(-len(some) * len(points) // (100 * at_once))
+    for cells in np.array_split(some, parts) if parts else []:
+        powers = cones.principal_power(at[cells], points @ rates[cells])
+        total += float(np.einsum("cp,cp->", powers, strength[cells] @ shares.T))
+    return total, len(rates) + len(points)
+
+
+def _of_linear(values: Floats, strength: Floats) -> float:
+    """Return the sum of the means in cells of the products of two functions linear in them.
+
+    Args:
+        values: Of the one at the vertices, shape (num_cells, d + 1).
+        strength: Of the other.
+    """
+    return float(np.einsum("cv,cv->", mean_shares(values[..., None])[..., 0], strength))
+
+
+def _of_rings_in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, int]:
+    """Return the same of coefficients of r²ε."""
+    cones, at, radii = body.cones, body.cone[plastic], radii_of(body)[plastic]
+    linear, principal = cones.is_linear[at], cones.is_principal[at]
+    parts, total = parts_of(2, SUBDIVISIONS), 0.0
+    for part in parts:
+        q = np.einsum("ua,vb,cabm->cuvm", part, part, rates[:, PAIRS], optimize=True)
+        first, second = np.concatenate([np.tile(np.arange(3)[:, None], 2), ENDS]).T
+        q = q[:, first, second]
+        powers = np.zeros(q.shape[:2])
+        powers[linear] = cones.linear_power(at[linear], q[linear])
+        some = ~linear & principal
+        powers[some] = cones.principal_power(at[some], q[some])
+        some = ~linear & ~principal
+        convex, along = cones.convex_power(at[some], q[some])
+        powers[some] = np.linalg.norm(convex, axis=2) + along
+        shares = over_radius(radii @ part.T, np.full(len(radii), 1 / len(parts)))
+        total += float(np.einsum("ci,ci->", shares, powers))
+    return total, len(rates) + len(parts)

@@ -1,0 +1,441 @@
+"""A velocity that is bent until it is admissible, exactly, near the one on file.
+
+The velocity is quadratic in each cell, with Bernstein's coefficients at vertices and edges. It is
+continuous, as cells share these. The coefficients are changed as real numbers
+(:class:`balls.Balls`), and all that follows is of the changed ones:
+
+- They are zero where, and along what, supports hold.
+- Elastic cells that share a place, and rigid surfaces with them, move as one rigid body.
+- In contact a coefficient w of the jump has to part by −w·n ≥ μ‖w_t‖. Then the jump does so
+  everywhere, as Bernstein's polynomials are not negative, and this set is a convex cone. What parts
+  by too little is moved along the normals: places of deformable cells one by one, and rigid bodies
+  by motions with which all that touch them part.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from perfplast_fenicsx.proof.balls import (
+    Balls,
+    contracted,
+    crossed,
+    inverse_of,
+    put,
+    stacked,
+)
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.jumps import DIGITS, Jumps
+from perfplast_fenicsx.proof.pieces import joined
+from perfplast_fenicsx.proof.places import Places, places_of
+from perfplast_fenicsx.proof.remainder import Shapes
+
+RESTING = 1e-5
+"""Cells may count as rigid where they differ from that by less than so much of the velocity."""
+
+ROUNDS = 12
+"""How often contacts are parted, as one that gives way to another may meet a third."""
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """An admissible velocity, but for what volume change leaves.
+
+    Attributes:
+        places: Of the coefficients.
+        at: The coefficients, shape (num_places, d).
+        motions: Velocity of each rigid surface at its ``centres``, shape (num_rigid, d).
+        turns: Rotations of these, shape (num_rigid, 1 or 3).
+        centres: Shape (num_rigid, d).
+        slip: What slip dissipates, from above.
+        parts: Whether any contact dissipates nothing by that.
+        rigid: Cells that move as rigid bodies, exactly.
+        reason: Why it is not admissible, or None.
+    """
+
+    places: Places
+    at: Balls
+    motions: Balls
+    turns: Floats
+    centres: Floats
+    slip: float
+    rigid: Flags
+    reason: str | None
+
+
+def mechanism_of(body: Body, v: Floats, shapes: Shapes, resting: Sequence[Longs] = ()) -> Mechanism:
+    """Return an admissible velocity near one on file.
+
+    Args:
+        body: The bodies.
+        v: Velocity at the nodes of each cell, continuous, shape (num_cells, 6 or 10, d).
+        shapes: Of the cells.
+        resting: Sets of plastic cells that move as rigid bodies as well (:func:`resting_in`).
+    """
+    places, n = places_of(body), len(body.vertices)
+    values = np.zeros((places.count, body.dim))
+    values[places.of_cells] = v
+    ends = Balls.exact(values[places.ends])
+    half = Balls.exact(0.5)
+    edges = Balls.exact(2 * values[n:]) - (ends[:, 0] + ends[:, 1]) * half
+    at = put(Balls.exact(values), np.arange(n, places.count), edges)
+    held = _held(body, places)
+    at = at.where(~held)
+    at = _guided(body, places, at, held)
+    units = _Units(body, places, values, held, resting)
+    at = units.moved(at)
+    jumps = Jumps(body, places, shapes)
+    if len(jumps.first):
+        every = np.arange(len(body.cells))
+        at = _Units(body, places, 0 * values, held, [every]).lifted(at, jumps, units)
+    guided = np.zeros(places.count, dtype=bool)
+    guided[places.of_facets[body.guided.any(axis=1)]] = True
+    free = ~held & ~guided[:, None] & (units.of_place < 0)[:, None]
+    for _ in range(ROUNDS):
+        enters = jumps.enters(at)
+        if not (enters > 0).any():
+            break
+        at = units.parted(at, jumps, enters, free)
+        at = jumps.parted(at, jumps.enters(at), free)
+    enters = jumps.enters(at)
+    reason = jumps.reason
+    if reason is None and not (enters <= 0).all():
+        where = body.vertices[body.facets[jumps.facet[np.argmax(enters)]]].mean(axis=0)
+        reason = "bodies enter each other, or part too little for their slip"
+        reason = f"{reason}, as at ({', '.join(f'{x:.6g}' for x in where)})"
+    if not np.isfinite(at.size).all():
+        reason = "the velocity is lost to rounding"
+    motions, turns, centres = units.of_plates(body)
+    unit = units.of_place[places.of_cells]
+    rigid = (unit[:, 0] >= 0) & (unit == unit[:, :1]).all(axis=1)
+    return Mechanism(places, at, motions, turns, centres, jumps.slip(at), rigid, reason)
+
+
+def resting_in(body: Body, v: Floats) -> list[Longs]:
+    """Return sets of plastic cells of one cone that move nearly as rigid bodies.
+
+    What rounding makes them dissipate may be more than all others do, where they are strong.
+
+    Args:
+        body: The bodies.
+        v: Velocity at the nodes of each cell, shape (num_cells, 6 or 10, d).
+    """
+    one, other = (body.sides[0] // (body.dim + 1)).T
+    alike = body.cone[one] == body.cone[other]
+    pieces, found = joined(len(body.cells), one[alike], other[alike]), []
+    pieces = np.where(body.plastic, pieces, -1)
+    order = np.argsort(pieces, kind="stable")
+    for cells in np.split(order, np.flatnonzero(np.diff(pieces[order])) + 1):
+        if pieces[cells[0]] < 0:
+            continue
+        x, there = body.vertices[body.cells[cells]], v[cells]
+        ends = np.array(list(combinations(range(body.dim + 1), 2)))
+        x = np.concatenate([x, x[:, ends].mean(axis=2)], axis=1).reshape(-1, body.dim)
+        centre = x[0]
+        columns = _columns(x, centre, body.is_revolved)
+        if body.is_revolved:
+            columns = columns[:, :, 1:2]
+        size = np.abs(columns).max(axis=(0, 1))
+        rows = (columns / np.where(size > 0, size, 1.0)).reshape(-1, columns.shape[2])
+        motion = np.linalg.lstsq(rows, there.reshape(-1), rcond=None)[0]
+        off = np.abs(rows @ motion - there.reshape(-1)).max()
+        if off <= RESTING * np.abs(v).max(initial=0.0):
+            found.append(cells)
+    return found
+
+
+def _columns(x: Floats, centre: Floats, revolved: bool) -> Floats:
+    """Return velocities at places by motions of size 1 about centres, shape (n, d, 3 or 6)."""
+    d = x.shape[1]
+    shifts = [np.broadcast_to(axis, x.shape) for axis in np.eye(d)]
+    turns = [_turned(axis, x - centre) for axis in np.eye(2 * d - 3)]
+    every = np.stack([*shifts, *turns], axis=2)
+    return every * x[:, :1, None] if revolved else every
+
+
+def _held(body: Body, places: Places) -> Flags:
+    """Return the components that supports hold, and of rings all on the axis."""
+    held = np.zeros((places.count, body.dim), dtype=bool)
+    for column in places.of_facets.T:
+        np.logical_or.at(held, column, body.held)
+    if body.is_revolved:
+        n, on_axis = len(body.vertices), body.vertices[:, 0] == 0
+        held[:n][on_axis] = True
+        held[n:][on_axis[places.ends].all(axis=1)] = True
+    return held
+
+
+def _guided(body: Body, places: Places, at: Balls, held: Flags) -> Balls:
+    """Return coefficients with nothing along the directions of guides beside what is held."""
+    some = np.flatnonzero(body.guided.any(axis=1))
+    if not len(some):
+        return at
+    count = places.of_facets.shape[1]
+    rows = np.repeat(body.guided[some], count, axis=0)
+    rows = rows * np.sign(rows[np.arange(len(rows)), np.argmax(rows != 0, axis=1)])[:, None]
+    numbers = places.of_facets[some].ravel()
+    rows = np.unique(np.column_stack([numbers, rows]), axis=0)
+    return _across(at, held, rows[:, 0].astype(np.int64), rows[:, 1:])
+
+
+def _across(values: Balls, held: Flags, numbers: Longs, directions: Floats) -> Balls:
+    """Return vectors without what they have along some directions.
+
+    They are zero where there are as many directions as axes, or more.
+
+    Args:
+        values: Shape (n, d).
+        held: Axes that are such directions, shape (n, d).
+        numbers: Of the vectors that have others.
+        directions: Unit vectors, not two the same of one vector, shape (len(numbers), d).
+    """
+    d = held.shape[1]
+    known = (directions * ~held[numbers]).any(axis=1)  # not those along axes that are held
+    numbers, directions = numbers[known], directions[known]
+    order = np.argsort(numbers, kind="stable")
+    some, first, counts = np.unique(numbers[order], return_index=True, return_counts=True)
+    one = directions[order[first]]
+    axes = held[some].sum(axis=1)
+    total = counts + axes
+    found = values.each(np.copy)
+    alone = total == 1
+    g = Balls.exact(one[alone])
+    here = found[some[alone]]
+    along = contracted(here, g) * inverse_of(contracted(g, g))
+    found = put(found, some[alone], here - along[:, None] * g)
+    several = total >= 2
+    left = Balls.exact(np.zeros((int(several.sum()), d)))
+    if d == 3:
+        second = np.zeros_like(one)
+        twice = counts >= 2
+        second[twice] = directions[order[first[twice] + 1]]
+        second = np.where((axes > 0)[:, None], held[some].astype(np.float64), second)
+        t = crossed(Balls.exact(one[several]), Balls.exact(second[several]))
+        square = contracted(t, t)
+        fine = (total[several] == 2) & (square.mid > 4 * square.rad)
+        square = square.where(fine, Balls.exact(np.ones(len(fine))))
+        along = contracted(found[some[several]], t) * inverse_of(square)
+        left = (along[:, None] * t).where(fine[:, None])
+    return put(found, some[several], left)
+
+
+class _Units:
+    """Sets of places that move as rigid bodies.
+
+    Attributes:
+        of_place: Number of the unit of each place, −1 where there is no unit.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        places: Places,
+        values: Floats,
+        held: Flags,
+        resting: Sequence[Longs],
+    ) -> None:
+        self._body, self._places = body, places
+        d, n = body.dim, len(body.vertices)
+        labels = np.arange(places.count)
+        groups = [places.of_cells[~body.plastic]]
+        groups += [places.of_facets[body.on(tag)].reshape(1, -1) for tag in body.rigid]
+        groups += [places.of_cells[cells] for cells in resting]
+        _join(labels, groups)
+        inside = np.zeros(places.count, dtype=bool)
+        for group in groups:
+            inside[group] = True
+        self.of_place = np.full(places.count, -1)
+        roots, self.of_place[inside] = np.unique(labels[inside], return_inverse=True)
+        self._plates = [
+            int(self.of_place[group[0, 0]]) for group in groups[1 : 1 + len(body.rigid)]
+        ]
+        self._centres, self._free = np.zeros((len(roots), d)), np.zeros((len(roots), 3 * (d - 1)))
+        self._turns: Floats = np.zeros((len(roots), 2 * d - 3))
+        motions = Balls.exact(np.zeros((len(roots), d)))
+        guided = np.zeros(places.count, dtype=bool)
+        guides = np.flatnonzero(body.guided.any(axis=1))
+        guided[places.of_facets[guides]] = True
+        order = np.argsort(self.of_place[:n], kind="stable")
+        ends = np.searchsorted(self.of_place[:n][order], np.arange(len(roots) + 1))
+        for unit in range(len(roots)):
+            mine = order[ends[unit] : ends[unit + 1]]
+            free, centre = self._allowed(mine, held[mine], unit)
+            stuck = guided[mine].any()
+            if stuck:
+                free[d:] = False
+            found = self._fitted(mine, values[mine], free, centre)
+            self._centres[unit], self._turns[unit] = centre, found[d:]
+            motion = Balls.exact(found[None, :d])
+            if stuck:
+                mine_too = (self.of_place[places.of_facets[guides]] == unit).any(axis=1)
+                directions = np.unique(body.guided[guides[mine_too]], axis=0)
+                numbers = np.zeros(len(directions), dtype=np.int64)
+                motion = _across(motion, ~free[None, :d], numbers, directions)
+                free[:d] = False  # not moved again
+            motions = put(motions, np.array([unit]), motion)
+            self._free[unit] = free
+        self._motions = motions
+
+    def _allowed(self, mine: Longs, held: Flags, unit: int) -> tuple[Flags, Floats]:
+        """Return which components of a motion supports leave free, and its centre."""
+        body, d = self._body, self._body.dim
+        x = body.vertices[mine]
+        fixed = held.any(axis=1)
+        centre = x[np.argmax(fixed)]
+        free = np.ones(3 * (d - 1), dtype=bool)
+        free[:d] = ~held.any(axis=0)
+        turns = np.eye(2 * d - 3)
+        for k in range(2 * d - 3):
+            free[d + k] = not (_turned(turns[k], x - centre)[held] != 0).any()
+        for number, of in enumerate(self._plates):
+            if of == unit and body.rigid_held[number].any():
+                free[:d] &= ~body.rigid_held[number]
+                free[d:] = False
+        if body.is_revolved:
+            free[:] = [False, not held[x[:, 0] > 0, 1].any(), False]
+        return free, centre
+
+    def _fitted(self, mine: Longs, v: Floats, free: Flags, centre: Floats) -> Floats:
+        """Return the rigid motion next to velocities at vertices."""
+        d, x = self._body.dim, self._body.vertices[mine]
+        columns = _columns(x, centre, self._body.is_revolved) * free
+        size = np.abs(columns).max(axis=(0, 1), initial=0.0)
+        size[size == 0] = 1.0
+        rows = (columns / size).reshape(-1, 3 * (d - 1))
+        found = np.linalg.lstsq(rows, v.ravel(), rcond=None)[0] / size
+        return np.asarray(found * free)
+
+    def moved(self, at: Balls) -> Balls:
+        """Return coefficients with those of rigid bodies as their motions make them."""
+        n, some = len(self._body.vertices), self.of_place >= 0
+        if not some.any():
+            return at
+        vertices, edges = np.flatnonzero(some[:n]), np.flatnonzero(some[n:])
+        found = put(at, vertices, self._at_vertices(vertices))
+        ends = found[self._places.ends[edges]]
+        return put(found, n + edges, (ends[:, 0] + ends[:, 1]) * Balls.exact(0.5))
+
+    def _at_vertices(self, vertices: Longs) -> Balls:
+        """Return velocities of vertices of units."""
+        x, unit = self._body.vertices[vertices], self.of_place[vertices]
+        arms = Balls.exact(x) - Balls.exact(self._centres[unit])
+        turns = Balls.exact(self._turns[unit])
+        if self._body.dim == 2:
+            turning = turns * stacked([-arms[:, 1], arms[:, 0]], 1)
+        else:
+            turning = crossed(turns, arms)
+        found = self._motions[unit] + turning
+        return found * Balls.exact(x[:, :1]) if self._body.is_revolved else found
+
+    def moved_with(self, bodies: "_Units", motions: Floats) -> None:
+        """Add motions of bodies that units are parts of.
+
+        Args:
+            bodies: They.
+            motions: Of each, with rotations.
+        """
+        d = self._body.dim
+        first = np.zeros(len(self._centres), dtype=np.int64)
+        first[self.of_place[self.of_place >= 0]] = bodies.of_place[self.of_place >= 0]
+        turns = motions[first, d:]
+        arms = self._centres - bodies._centres[first]
+        moved = motions[first, :d]
+        if not self._body.is_revolved:
+            moved = moved + _turned(turns, arms)
+        self._motions = self._motions + Balls.exact(moved * self._free[:, :d])
+        self._turns = np.asarray(self._turns + turns * self._free[:, d:])
+
+    def lifted(self, at: Balls, jumps: "Jumps", units: "_Units") -> Balls:
+        """Return coefficients with whole bodies moved out of what they enter."""
+        enters = jumps.enters(at)
+        motions = self._lift(at, jumps, enters, np.ones(len(enters), dtype=bool))
+        if motions is None:
+            return at
+        d = self._body.dim
+        self._motions, self._turns = Balls.exact(motions[:, :d]), np.asarray(motions[:, d:])
+        units.moved_with(self, motions)
+        shift = self.moved(at.each(np.zeros_like))
+        return units.moved(at + shift)
+
+    def parted(self, at: Balls, jumps: "Jumps", enters: Floats, free: Flags) -> Balls:
+        """Return coefficients with rigid bodies moved out of what no free place makes room for."""
+        motions = self._lift(at, jumps, enters, jumps.alone(free))
+        if motions is None:
+            return at
+        d = self._body.dim
+        self._motions = self._motions + Balls.exact(motions[:, :d])
+        self._turns = np.asarray(self._turns + motions[:, d:])
+        return self.moved(at)
+
+    def _lift(self, at: Balls, jumps: "Jumps", enters: Floats, some: Flags) -> Floats | None:
+        """Return motions with which chosen jumps part that enter; None if least squares find none.
+
+        Those nearby do not enter by it.
+        """
+        if not self._free.any():
+            return None
+        near = enters > -1e3 * np.max(enters, initial=0.0)
+        sides = [np.where(of >= 0, self.of_place[of], -1) for of in (jumps.first, jumps.second)]
+        near &= some & (sides[0] != sides[1])
+        rows, at_rows = jumps.rows(np.flatnonzero(near))
+        bad = enters[at_rows] > 0
+        most = 10_000_000  # numbers of a matrix that is solved with
+        if not bad.any() or len(rows) * self._free.size > most:
+            return None
+        columns = np.zeros((len(rows), *self._free.shape))
+        for side, unit, sign in zip((jumps.first, jumps.second), sides, (1.0, -1.0), strict=True):
+            here = np.flatnonzero(unit[at_rows] >= 0)
+            of = unit[at_rows[here]]
+            x = self._middles()[side[at_rows[here]]]
+            every = _columns(x, self._centres[of], self._body.is_revolved)
+            columns[here, of] += sign * np.einsum("ni,nik->nk", rows[here], every)
+        matrix = (columns * self._free).reshape(len(rows), -1)
+        size = np.abs(matrix).max(axis=0, initial=0.0)
+        size[size == 0] = 1.0
+        matrix = matrix / size
+        motion = np.zeros(matrix.shape[1])
+        for _ in range(40):
+            if not (matrix @ motion > -np.where(bad, 1.0, 0.5)).any():
+                break
+            active = matrix @ motion > -2.0
+            wanted = np.full(int(active.sum()), -1.5)
+            motion = np.linalg.lstsq(matrix[active], wanted, rcond=None)[0]
+        gains = -(matrix @ motion)
+        if (gains < np.where(bad, 0.25, 0.0)).any():
+            return None
+        least = DIGITS * float(np.abs(at.mid).max(initial=0.0))
+        scale = 2 * float((np.maximum(enters[at_rows], least) / gains)[bad].max())
+        return np.asarray((scale * motion / size).reshape(self._free.shape) * self._free)
+
+    def _middles(self) -> Floats:
+        """Return the places themselves; those of edges are in the middle."""
+        x = self._body.vertices
+        return np.concatenate([x, x[self._places.ends].mean(axis=1)])
+
+    def of_plates(self, body: Body) -> tuple[Balls, Floats, Floats]:
+        """Return velocities, rotations and centres of the rigid surfaces."""
+        at = np.array(self._plates, dtype=np.int64)
+        return self._motions[at], self._turns[at], self._centres[at]
+
+
+def _join(labels: Longs, groups: Sequence[Longs]) -> None:
+    """Give all numbers in a row of a group the same label, in place."""
+    before = None
+    while before is None or (labels != before).any():
+        before = labels.copy()
+        for group in groups:
+            if group.size:
+                least = labels[group].min(axis=1)
+                for column in group.T:
+                    np.minimum.at(labels, column, least)
+        while (labels != labels[labels]).any():
+            labels[:] = labels[labels]
+
+
+def _turned(turn: Floats, arms: Floats) -> Floats:
+    """Return rotation × arms, shape (n, d), for one rotation or one of each arm."""
+    if arms.shape[1] == 2:
+        return np.asarray(turn[..., :1] * np.column_stack([-arms[:, 1], arms[:, 0]]))
+    return np.asarray(np.cross(turn, arms), dtype=np.float64)

@@ -1,0 +1,271 @@
+"""Cost of volume changes: the size of a velocity that undoes them.
+
+A velocity v is admissible but for volume changes in cells that keep their volume. If w undoes them,
+v + w is admissible, and D(ε(v + w)) ≤ D(ε(v)) + D(ε(w)), as D is convex and of first degree. So the
+size of ∇w in each cell is enough, and only that is computed, from above.
+
+1. Volume leaves each cell through one facet, to the next cell of a tree, and at last through a way
+   out: a free surface, a cell whose flow may change its volume, or contact that it parts. On facets
+   w is a bump b(x)a, zero at their edges, with ∫b = A for the area A. For the area vector A n it is
+   a = n/A, so that the flux is 1. In both cells div w is constant.
+2. What is left of div v in a cell is linear with the mean zero, and w is zero on all facets.
+3. Such w are continuous and of degree d in each of the d + 1 parts into which the centre divides a
+   cell (of degree 2 in the plane, D. N. Arnold, J. Qin, 1992; of degree 3 in space, S. Zhang,
+   doi:10.1090/S0025-5718-04-01711-9). On the regular simplex with edges 1 :data:`SIZE` bounds their
+   gradients. The map x = By onto the cell gives w = Bw'/det B, so that fluxes are the same, and
+   ∇w = B∇w'B⁻¹/det B. A bump a is det B B⁻¹a there.
+
+Around an axis r tr ε(u) = div v for v = ru in the section, so that all this is the same there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.proof.balance import across_of, stretches_of
+from perfplast_fenicsx.proof.balls import Balls, U, contracted, upwards
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.mechanism import Mechanism
+from perfplast_fenicsx.proof.pieces import joined
+from perfplast_fenicsx.proof.places import numbers_in_cell
+from perfplast_fenicsx.proof.remainder import Shapes
+from perfplast_fenicsx.proof.touching import obstacles_of, touching
+
+SIZE = {2: (2.67, 16.3), 3: (4.51, 79.0)}
+"""Bounds of gradients on a regular simplex, by dimension. The first is a factor of the largest
+divergence of mean zero, the second one of the vector of a bump. A test computes them."""
+
+LOST = "volume of cells has no way out, as at"
+
+
+@dataclass(frozen=True)
+class Undone:
+    """A velocity w that undoes volume changes.
+
+    Attributes:
+        gradients: The largest ‖∇w‖ in each cell times its volume, shape (num_cells,).
+        change: The largest |div w| at a vertex times the volume, shape (num_cells,).
+        through: ∫|w| on outer facets, shape (num_facets,).
+        reason: Why there is none, or None.
+    """
+
+    gradients: Floats
+    change: Floats
+    through: Floats
+    reason: str | None
+
+
+def undone(
+    body: Body, mechanism: Mechanism, change: Balls, kinds: tuple[Flags, Flags], shapes: Shapes
+) -> Undone:
+    """Return the size of a velocity that undoes volume changes.
+
+    Args:
+        body: The bodies.
+        mechanism: Their velocity.
+        change: div v times the volume at the vertices of cells, shape (num_cells, d + 1).
+        kinds: Cells that keep their volume, and those whose rates are all admissible.
+        shapes: Of the cells.
+    """
+    d, count = body.dim, len(body.cells)
+    keeps, takes = kinds
+    change = change.where(keeps[:, None])
+    mean = change.sum(axis=1) * Balls.part(d + 1)
+    uneven = (change - mean[:, None]).size.max(axis=1)
+    volumes = np.maximum(shapes.volumes.mid - 2 * shapes.volumes.rad, 0.0)
+    largest, inverse = stretches_of(body, shapes, volumes)
+    of_change, of_bump = SIZE[d]
+    inside = np.where(uneven > 0, of_change * largest * inverse * uneven, 0.0)
+    through = np.zeros(len(body.facets))
+    sizes = change.size.max(axis=1)
+    if not (mean.size > 0).any():
+        return Undone(upwards(inside), sizes, through, None)
+    ways = _Ways(body, mechanism, keeps, takes, shapes)
+    fluxes, errors = ways.fluxes(-(mean.mid + mean.low), mean.rad + 2 * U * np.abs(mean.mid))
+    most = np.abs(fluxes) + errors
+    reason = ways.fault(fluxes, errors)
+    on_sides = np.zeros(count * (d + 1))  # |flux| over the part of the area vector that is free
+    some = np.flatnonzero((ways.out >= 0) & (most > 0))
+    side = ways.out[some]
+    shares = most[some] / ways.free_area[some]
+    on_sides[side] += shares
+    there = ways.across[side]
+    inner = there >= 0
+    on_sides[there[inner]] += shares[inner]
+    bumps = on_sides.reshape(count, d + 1).sum(axis=1)
+    with np.errstate(invalid="ignore"):
+        whole = volumes + 4 * shapes.volumes.rad
+        bumps = np.where(bumps > 0, of_bump * whole * largest * inverse**2 * bumps, 0.0)
+    gradients = upwards(np.where(np.isfinite(inside + bumps), inside + bumps, np.inf), count)
+    sizes = np.where(keeps, sizes, np.sqrt(d) * gradients)
+    at = np.full(count * (d + 1), -1)
+    at[body.outer] = np.arange(len(body.outer))
+    leaves = some[~inner]
+    through[at[ways.out[leaves]]] = most[leaves] * ways.tilt[leaves]
+    return Undone(gradients, sizes, upwards(through), reason)
+
+
+class _Ways:
+    """The way of volume out of each cell that keeps its own.
+
+    Attributes:
+        out: Side through which it leaves, −1 of other cells and of roots without a way out.
+        free_area: Size of the part of the area vector there along which nothing is held.
+        tilt: Area over that.
+        across: Side on the other side of each, −1 of outer ones.
+    """
+
+    def __init__(
+        self, body: Body, mechanism: Mechanism, keeps: Flags, takes: Flags, shapes: Shapes
+    ) -> None:
+        d, wide, count = body.dim, body.dim + 1, len(body.cells)
+        self._body, self._mechanism, self._keeps, self._shapes = body, mechanism, keeps, shapes
+        self.across = across_of(body)
+        areas = shapes.areas.mid.reshape(-1, d)
+        self._sizes = np.linalg.norm(areas, axis=1)
+        free = np.ones((count * wide, d), dtype=bool)
+        free[body.outer] = ~body.held
+        loose = np.linalg.norm(areas * free, axis=1)
+        touch = np.concatenate([body.contacts.ravel(), body.obstacles])
+        pressed = np.isin(body.surface, touch)
+        shut = np.isin(body.surface, body.rigid) | body.guided.any(axis=1)
+        shut |= np.asarray(body.on_axis) | (pressed & body.held.any(axis=1))
+        cells = np.arange(count * wide) // wide
+        opens = np.full(count * wide, 9)  # less is better
+        least = 0.1  # of the area vector that has to be free
+        outer = np.where(shut | (loose < least * self._sizes)[body.outer], 9, 0)
+        opens[body.outer] = np.where(outer == 0, np.where(pressed, 2, 0), 9)
+        opens[body.outer[_sticks(body)]] = 9
+        inner = np.flatnonzero(self.across >= 0)
+        beyond = self.across[inner] // wide
+        grows = body.plastic.copy()
+        grows[body.plastic] = body.cones.grows[body.cone[body.plastic]]
+        opens[inner] = np.where(takes[beyond], 0, np.where(grows[beyond], 1, 9))
+        opens[~keeps[cells]] = 9
+        self._pressed = np.zeros(count * wide, dtype=bool)
+        self._pressed[body.outer] = pressed
+        self._links = (self.across >= 0) & keeps[cells] & keeps[self.across // wide]
+        self._unlike, self._glued = np.zeros(count * wide), self._links.copy()
+        self._join_contacts(shut)
+        opens[self._links] = 9
+        links = np.flatnonzero(self._links)
+        pieces = joined(count, links // wide, self.across[links] // wide)
+        self._pieces = pieces
+        best = np.full(count, 9)
+        np.minimum.at(best, pieces[cells], opens)
+        chosen = (opens < 9) & (opens == best[pieces[cells]])
+        self.out = np.full(count, -1)
+        some = np.flatnonzero(chosen)
+        some = some[np.lexsort([loose[some], cells[some]])]
+        some = some[np.append(np.diff(cells[some]) != 0, True)[: len(some)]]
+        self.out[cells[some]] = some
+        roots = cells[some]
+        none = np.flatnonzero(keeps & (best[pieces] == 9))
+        none = none[np.lexsort([body.volumes[none], pieces[none]])]
+        self._closed = none[np.append(np.diff(pieces[none]) != 0, True)[: len(none)]]
+        self._levels = self._tree(np.concatenate([roots, self._closed]))
+        at = np.maximum(self.out, 0)
+        self.free_area = np.where(self.out >= 0, loose[at], 1.0) * (1 - 1e-12)
+        self.tilt = np.where(self.out >= 0, self._sizes[at], 1.0) / self.free_area
+
+    def _join_contacts(self, shut: Flags) -> None:
+        """Let volume pass through contact, with the same bump on both sides.
+
+        Areas of facets that touch differ by rounding, and so do the fluxes.
+        """
+        body, wide, d = self._body, self._body.dim + 1, self._body.dim
+        areas = self._shapes.areas.mid.reshape(-1, d)
+        for one, other in body.contacts:
+            pair = touching(body, one, other)
+            open_ = ~(shut[pair.first] | shut[pair.second])
+            sides = [body.outer[of[open_]] for of in (pair.first, pair.second)]
+            both = self._keeps[sides[0] // wide] & self._keeps[sides[1] // wide]
+            a, b = (side[both] for side in sides)
+            for here, there in ((a, b), (b, a)):
+                self.across[here], self._links[here] = there, True
+                dots = np.einsum("fi,fi->f", areas[here], areas[there])
+                self._unlike[here] = np.abs(1 + dots / self._sizes[here] ** 2) + 64 * U
+
+    def _tree(self, roots: Longs) -> list[Longs]:
+        """Find ways to the roots, over large facets; return cells by their distance from these."""
+        wide = self._body.dim + 1
+        seen = ~self._keeps
+        seen[roots] = True
+        levels = [roots]
+        while len(levels[-1]):
+            ways = (levels[-1][:, None] * wide + np.arange(wide)).ravel()
+            there = self.across[ways[self._links[ways]]]
+            there = there[~seen[there // wide]]
+            there = there[np.lexsort([self._sizes[there], there // wide])]
+            there = there[np.append(np.diff(there // wide) != 0, True)[: len(there)]]
+            cells = there // wide
+            self.out[cells], seen[cells] = there, True
+            levels.append(cells)
+        return levels
+
+    def fluxes(self, needed: Floats, errors: Floats) -> tuple[Floats, Floats]:
+        """Return the flux out of each cell that all beyond it and itself need, and errors."""
+        wide = self._body.dim + 1
+        found, off = np.where(self._keeps, needed, 0.0), np.where(self._keeps, errors, 0.0)
+        sizes = np.abs(found)
+        for cells in self._levels[:0:-1]:
+            towards = self.across[self.out[cells]] // wide
+            np.add.at(found, towards, found[cells])
+            np.add.at(sizes, towards, sizes[cells])
+            unlike = self._unlike[self.out[cells]] * (np.abs(found[cells]) + off[cells])
+            np.add.at(off, towards, off[cells] + 8 * U * sizes[cells] + unlike)
+        return found, upwards(off + 8 * U * sizes, len(found))
+
+    def fault(self, fluxes: Floats, errors: Floats) -> str | None:
+        """Return why some volume has no way out, or None.
+
+        Contact parts, and does not enter. Without a way the flux is that of v through the surface.
+        That has to vanish in exact numbers, as it does where all of it is held.
+        """
+        body, wide = self._body, self._body.dim + 1
+        some = np.flatnonzero(self.out >= 0)
+        enters = some[self._pressed[self.out[some]] & (self.across[self.out[some]] < 0)]
+        lost = enters[fluxes[enters] + errors[enters] > 0]
+        if len(self._closed):
+            sides = np.flatnonzero(~self._glued & self._keeps[np.arange(len(self._links)) // wide])
+            closed = np.isin(self._pieces[sides // wide], self._pieces[self._closed])
+            sides = sides[closed]
+            flux = self._through(sides)
+            bad = np.unique(self._pieces[sides[flux > 0] // wide])
+            lost = np.concatenate([lost, self._closed[np.isin(self._pieces[self._closed], bad)]])
+        if not len(lost):
+            return None
+        where = body.vertices[body.cells[lost[0]]].mean(axis=0)
+        return f"{LOST} ({', '.join(f'{x:.6g}' for x in where)})"
+
+    def _through(self, sides: Longs) -> Floats:
+        """Return the size of the flux of v through sides."""
+        body, d = self._body, self._body.dim
+        of = sides_places(body, self._mechanism.places.of_cells, sides)
+        v = self._mechanism.at[of].sum(axis=1)
+        areas = self._shapes.areas.each(lambda part: part.reshape(-1, d)[sides])
+        return contracted(v, areas).size
+
+
+def _sticks(body: Body) -> Flags:
+    """Return which facets cannot part from what they touch along their own normals, at no cost."""
+    found = np.zeros(len(body.facets), dtype=bool)
+    most = 1e6  # friction beside which normals of two facets that touch are not the same
+    rubs = zip(body.contact_adhesion, body.contact_friction, strict=True)
+    for pair, (c, mu) in zip(body.contacts, rubs, strict=True):
+        found[np.isin(body.surface, pair)] |= mu > most or c > 0
+    for tag, normal, c, mu in obstacles_of(body):
+        facets = body.on(tag)
+        along = body.normals[facets] @ normal
+        across = np.linalg.norm(body.normals[facets] - along[:, None] * normal, axis=1)
+        found[facets] |= ~(along > 1.1 * mu * across + 0.1) | (c > 0)
+    return found
+
+
+def sides_places(body: Body, of_cells: Longs, sides: Longs) -> Longs:
+    """Return the places of coefficients on sides, shape (n, 3 or 6)."""
+    d = body.dim
+    corners, number = body.corners[sides % (d + 1)], numbers_in_cell(d)
+    columns = [number[corners[:, a], corners[:, b]] for a in range(d) for b in range(a, d)]
+    own = of_cells[sides // (d + 1)]
+    return np.take_along_axis(own, np.stack(columns, axis=1), axis=1)
