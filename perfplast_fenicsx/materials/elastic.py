@@ -141,7 +141,8 @@ class ElasticSheet(Elastic):
 class Rigid:
     """A rigid block, as of masonry: it moves as a whole, and bears any stress.
 
-    Bounds of the limit load alone know it. Where no body can yield, joints alone limit the load.
+    Bounds of limit loads and factors of safety alone know it. Where no body can yield, joints alone
+    limit the load.
     """
 
     law: ClassVar[type[ElasticLaw]] = ElasticLaw
@@ -173,8 +174,8 @@ def check_deforms(materials: Mapping[str, object]) -> None:
         if isinstance(material, Rigid):
             raise InputError(
                 f"the body '{name}' has law = 'rigid', which has no stiffness, and only bounds of"
-                " the limit load know it; give control = 'bounds', or law = 'elastic' with young"
-                " and poisson."
+                " limit loads and factors of safety know it; give control = 'bounds' or"
+                " 'strength', or law = 'elastic' with young and poisson."
             )
 
 
