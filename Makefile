@@ -3,13 +3,14 @@
 export LIMIT = 3600
 RUN = timeout --foreground --kill-after=30 $(LIMIT) ./fenicsx
 
-.PHONY: help demo test pip-test verify lint docs image-test package clean
+.PHONY: help demo test pip-test verify tribunal lint docs image-test package clean
 
 help:
 	@echo 'make demo        two blocks pressed together, on 2 MPI ranks'
 	@echo 'make test        the tests on 1 rank, some of them on 2, a few on 3'
 	@echo 'make pip-test    the demo and a twentieth of the tests with the packages of PyPI'
 	@echo 'make verify      all that make test leaves out; PART=random runs one part of it'
+	@echo 'make tribunal    published factors of safety judged: docs/tribunal.md; NAMES="cheng" selects'
 	@echo 'make bench       how fast and how large: benchmarks/README.md (hours)'
 	@echo 'make lint        ruff and mypy'
 	@echo 'make docs        the documentation site, in build/docs/index.html'
@@ -68,6 +69,10 @@ verify-two-ranks-solvers:
 verify-two-ranks-rest:
 	$(TWO_RANKS) tests --ignore=tests/limit_analysis --ignore=tests/proof --ignore=tests/solvers \
 		--ignore=tests/contact --ignore=tests/problem --ignore=tests/materials
+
+# What was solved is not solved again: build/tribunal keeps bounds and proofs.
+tribunal: environment
+	$(RUN) python3 demos/tribunal/tribunal.py --publish $(if $(NAMES),--only $(NAMES))
 
 # CASES="start punch_16" chooses, ROUNDS=1 runs each once
 .PHONY: bench

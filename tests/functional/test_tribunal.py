@@ -1,0 +1,235 @@
+"""Published factors of safety before a proof: the judge, the tables, the cases, the page."""
+
+import csv
+import math
+import shutil
+import tomllib
+from dataclasses import replace
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from demos.tribunal import tribunal
+from demos.tribunal.log_spiral import Slope, least, ratio, slope_of, upper_bound
+from demos.tribunal.tribunal import BELOW, IMPOSSIBLE, POSSIBLE, UNDECIDED, Published, Solved
+from perfplast_fenicsx.__main__ import main as command_line
+from perfplast_fenicsx.cli.parser import SOLVED
+
+pytestmark = [pytest.mark.serial, pytest.mark.usefixtures("undrawn")]
+
+CASES = tribunal.all_cases()
+PUBLISHED = tribunal.read(Published, tribunal.HERE / tribunal.PUBLISHED)
+STORED = {row.problem: row for row in tribunal.read(Solved, tribunal.HERE / tribunal.BOUNDS)}
+SHORT = ("pruska_01", "arai_tagyo_3")
+"""Those that ``make test`` checks; ``make verify`` checks all."""
+MOST_LINES = 25
+
+
+@pytest.mark.parametrize(
+    ("value", "lower", "upper", "word", "percent"),
+    [
+        ("1.22", "1.2144", "1.2228", POSSIBLE, None),
+        ("1.23", "1.2144", "1.225", POSSIBLE, None),
+        ("1.23", "1.2144", "1.22499", IMPOSSIBLE, "0.00"),
+        ("1.31", "1.2144", "1.2228", IMPOSSIBLE, "6.72"),
+        ("1.310", "1.2144", "1.2228", IMPOSSIBLE, "7.09"),
+        ("1.21", "1.215", "1.2228", POSSIBLE, None),
+        ("1.21", "1.21501", "1.2228", BELOW, "0.00"),
+        ("1.4", "1.3745", "1.3801", POSSIBLE, None),
+        ("2", "1.5", "1.6", POSSIBLE, None),
+        ("1.31", "", "1.2228", IMPOSSIBLE, "6.72"),
+        ("1.22", "", "1.2228", UNDECIDED, None),
+        ("1.00", "1.2144", "", BELOW, "17.24"),
+        ("1.31", "1.2144", "", UNDECIDED, None),
+        ("1.31", "", "", UNDECIDED, None),
+    ],
+)
+def test_verdicts(value: str, lower: str, upper: str, word: str, percent: str | None) -> None:
+    low, high = (Decimal(text) if text else None for text in (lower, upper))
+    found = tribunal.judge(value, low, high)
+    assert (found.word, tribunal.percent(found)) == (word, percent or "")
+    assert tribunal.judge(value, low, high, doubt="two unit weights").word == UNDECIDED
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_case_is_short(name: str) -> None:
+    lines = CASES[name].read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= MOST_LINES
+    assert lines[0].startswith("# ")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(it, marks=[] if it in SHORT else pytest.mark.long) for it in CASES]
+)
+def test_a_case_can_be_run(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = shutil.copy(CASES[name], tmp_path)
+    assert command_line(["check", str(case)]) == SOLVED
+    assert "can be run" in capsys.readouterr().out
+
+
+def test_numbers_have_a_source_and_a_case() -> None:
+    assert {number.problem for number in PUBLISHED} == CASES.keys()
+    assert len({(it.problem, it.value, it.program, it.source) for it in PUBLISHED}) == len(
+        PUBLISHED
+    )
+    for number in PUBLISHED:
+        assert number.method in tribunal.METHODS
+        assert float(number.value) > 0
+        assert number.quantity.startswith("factor of safety")
+        assert number.program and number.source
+        assert number.year == "undated" or number.year[:4].isdigit()
+
+
+def test_stored_bounds_are_of_the_cases_and_in_order() -> None:
+    assert STORED.keys() <= CASES.keys()
+    for name, row in STORED.items():
+        assert row.case == tribunal.checksum(CASES[name]), f"solve {name} again: make tribunal"
+        low, high = row.sides
+        assert low is None or high is None or low <= high
+        assert low is None or not row.spiral or low <= Decimal(row.spiral)
+        assert bool(low) == bool(row.stands) and bool(high) == bool(row.falls)
+
+
+def test_the_page_and_the_verdicts_are_those_of_the_stored_bounds(tmp_path: Path) -> None:
+    page = tribunal.page(CASES, PUBLISHED, STORED)
+    assert page == tribunal.PAGE.read_text(encoding="utf-8"), "make tribunal writes it"
+    tribunal.write_verdicts(tmp_path / "new.csv", tribunal.judged(PUBLISHED, STORED))
+    stored = (tribunal.HERE / tribunal.VERDICTS).read_text(encoding="utf-8")
+    assert (tmp_path / "new.csv").read_text(encoding="utf-8") == stored
+
+
+def test_the_page_shows_each_problem_and_number(tmp_path: Path) -> None:
+    row = Solved("pruska_01", "", "1.21440", "1.22280", "1.22490", "818", "21", "a", "b")
+    page = tribunal.page(CASES, PUBLISHED, {"pruska_01": row})
+    assert f"1 of {len(CASES)} problems have bounds on both sides." in page
+    (line,) = (line for line in page.splitlines() if "(../demos/tribunal/pruska_01.toml)" in line)
+    assert " | 1.21440 | 1.22280 | 0.69 | 21 | 2 | 4 |  |  | 1.22490 |" in line
+    assert page.count("\n| Pruška (2003): H = 7 m, γ = 24, c = 20, φ = 10° | ") == 7
+
+
+def test_what_was_solved_is_not_solved_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A case that fails leaves the others alone; a case that was changed is solved again."""
+    home = tmp_path / "tribunal"
+    home.mkdir()
+    for name in ("pruska_01", "pruska_02"):
+        shutil.copy(CASES[name], home)
+    rows = [
+        line
+        for line in (tribunal.HERE / "published.csv").read_text("utf-8").splitlines()
+        if line.startswith(("problem,", "pruska_01,", "pruska_02,"))
+    ]
+    (home / "published.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    solved: list[str] = []
+
+    def solve(case: Path, folder: Path) -> Solved:
+        solved.append(case.stem)
+        if case.stem == "pruska_02":
+            raise tribunal.Failed("it has too few cells")
+        sum_ = tribunal.checksum(case)
+        return Solved(case.stem, sum_, "1.21440", "1.22280", "", "818", "21", "a", "b")
+
+    monkeypatch.setattr(tribunal, "HERE", home)
+    monkeypatch.setattr(tribunal, "solve", solve)
+    arguments = ["-o", str(tmp_path / "out")]
+    assert tribunal.main(arguments) == 1
+    assert "pruska_02 has no bounds: it has too few cells" in capsys.readouterr().out
+    assert tribunal.main([*arguments, "--only", "pruska_01"]) == 0
+    assert solved == ["pruska_01", "pruska_02"]
+    with (home / "pruska_01.toml").open("a", encoding="utf-8") as case:
+        case.write("# changed\n")
+    assert tribunal.main([*arguments, "--only", "pruska_01"]) == 0
+    assert solved == ["pruska_01", "pruska_02", "pruska_01"]
+    with (tmp_path / "out" / "verdicts.csv").open(encoding="utf-8") as file:
+        words = {
+            row["program"]: row["verdict"]
+            for row in csv.DictReader(file)
+            if row["problem"] == "pruska_01"
+        }
+    assert words["GEO FEM"] == IMPOSSIBLE and words["RS2"] == POSSIBLE
+
+
+@pytest.mark.long
+def test_a_problem_is_solved_and_its_proofs_are_checked(tmp_path: Path) -> None:
+    text = CASES["pruska_01"].read_text(encoding="utf-8")
+    case = tmp_path / "pruska_01.toml"
+    case.write_text(text.replace("until = 0.007", "until = 0.2, cells = 300"), encoding="utf-8")
+    found = tribunal.solve(case, tmp_path / "out")
+    low, high = found.sides
+    assert low is not None and high is not None
+    assert 1.0 < low < high < 1.5 and low < Decimal(found.spiral)
+    proof = tmp_path / "out" / "results" / "stands.h5"
+    assert tribunal.checksum(proof) == found.stands
+    with pytest.raises(tribunal.Failed, match=r"is a proof of F = 1\."):
+        tribunal.check_proof(proof, "lower", 1.5)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", CASES)
+def test_log_spirals_are_above_the_lower_bounds(name: str) -> None:
+    slope = slope_of(tomllib.loads(CASES[name].read_text(encoding="utf-8")))
+    spiral = None if slope is None else upper_bound(slope)
+    if spiral is not None and name in STORED:
+        low, _ = STORED[name].sides
+        assert low is None or low <= spiral
+        assert spiral == pytest.approx(float(STORED[name].spiral), rel=1e-3)
+
+
+SLOPE = Slope(
+    x=np.array([0.0, 4.0, 4.0 + 1 / math.sqrt(3), 9.0]),
+    y=np.array([0.0, 0.0, 1.0, 1.0]),
+    bottom=-3.0,
+    cohesion=1 / 10.39,
+    friction=math.tan(math.radians(20.0)),
+    weight=(0.0, -1.0),
+)
+"""Of 60°, with W. F. Chen's stability number γH/c of φ = 20° (1975, table 9.1)."""
+
+
+def test_a_log_spiral_has_the_stability_number_of_chen() -> None:
+    start = [(3.5, 2.2, 4.0)]
+    assert least(SLOPE, 0.999, start)[0] > 1 > least(SLOPE, 1.001, start)[0]
+
+
+@pytest.mark.long
+def test_the_best_log_spiral_is_found() -> None:
+    assert upper_bound(SLOPE) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_the_work_is_that_of_a_polygon() -> None:
+    """With chords in place of the arc, and with Green's formula."""
+    mechanism, factor = (3.9, 2.2, 4.0), 1.1
+    pole, t = np.array(mechanism[:2]), SLOPE.friction / factor
+    start = np.array([4.0, 0.0]) - pole
+    angle, radius = math.atan2(start[1], start[0]), math.hypot(*start)
+    turned = np.linspace(0, 3, 400_001)
+    r = radius * np.exp(-t * turned)
+    arc = pole + np.column_stack([r * np.cos(angle + turned), r * np.sin(angle + turned)])
+    last = np.flatnonzero(arc[100:, 1] > SLOPE.height(arc[100:, 0]))[0] + 100
+    corner = [[SLOPE.x[2], 1.0]]
+    x, y = (np.vstack([arc[:last], corner]) - pole).T
+    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+    work = float(((x + np.roll(x, -1)) * cross).sum() / 6)
+    spent = SLOPE.cohesion / factor * (radius**2 - r[last] ** 2) / (2 * t)
+    assert ratio(mechanism, SLOPE, factor) == pytest.approx(spent / work, rel=1e-4)
+
+
+def test_slopes_without_a_log_spiral() -> None:
+    for name in ("arai_tagyo_2", "arai_tagyo_3", "fredlund_krahn_seam"):
+        assert slope_of(tomllib.loads(CASES[name].read_text(encoding="utf-8"))) is None
+
+
+def test_a_slope_and_its_mirror_image_are_one() -> None:
+    case = tomllib.loads(CASES["acads_1a"].read_text(encoding="utf-8"))
+    slope = slope_of(case)
+    assert slope is not None
+    top = case["stratum"][0]["top"]
+    mirrored = slope_of(
+        case | {"stratum": [{**case["stratum"][0], "top": [[-x, y] for x, y in top][::-1]}]}
+    )
+    assert mirrored is not None
+    assert mirrored.x == pytest.approx(slope.x) and mirrored.y == pytest.approx(slope.y)
+    assert replace(mirrored, x=slope.x, y=slope.y).weight == slope.weight
