@@ -98,7 +98,12 @@ def cache() -> Finding:
 def libraries() -> Finding:
     """Return the versions of what solves, or why it cannot be loaded."""
     fault = environment.surroundings().fault()
-    return Finding("FAULT", fault) if fault is not None else _apart("solving")
+    if fault is not None:
+        return Finding("FAULT", fault)
+    found = _apart("solving")
+    if found.verdict == "FAULT" and environment.compiler_fault() is not None:
+        return Finding("FAULT", "no form can be compiled: see the C compiler.")
+    return found
 
 
 def launcher() -> Finding:

@@ -165,3 +165,5 @@ def test_the_doctor_names_each_fault_and_remedy(tmp_path: Path) -> None:
     assert "no-such-compiler" in faults[0]
     assert "XDG_CACHE_HOME" in faults[1]
     assert "Traceback" not in run.stdout + run.stderr
+    (solving,) = (line for line in faults if line.startswith("DOLFINx"))
+    assert solving.endswith("no form can be compiled: see the C compiler.")
