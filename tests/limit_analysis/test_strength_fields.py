@@ -295,3 +295,11 @@ def test_a_random_field_of_a_file(shared_tmp_path: Path) -> None:
     problem = square("tresca", read_points(path, "c"), 1.0, 4)
     low, high = values(proven(problem, shared_tmp_path))
     assert 2 * float(values_of.min()) <= low <= high
+
+
+def test_a_formula_that_is_constant_is_a_number() -> None:
+    bounds = [
+        limit_bounds(square("mohr-coulomb", strength, 1.0), 1e-6)
+        for strength in (10.0, Formula("10 + 0*y"))
+    ]
+    assert np.allclose(values(bounds[0]), values(bounds[1]), rtol=1e-10, atol=0.0)
