@@ -142,7 +142,7 @@ def _mesh() -> Iterator[str]:
 
 def _geometry() -> Iterator[str]:
     yield f"{summary(GeometryFile)}\n"
-    yield "Beside `[[region]]` or `[[stratum]]` there is no `file`, and the other keys are the same.\n"
+    yield "Beside `[[region]]` or `[[stratum]]` there is no `file`; other keys are the same.\n"
     meaning = arguments(GeometryFile)
     yield HEAD + row("file", "a string", "required", meaning["file"]) + rows(MeshingOptions)
     yield f"**`[[geometry.face]]`.** {summary(NamedFace)}\n\n{HEAD}{rows(NamedFace)}"

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -301,8 +302,8 @@ def _polygon(given: Sequence[Sequence[float]], what: str) -> Floats:
     for i, j, place in crossings(segments):
         if j - i not in (1, count - 1):
             raise InputError(
-                f"{what} crosses or touches itself at {place_of(place)}; correct its corners, or draw"
-                " two regions."
+                f"{what} crosses or touches itself at {place_of(place)}; correct its corners, or"
+                " draw two regions."
             )
     x, y = (points - points[0]).T
     area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
@@ -312,6 +313,7 @@ def _polygon(given: Sequence[Sequence[float]], what: str) -> Floats:
 
 
 def place_of(point: Sequence[float] | Floats) -> str:
+    """Return the coordinates of a point, for messages."""
     return f"({', '.join(f'{x:.6g}' for x in point)})"
 
 
@@ -350,8 +352,9 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
         back = np.flatnonzero(np.diff(chain[:, 0]) < 0)
         if back.size:
             raise InputError(
-                f"{what} goes back from {place_of(chain[back[0]])} to {place_of(chain[back[0] + 1])}; give"
-                " its points from left to right, or draw a [[region]]."
+                f"{what} goes back from {place_of(chain[back[0]])} to"
+                f" {place_of(chain[back[0] + 1])}; give its points from left to right, or draw a"
+                " [[region]]."
             )
         if np.abs(chain[[0, -1], 0] - ends).max() > ROUNDING * size:
             raise InputError(
@@ -359,7 +362,7 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
                 f" {ends[0]:.6g} to {ends[1]:.6g}; let each reach from end to end, along the next"
                 " one where a stratum has no thickness."
             )
-    for (above, upper), (below, lower) in zip(named[:-1], named[1:], strict=True):
+    for (above, upper), (below, lower) in pairwise(named):
         places = np.unique(np.concatenate([upper[:, 0], lower[:, 0]]))
         left, width = places[:-1], np.diff(places)
         thirds = left[:, None] + width[:, None] * np.array([1, 2]) / 3
@@ -417,8 +420,9 @@ def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
                 p, s = np.argwhere(near)[0]
                 whose = "itself" if name == other else f"'{other}'"
                 raise InputError(
-                    f"'{name}' has the corner {place_of(points[p])}, which is {apart[p, s]:.3g} away"
-                    f" from {whose} at {place_of(nearest[p, s])}; give both the same coordinates."
+                    f"'{name}' has the corner {place_of(points[p])}, which is {apart[p, s]:.3g}"
+                    f" away from {whose} at {place_of(nearest[p, s])}; give both the same"
+                    " coordinates."
                 )
 
 
@@ -446,8 +450,8 @@ def _check_apart(shapes: Sequence[_Shape]) -> None:
             names = [shapes[k].name for k in np.flatnonzero(plan.owners[around].any(axis=0))]
             raise InputError(
                 f"there is a gap between {' and '.join(map(repr, names))}, with an area of"
-                f" {face.area:.4g}, about {place_of(face.point)}; close it, or draw it as a [[region]]"
-                " with opening = true."
+                f" {face.area:.4g}, about {place_of(face.point)}; close it, or draw it as a"
+                " [[region]] with opening = true."
             )
     of_shape = [
         float(sum(f.area for f, at in zip(plan.faces, row, strict=True) if at)) for row in inside

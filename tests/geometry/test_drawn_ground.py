@@ -1,4 +1,4 @@
-"""Ground that is drawn by coordinates: what it is taken to be, and what is refused with its place."""
+"""Ground that is drawn by coordinates: bodies, sides, and what is refused with its place."""
 
 import itertools
 

@@ -39,7 +39,7 @@ def test_areas_of_random_lines_are_those_of_shapely() -> None:
 
 
 def test_lines_that_lie_on_each_other_are_one() -> None:
-    right = SQUARE + [4, 1]
+    right = SQUARE + np.array([4, 1])
     plan = of(sides(SQUARE), sides(right))
     assert sorted(face.area for face in plan.faces) == pytest.approx([16, 16])
     both = plan.owners.all(axis=1)

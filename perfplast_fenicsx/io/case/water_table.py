@@ -1,4 +1,4 @@
-"""``[water]`` of a case file: water in the pores of ground, above it, and as a part of its weight."""
+"""``[water]`` of a case file: water in the pores of ground, above it, and in its weight."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -8,7 +8,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError, nearest
-from perfplast_fenicsx.formulas import WordedFormula
+from perfplast_fenicsx.formulas import LONGEST, WordedFormula
 from perfplast_fenicsx.geometry.drawn_ground import DrawnGround, place_of, points_of
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.schema import at, convert
@@ -38,6 +38,8 @@ class WaterTable:
             [units].
         piezometric: Lines of bodies whose pore pressure follows another level than the table, by
             their names; such water does not press on the surface.
+        ru: The pore pressure over the weight of all that is above, by the names of bodies of drawn
+            ground; from 0 to 1.
         dry: Bodies without pore pressure.
         saturated: Densities of bodies below the table, by their names; those of [gravity] hold
             above it.
@@ -47,6 +49,7 @@ class WaterTable:
     table: list[list[float]] = field(default_factory=list)
     unit_weight: float | None = None
     piezometric: dict[str, list[list[float]]] = field(default_factory=dict)
+    ru: dict[str, float] = field(default_factory=dict)
     dry: list[str] = field(default_factory=list)
     saturated: dict[str, float] = field(default_factory=dict)
     on: str = ""
@@ -124,16 +127,19 @@ def water_of(
     """
     given = _Given(table, ground, gravity, bodies, units)
     given.check_names()
-    weight = given.weight_of_water()
+    weight = given.weight_of_water() if len(given.table) or table.piezometric else 0.0
     lines = {body: given.line(body) for body in bodies}
     loads = list[Load]()
     for body, line in lines.items():
         if line is not None and given.reaches(body, line):
             loads.append(PorePressure(body, given.pressure(weight, body), NAME))
+    above = given.weight_above() if table.ru else []
+    loads += [given.share_of_weight(body, share, above) for body, share in table.ru.items()]
     loads += given.on_surface(weight)
     loads += given.extra_weight()
     used = {id(line): line for line in lines.values() if line is not None}
     kinks = [part for line in used.values() for part in given.kinks(line)]
+    kinks += [part for line, _ in above for part in given.kinks(line, ends=True)]
     return Water(loads, kinks, given.table)
 
 
@@ -149,11 +155,12 @@ class _Given:
         units: Units,
     ) -> None:
         self.said, self.gravity, self.bodies, self.units = table, gravity, bodies, units
-        self.outline = None if ground is None else ground.outline()
         self.shapes = {} if ground is None else dict(ground.shapes)
         self.table: Floats = np.zeros((0, 2))
         if table.table:
             self.table = self._line(table.table, "table")
+        divided = [self.table] if len(self.table) else []
+        self.outline = None if ground is None else ground.with_kinks(divided).outline()
         self.others = {
             body: self._line(points, f"piezometric line of '{body}'")
             for body, points in table.piezometric.items()
@@ -162,9 +169,9 @@ class _Given:
     def check_names(self) -> None:
         """Refuse unknown bodies, and several pressures in one."""
         said = self.said
-        if not (len(self.table) or said.piezometric):
-            raise InputError("no water is given; give table = [[x, y], ...] or piezometric.")
-        kinds = {"piezometric": [*said.piezometric], "dry": said.dry}
+        if not (len(self.table) or said.piezometric or said.ru):
+            raise InputError("no water is given; give table = [[x, y], ...], piezometric or ru.")
+        kinds = {"piezometric": [*said.piezometric], "ru": [*said.ru], "dry": said.dry}
         for kind, names in {**kinds, "saturated": [*said.saturated]}.items():
             for name in names:
                 if name not in self.bodies:
@@ -175,8 +182,8 @@ class _Given:
             own = [kind for kind, names in kinds.items() if body in names]
             if len(own) > 1:
                 raise InputError(
-                    f"'{body}' is in {' and in '.join(own)}, which contradict each other; name it in"
-                    " one of them."
+                    f"'{body}' is in {' and in '.join(own)}, which contradict each other; name it"
+                    " in one of them."
                 )
         if said.saturated and not len(self.table):
             raise InputError(
@@ -202,7 +209,7 @@ class _Given:
         if usual is not None and not least <= given / usual <= most:
             unit = self.units.table()["force_density"]
             raise InputError(
-                f"unit_weight = {given:g} {unit} is {given / usual:.3g} times that of water, which is"
+                f"unit_weight = {given:g} {unit} is {given / usual:.3g} times that of water,"
                 f" {usual:.4g} {unit}; correct it, or [units]."
             )
         if usual is None and self.gravity is not None:
@@ -219,7 +226,7 @@ class _Given:
         """Return the level that the pore pressure of a body follows; None without one."""
         if body in self.others:
             return self.others[body]
-        if body in self.said.dry or not len(self.table):
+        if body in self.said.dry or body in self.said.ru or not len(self.table):
             return None
         return self.table
 
@@ -275,13 +282,75 @@ class _Given:
                 found.append(ForceBelow(body, force, *told))
         return found
 
-    def kinks(self, line: Floats) -> list[Floats]:
-        """Return the line and verticals below its corners, where it is known what is drawn."""
+    def weight_above(self) -> list[tuple[Floats, float]]:
+        """Return lines, and by how much the unit weight below each is larger than that above it.
+
+        The weight above a point is the sum of these differences times the height of each line over
+        the point.
+        """
+        if self.outline is None or self.gravity is None:
+            raise InputError(
+                "ru needs the weight of ground whose surface is known; draw it by [[region]] and"
+                " give [gravity], or give the pressure as a [[load]]."
+            )
+        down = -self.gravity.acceleration[1]
+        if not down > 0:
+            raise InputError(
+                f"ru needs weight along -y, but the acceleration is {self.gravity.acceleration}."
+            )
+        outline, density = self.outline, dict(self.gravity.density)
+        plan, unit = outline.plan, np.zeros(len(outline.face_body) + 1)
+        for number, (face, body) in enumerate(zip(plan.faces, outline.face_body, strict=True)):
+            name = outline.names[body] if body >= 0 else ""
+            wet = len(self.table) and np.interp(face.point[0], *self.table.T) > face.point[1]
+            weights = self.said.saturated if wet and name in self.said.saturated else density
+            unit[number] = down * weights.get(name, 0.0)
+        ends = plan.points[plan.edges]
+        backwards = ends[:, 0, 0] > ends[:, 1, 0]
+        above, below = unit[plan.sides].T
+        more = np.where(backwards, above - below, below - above)
+        ends[backwards] = ends[backwards, ::-1]
+        upright = ends[:, 0, 0] == ends[:, 1, 0]
+        first, last = ends[..., 0].min(), ends[..., 0].max()
+        steps = upright & (more != 0) & (ends[:, 0, 0] > first) & (ends[:, 0, 0] < last)
+        if steps.any():
+            raise InputError(
+                "ru: the weight above the ground jumps below the vertical side at"
+                f" {place_of(ends[np.argmax(steps)].mean(axis=0))}; give that side a slope."
+            )
+        return _joined(ends[~upright & (more != 0)], more[~upright & (more != 0)])
+
+    def share_of_weight(
+        self, body: str, share: float, above: Sequence[tuple[Floats, float]]
+    ) -> PorePressure:
+        """Return the pore pressure that is a share of the weight above."""
+        if not 0 <= share <= 1:
+            raise InputError(f"ru has {share:g} for '{body}'; give a number from 0 to 1.")
+        x = np.concatenate([line[:, 0] for line, _ in above])
+        terms = []
+        for line, more in above:
+            term = f"{_number(share * more)}*maximum({level(line)} - y, 0)"
+            start, end = line[0, 0], line[-1, 0]
+            if start > x.min() or end < x.max():
+                until = f"x < {_number(end)}" if end < x.max() else f"x <= {_number(end)}"
+                term = f"where((x >= {_number(start)}) & ({until}), {term}, 0)"
+            terms.append(term)
+        text = " + ".join(terms)
+        if len(text) > LONGEST:
+            raise InputError(
+                f"ru of '{body}': the ground above has too many corners; leave out some of them."
+            )
+        words = f"{share:g} times the weight of the ground above"
+        return PorePressure(body, WordedFormula(text, words), NAME)
+
+    def kinks(self, line: Floats, ends: bool = False) -> list[Floats]:
+        """Return a line and verticals below its corners, and below its ends if they count."""
         if self.outline is None:
             return []
         lowest = min(float(corners[:, 1].min()) for corners in self.shapes.values())
         slopes = np.diff(line[:, 1]) / np.diff(line[:, 0])
         bent = line[1:-1][slopes[1:] != slopes[:-1]]
+        bent = np.concatenate([bent, line[[0, -1]]]) if ends else bent
         down = [np.array([[x, y], [x, lowest]]) for x, y in bent if y > lowest]
         return [line, *down]
 
@@ -326,6 +395,24 @@ def level(points: Floats) -> str:
             along = f"x - {_number(start)}"
             text += f" + {_number(bend)}*" + (f"maximum({along}, 0)" if number else f"({along})")
     return text
+
+
+def _joined(ends: Floats, values: Floats) -> list[tuple[Floats, float]]:
+    """Return polylines of the edges that continue each other and have the same value.
+
+    Args:
+        ends: Of each edge, from left to right, shape (n, 2, 2).
+        values: Of each edge, shape (n,).
+    """
+    found: list[tuple[list[Floats], float]] = []
+    for k in np.lexsort((ends[:, 0, 1], ends[:, 0, 0])):
+        alike = (line for line, value in found if abs(value - values[k]) <= 1e-12 * abs(value))
+        before = next((line for line in alike if (line[-1] == ends[k, 0]).all()), None)
+        if before is None:
+            found.append(([ends[k, 0], ends[k, 1]], float(values[k])))
+        else:
+            before.append(ends[k, 1])
+    return [(np.array(line), value) for line, value in found]
 
 
 def _deepest(corners: Floats, line: Floats, closed: bool) -> tuple[float, Floats]:

@@ -62,6 +62,35 @@ def test_saturated_ground_weighs_more_below_the_table() -> None:
         more.cells_below(np.array([[[0.0, 17.0], [1, 17], [0, 19]]]))
 
 
+def test_a_share_of_the_weight_above() -> None:
+    """Of ground in layers of other weights, one of which ends within."""
+    low: list[list[float]] = [[0.0, 0], [60, 0], [60, 10], [40, 10], [20, 12], [0, 16]]
+    top: list[list[float]] = [[0.0, 20], [20, 20], [40, 10], [20, 12], [0, 16]]
+    ground = DrawnGround([Region("top", top), Region("soil", low)])
+    weight = GravityTable([0.0, -2.0], {"soil": 19.0, "top": 17.0})
+    bodies = ["soil", "top"]
+    said = WaterTable(ru={"soil": 0.5, "top": 0.25})
+    soil, upper = water_of(said, ground, weight, bodies, Units()).loads
+    x = np.array([[20.0, 2, 0], [50, 4, 0], [10, 14, 0], [40, 10, 0], [40, 0, 0], [30, 11, 0]])
+    assert isinstance(soil, PorePressure) and isinstance(soil.value, str)
+    wanted = [8 * 17 + 10 * 19, 6 * 19, 6 * 17, 0, 10 * 19, 4 * 17]
+    assert evaluate(soil.value, x, "") == pytest.approx(np.array(wanted, dtype=float))
+    assert isinstance(upper, PorePressure) and isinstance(upper.value, str)
+    assert evaluate(upper.value, x, "") == pytest.approx(np.array(wanted) / 2)
+    lines = [
+        line[[0, -1]].tolist() for line in water_of(said, ground, weight, bodies, Units()).kinks
+    ]
+    assert [[20, 20], [20, 0]] in lines and [[40, 10], [40, 0]] in lines
+
+
+def test_saturated_ground_counts_in_the_weight_above() -> None:
+    said = WaterTable([[0, 9], [60, 9]], ru={"soil": 1.0}, saturated={"soil": 20.0})
+    load = water_of(said, SLOPE, WEIGHT, ["soil"], METRES).loads[0]
+    assert isinstance(load, PorePressure) and isinstance(load.value, str)
+    found = evaluate(load.value, np.array([[10.0, 5, 0], [50, 9.5, 0]]), "")
+    assert found == pytest.approx(np.array([11 * 19 + 4 * 20, 0.5 * 19]))
+
+
 def test_units_have_their_unit_weight_of_water() -> None:
     for system, weight in {"m-MN-MPa": 9.81e-3, "SI": 9810.0, "ft-lbf-psf": 62.45}.items():
         (load,) = water(units=Units(system=system), table=INSIDE).loads  # type: ignore[arg-type]
@@ -78,7 +107,7 @@ def test_units_have_their_unit_weight_of_water() -> None:
         ({"table": [[0, 5], [50, 5]]}, "goes from x = 0 to 50, but the ground from 0 to 60"),
         (
             {"table": [[0, -5], [60, -1]]},
-            r"below all of the ground, whose lowest point is \(0, 0\)",
+            r"is below all of the ground, whose .* is \(0, 0\)",
         ),
         ({"table": [[0, 5], [30, 6], [30, 7], [60, 7]]}, r"from \(30, 6\) to \(30, 7\)"),
         ({"table": INSIDE, "unit_weight": 9.81e-3}, r"9\.81 kN/m\^3; correct it, or \[units\]"),
@@ -89,6 +118,7 @@ def test_units_have_their_unit_weight_of_water() -> None:
             "'soil' is in piezometric and in dry",
         ),
         ({"table": INSIDE, "saturated": {"soil": 18.0}}, "18 for 'soil', less than its density 19"),
+        ({"ru": {"soil": 1.5}}, r"ru has 1\.5 for 'soil'; give a number from 0 to 1"),
         ({"piezometric": {"soil": POND}, "saturated": {"soil": 20.0}}, "there is no table"),
     ],
 )
