@@ -27,6 +27,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds
 from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.strength_search import check_curve
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.proof import check
 from tests.checks import assert_refused
@@ -272,6 +273,8 @@ def test_stones_that_fall_or_stand_at_any_factor() -> None:
     assert_refused(
         lambda: factor_of_safety(staying(pushed(0.3, 2.0, 1.0), 0.0)), ["even with F = 100"]
     )
+    joints = staying(pushed(0.3, 2.0, 1.0), 0.2, associated=False)
+    assert_refused(lambda: check_curve(joints), ["no curve of F", "leave path out"])
     kept = staying(pushed(0.3, 2.0, 1.0), 0.2, reduced=False)
     assert_refused(lambda: factor_of_safety(kept), ["no friction that F divides"])
 
