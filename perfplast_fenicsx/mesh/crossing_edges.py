@@ -33,8 +33,8 @@ def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None 
     index_map = topology.index_map(0)
     count = index_map.size_local + index_map.num_ghosts
     owned = topology.index_map(2).size_local
-    sums = la.vector(index_map, 7, dtype=np.float64)
-    table = sums.array.reshape(count, 7)
+    sums = la.vector(index_map, 8, dtype=np.float64)
+    table = sums.array.reshape(count, 8)
     x = points[vertices[:owned]][..., :2]
     tags = np.zeros(owned)
     here = tagged_mesh.cell_tags.indices < owned
@@ -45,6 +45,10 @@ def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None 
         at = vertices[:owned].ravel()
         np.add.at(table[:, :2], at, (ways / lengths[..., None]).reshape(-1, 2))
         np.add.at(table[:, 2], at, 1 / lengths.ravel())
+    opposite = np.linalg.norm(np.roll(x, -1, axis=1) - np.roll(x, -2, axis=1), axis=2)
+    sides = x[:, 1:] - x[:, :1]
+    areas = np.abs(np.linalg.det(sides))
+    np.add.at(table[:, 7], vertices[:owned].ravel(), (opposite / areas[:, None]).ravel())
     for column, values in enumerate((np.ones(owned), tags, tags**2), start=3):
         np.add.at(table[:, column], vertices[:owned].ravel(), np.repeat(values, 3))
     topology.create_connectivity(1, 2)
@@ -63,7 +67,12 @@ def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None 
     nearly = (cells == 4) & alike & (table[:, 6] == 0) & (rounding < bend) & (bend < clear)
     shifted = 0.05  # way of a vertex, over the harmonic mean of the lengths of its edges
     nearly &= True if stays is None else ~stays
-    step = np.where(nearly, shifted * 8 / np.maximum(table[:, 2], 1e-300), 0.0)
+    # No triangle folds: the sum of the inverse heights is at least that of the least height.
+    within = 0.3
+    far = np.minimum(
+        shifted * 8 / np.maximum(table[:, 2], 1e-300), within / np.maximum(table[:, 7], 1e-300)
+    )
+    step = np.where(nearly, far, 0.0)
     nodes = entity_nodes(mesh, 0, np.arange(count, dtype=np.int32)).reshape(-1)
     # Direction of the way; whichever it is, it bends one of the lines.
     way = np.array([0.8, 0.6])

@@ -14,6 +14,8 @@ from dolfinx.mesh import (
 )
 
 from perfplast_fenicsx import PorePressure, TaggedMesh
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import on_kinks
 from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
 from perfplast_fenicsx.spatial_fields import Formula
@@ -60,6 +62,22 @@ def test_nearly_straight_lines_are_bent(shift: float) -> None:
     owned = tagged_mesh.mesh.geometry.index_map().size_local
     assert MPI.COMM_WORLD.allreduce(int(moved[:owned].sum())) == SIZE**2
     assert bend_crossings(tagged_mesh) == 0
+
+
+def test_flat_triangles_are_not_folded() -> None:
+    """A vertex moves by less than the heights of its triangles."""
+    tagged_mesh = crossed(1e-9)
+    mesh = tagged_mesh.mesh
+    mesh.geometry.x[:, 1] *= 0.02
+    cells = geometry_dofmap(mesh)
+
+    def areas() -> Floats:
+        sides = mesh.geometry.x[cells[:, 1:], :2] - mesh.geometry.x[cells[:, :1], :2]
+        return np.asarray(np.linalg.det(sides))
+
+    before = areas()
+    assert bend_crossings(tagged_mesh) == SIZE**2
+    assert (areas() * before > 0).all()
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e-2])
