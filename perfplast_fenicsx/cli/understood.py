@@ -142,6 +142,9 @@ class _Told:
         self.lines.append(
             f"Water: largest pore pressure {most}; {flow.iterations} iterations of SNES-VI"
         )
+        if flow.uncertainty is not None:
+            apart = f"{_number(flow.uncertainty)}{f' {unit}' if unit else ''}"
+            self.lines.append(f"  with edges half as long, pressures differ by at most {apart}")
         for name, discharge in flow.discharges.items():
             way = "enters" if discharge > 0 else "leaves"
             told = f"{_number(abs(discharge))} {way} per unit of time"

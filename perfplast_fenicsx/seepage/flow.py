@@ -25,7 +25,7 @@ saturated. SNES-VI takes semismooth Newton steps for these conditions (``vinewto
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -41,9 +41,10 @@ from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.errors import InputError, nearest, on_rank0
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.linear_field import LinearField
+from perfplast_fenicsx.mesh.refinement import refine
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.mesh.whole_mesh import WholeMesh, whole_mesh
+from perfplast_fenicsx.mesh.whole_mesh import whole_mesh
 from perfplast_fenicsx.seepage.declared import Head, Seepage
 from perfplast_fenicsx.solvers.linear.petsc_options import SEEPAGE, own_prefix
 
@@ -55,6 +56,9 @@ PASSES = 1e-6
 
 ROUNDING = 1e-9
 """Discharge of a surface that counts as none, over the largest one."""
+
+MOST_COMPARED = 50_000
+"""Cells of a mesh up to which the flow is compared with that on a finer one."""
 
 MOST_ITERATIONS = 100
 """Newton steps after which the flow counts as not found; usual are 5 to 20."""
@@ -89,6 +93,8 @@ class SteadyFlow:
         iterations: Newton steps of SNES-VI.
         axis: Number of the coordinate that points upwards.
         unit_weight: Unit weight of water.
+        uncertainty: Largest difference from the pressure on a mesh whose edges are half as long
+            (stress); None if that mesh would be too large.
     """
 
     points: Floats
@@ -101,6 +107,7 @@ class SteadyFlow:
     iterations: int
     axis: int
     unit_weight: float
+    uncertainty: float | None = None
 
     @property
     def pressures(self) -> Floats:
@@ -134,6 +141,7 @@ class SteadyFlow:
             "imbalance": self.imbalance,
             "iterations": self.iterations,
             "largest_pressure": float(self.pressures.max(initial=0.0)),
+            "uncertainty": self.uncertainty,
         }
 
 
@@ -189,11 +197,30 @@ def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
     dim = tagged_mesh.mesh.geometry.dim
     if seepage.axis >= dim:
         raise InputError(f"up = '{seepage.up}' is no coordinate of {dim} dimensions; give 'y'.")
-    copy = whole_mesh(tagged_mesh)
-    network = Network(copy, seepage)
-    lower, upper, start = network.obstacles(copy, seepage)
-    found = on_rank0(tagged_mesh.mesh.comm, lambda: solve_flow(network, lower, upper, start))
-    w, iterations = tagged_mesh.mesh.comm.bcast(found)
+    copy, comm = whole_mesh(tagged_mesh), tagged_mesh.mesh.comm
+    flow: SteadyFlow = comm.bcast(on_rank0(comm, lambda: _judged(copy, seepage)))
+    return flow
+
+
+def _judged(mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
+    """Return the flow on a mesh of this rank alone, compared with that on a finer one."""
+    flow, cells = _flow(mesh, seepage), len(corners(mesh.mesh)[0])
+    if cells > MOST_COMPARED:
+        return flow
+    finer = _flow(refine(mesh, np.ones(cells, dtype=bool)).tagged_mesh, seepage)
+    apart = []
+    for body, there in finer.bodies.items():
+        cells_there = finer.cells[there]
+        coarse = flow.pressure_in(body).at_corners(finer.points[cells_there])
+        apart.append(np.abs(coarse - finer.pressures[cells_there]).max())
+    return replace(flow, uncertainty=float(max(apart)))
+
+
+def _flow(mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
+    """Return the flow on a mesh of this rank alone."""
+    network = Network(mesh, seepage)
+    lower, upper, start = network.obstacles(mesh, seepage)
+    w, iterations = solve_flow(network, lower, upper, start)
     outflow = -network.leaving(w)
     # A lowest point of an outlet that no water reaches may have any saturation, and so has none.
     through = np.abs(outflow)
@@ -203,7 +230,7 @@ def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
     counted = np.zeros(len(w), dtype=bool)
     named = [(head.name or head.on, head.on) for head in seepage.head]
     for name, surface in [*named, *((outlet, outlet) for outlet in seepage.outlet)]:
-        there = network.on(copy, surface) & ~counted
+        there = network.on(mesh, surface) & ~counted
         discharges[name] = discharges.get(name, 0.0) - float(outflow[there].sum())
         counted |= there
     most = max(map(abs, discharges.values()))
@@ -236,13 +263,13 @@ class Network:
         rounding: Norm of F that rounding leaves (volume per time).
     """
 
-    def __init__(self, copy: WholeMesh, seepage: Seepage) -> None:
+    def __init__(self, mesh: TaggedMesh, seepage: Seepage) -> None:
         """Gather the cells of bodies with a conductivity. Not collective.
 
         Raises:
             InputError: If a name is unknown, or a conductivity invalid.
         """
-        vertices, x = corners(copy.mesh)
+        vertices, x = corners(mesh.mesh)
         dim = x.shape[1]
         cells: list[Longs] = []
         conductivities: list[Floats] = []
@@ -250,10 +277,10 @@ class Network:
         begin = 0
         self.bodies: dict[str, slice] = {}
         for number, body in enumerate(seepage.conductivity):
-            if body not in copy.volumes:
-                hint = nearest(body, list(copy.volumes))
+            if body not in mesh.volumes:
+                hint = nearest(body, list(mesh.volumes))
                 raise InputError(f"conductivity names '{body}', no body; {hint}")
-            there = copy.cells(body)
+            there = mesh.cells(body)
             self.bodies[body] = slice(begin, begin + len(there))
             begin += len(there)
             cells.append(vertices[there].astype(np.int64))
@@ -279,14 +306,14 @@ class Network:
         self._falls = self._conductances * (z[i] - z[j])
         self._from = np.where(self._falls > 0, i, j)
 
-    def on(self, copy: WholeMesh, surface: str) -> npt.NDArray[np.bool_]:
+    def on(self, mesh: TaggedMesh, surface: str) -> npt.NDArray[np.bool_]:
         """Return which points lie on a surface.
 
         Raises:
             InputError: If there is no such surface, or it is on no body with a conductivity.
         """
         found = np.zeros(len(self.points), dtype=bool)
-        found[self._facets(copy, surface).ravel()] = True
+        found[self._facets(mesh, surface).ravel()] = True
         if not found.any():
             raise InputError(
                 f"the surface '{surface}' is on no body with a conductivity; give its body one, or"
@@ -294,15 +321,15 @@ class Network:
             )
         return found
 
-    def _facets(self, copy: WholeMesh, surface: str) -> Longs:
+    def _facets(self, mesh: TaggedMesh, surface: str) -> Longs:
         """Return the points of the facets of a surface, shape (num_facets, d)."""
-        topology = copy.mesh.topology
+        topology = mesh.mesh.topology
         topology.create_connectivity(topology.dim - 1, 0)
         vertices = topology.connectivity(topology.dim - 1, 0).array.reshape(-1, topology.dim)
-        numbers = self.numbers[vertices[copy.facets(surface)]]
+        numbers = self.numbers[vertices[mesh.facets(surface)]]
         return numbers[(numbers >= 0).all(axis=1)]
 
-    def obstacles(self, copy: WholeMesh, seepage: Seepage) -> tuple[Floats, Floats, Floats]:
+    def obstacles(self, mesh: TaggedMesh, seepage: Seepage) -> tuple[Floats, Floats, Floats]:
         """Return lower and upper bounds of w, and where to begin, shape (num_points,) each.
 
         Raises:
@@ -314,9 +341,9 @@ class Network:
         level, who = np.full(count, np.nan), np.zeros(count, dtype=np.int64)
         rounding = COINCIDE * self.height
         for number, head in enumerate(seepage.head):
-            there = self.on(copy, head.on)
+            there = self.on(mesh, head.on)
             upper[there] = np.minimum(upper[there], 1.0)
-            self._check_level(copy, head, there)
+            self._check_level(mesh, head, there)
             wet = there & (z <= head.level + rounding)
             twice = wet & np.isfinite(level) & (np.abs(level - head.level) > rounding)
             if twice.any():
@@ -328,7 +355,7 @@ class Network:
                 )
             level[wet], who[wet] = head.level, number
         for outlet in seepage.outlet:
-            there = self.on(copy, outlet)
+            there = self.on(mesh, outlet)
             upper[there] = np.minimum(upper[there], 1.0)
         known = np.isfinite(level)
         self._check_parts(known, known | (upper <= 1.0))
@@ -338,7 +365,7 @@ class Network:
         lower[known] = upper[known] = start[known] = fixed
         return lower, upper, start
 
-    def _check_level(self, copy: WholeMesh, head: Head, there: npt.NDArray[np.bool_]) -> None:
+    def _check_level(self, mesh: TaggedMesh, head: Head, there: npt.NDArray[np.bool_]) -> None:
         """Refuse a level below its surface, and one in the middle of a facet that it presses on."""
         z, rounding = self.points[:, self.axis], COINCIDE * self.height
         lowest = float(z[there].min())
@@ -348,10 +375,10 @@ class Network:
                 f" whose lowest point has the height {lowest:g}; give a higher level, or name the"
                 " surface in outlet."
             )
-        above = z[self._facets(copy, head.on)] - head.level
+        above = z[self._facets(mesh, head.on)] - head.level
         cut = (above.min(axis=1) < -rounding) & (above.max(axis=1) > rounding)
         if head.presses and cut.any():
-            at = self.points[self._facets(copy, head.on)[np.argmax(cut)]].mean(axis=0)
+            at = self.points[self._facets(mesh, head.on)[np.argmax(cut)]].mean(axis=0)
             raise InputError(
                 f"the level {head.level:g} of the water at '{head.on}' crosses a facet near"
                 f" {_place(at)}; put a point of the drawing at that height, so that the mesh has a"

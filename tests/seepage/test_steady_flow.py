@@ -35,7 +35,11 @@ Where = Callable[[npt.NDArray[Any]], npt.NDArray[np.bool_]]
 
 
 def grid(
-    x: Floats, y: Floats, surfaces: Mapping[str, Where], seam: float | None = None
+    x: Floats,
+    y: Floats,
+    surfaces: Mapping[str, Where],
+    seam: float | None = None,
+    bent: Callable[[Floats], Floats] = lambda points: points,
 ) -> TaggedMesh:
     """Return rectangles, each of two triangles whose diagonals alternate.
 
@@ -44,6 +48,7 @@ def grid(
         y: Coordinates of the rows.
         surfaces: Where named parts of the boundary lie.
         seam: Height above which the body is "above", with vertices of its own; else one body.
+        bent: Where the points go.
     """
     parts = [y] if seam is None else [y[y <= seam + 1e-12], y[y >= seam - 1e-12]]
     points, cells, bodies, begin = [], [], [], 0
@@ -60,10 +65,10 @@ def grid(
         bodies += [body] * 2 * len(i)
         begin += len(points[-1])
     lead = COMM.rank == 0
-    nodes, corners = np.concatenate(cells), np.concatenate(points)
+    nodes, places = np.concatenate(cells), bent(np.concatenate(points))
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
     mesh = create_mesh(
-        COMM, nodes if lead else nodes[:0], x=corners if lead else corners[:0], e=ufl.Mesh(element)
+        COMM, nodes if lead else nodes[:0], x=places if lead else places[:0], e=ufl.Mesh(element)
     )
     topology = mesh.topology
     topology.create_connectivity(1, 2)
@@ -140,6 +145,31 @@ def test_sheet_pile_in_a_layer(depth: float, exact: float) -> None:
     flow = steady_flow(grid(x, y, surfaces), Seepage(9.81, {"ground": 1.0}, heads))
     assert flow.discharges["gap"] == pytest.approx(exact, rel=3e-3)
     assert flow.imbalance < 1e-10
+
+
+def test_drain_under_a_dam() -> None:
+    """Kozeny's flow to a horizontal drain, from a face that is a parabola of equal heads: q = 0.3.
+
+    z = −(φ + iψ)²/2q with k = 1: the face is φ = 1, the base ψ = 0, the drain φ = 0.
+    """
+    q, end = 0.3, 0.6
+    tip = 1 / (1 + 2 * q * end)  # share of the base that is not drained
+
+    def bent(points: Floats) -> Floats:
+        share, y = points.T
+        face = (q * np.minimum(y, 1.0) ** 2 - 1 / q) / 2
+        return np.column_stack([face + share * (end - face), y])
+
+    surfaces: dict[str, Where] = {
+        "face": lambda x: np.isclose(x[0], (q * np.minimum(x[1], 1.0) ** 2 - 1 / q) / 2),
+        "drain": lambda x: np.isclose(x[1], 0.0) & (x[0] > -1e-9),
+    }
+    before, beyond = tip * (1 - steps(1, 0, 49) ** 1.5), tip + (1 - tip) * steps(0, 1, 17)[1:]
+    rows = np.concatenate([steps(0, 1, 49) ** 1.5, [1.1, 1.2]])
+    mesh = grid(np.concatenate([before, beyond]), rows, surfaces, bent=bent)
+    heads = [Head("face", 1.0)]
+    flow = steady_flow(mesh, Seepage(9.81, {"ground": 1.0}, heads, outlet=["drain"]))
+    assert flow.discharges["face"] == pytest.approx(q, rel=0.02)
 
 
 @pytest.mark.mpi2
