@@ -312,7 +312,7 @@ def _overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Floats, npt.NDA
 
     Args:
         ones: Vertices of simplices, shape (num_pairs, d + 1, d).
-        others: The same of those beside them.
+        others: Vertices of the simplices beside them, of the same shape.
 
     Returns:
         Coordinates in both simplices, each of shape (num_pairs, n, d + 1), and which places there

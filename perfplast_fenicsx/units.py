@@ -100,7 +100,7 @@ class Units:
 
     @property
     def name(self) -> Name | None:
-        """The system that was named, or that length and stress are of; None of others."""
+        """The system that was named, or that length and stress are of; None for others."""
         if self.system is not None:
             return self.system
         for name, system in SYSTEMS.items():

@@ -130,7 +130,7 @@ class _Told:
             if shared := self._shared(load, self.case.loads[:number]):
                 self.lines.append(f"    adds to {shared}")
             if held := self._held_on(load.on, np.abs(found.force) > ROUNDING * total):
-                self.lines.append(f"    a support holds {held} there: no work of these components")
+                self.lines.append(f"    a support holds {held} there; these components do no work")
 
     def water(self) -> None:
         """Print how much water enters and leaves the ground where, and its largest pressure."""

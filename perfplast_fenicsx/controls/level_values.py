@@ -49,8 +49,7 @@ def check_rising(values: Sequence[float], what: str) -> None:
     for value in values:
         if value < 0:
             raise InputError(
-                f"values has {value}, but without constant loads {what} are finite numbers >= 0;"
-                " correct it."
+                f"values has {value}, but without constant loads {what} must be >= 0; correct it."
             )
     if len(values) > 1 and values[1] < values[0]:
         raise InputError(

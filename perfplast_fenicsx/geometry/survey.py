@@ -62,7 +62,7 @@ class Face:
         centre: Its centroid, as the mesh has it.
         cad: Its area in the file; None where that is not known.
         round_of: Of a cylinder, its radius and the direction of its axis, such as "R 5, along z";
-            empty of others.
+            empty for others.
     """
 
     number: int

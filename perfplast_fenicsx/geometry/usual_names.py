@@ -117,7 +117,7 @@ def _sides(
 
 
 def _side_of(dim: int, tag: int, around: Floats) -> str:
-    """Return where a flat face lies at the end of its body, such as "z_high"; empty of others."""
+    """Return where a flat face lies at the end of its body, such as "z_high"; empty for others."""
     low, high = box(dim, [tag])
     # boxes are wider by the tolerances of edges, which gaps that were closed have left
     wider = 3 * gmsh.option.getNumber("Geometry.ToleranceBoolean")

@@ -76,18 +76,18 @@ class PrincipalAxes:
 
     @cached_property
     def in_plane(self) -> tuple[Expr, Expr]:
-        """The two in the plane, the larger first."""
+        """The two principal values in the plane, the larger first."""
         mean, *_ = self.circle
         return mean + self.radius, mean - self.radius
 
     @cached_property
     def across(self) -> Expr:
-        """The one out of the plane."""
+        """The principal value out of the plane."""
         return self.circle[3]
 
     @cached_property
     def ordered(self) -> tuple[Expr, Expr, Expr]:
-        """All three, the largest first."""
+        """All three principal values, the largest first."""
         (p, q), z = self.in_plane, self.across
         middle = ufl.max_value(q, ufl.min_value(p, z))
         return ufl.max_value(p, z), middle, ufl.min_value(q, z)

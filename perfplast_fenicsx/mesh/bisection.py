@@ -86,7 +86,7 @@ class _Pieces:
     """Simplices with what is still to be cut of them.
 
     Attributes:
-        cells: As of :class:`Parts`, and so are ``facets`` and ``parents``.
+        cells: As for :class:`Parts`, and so are ``facets`` and ``parents``.
         middle: The vertex between two vertices, −1 for none, shape (n, dim + 1, dim + 1).
         rank: Which edge is cut first, the largest; of the same shape.
     """

@@ -118,10 +118,10 @@ def spread(
     centre are cut in two as well where an edge opposite it has to be, and no edge to it is.
 
     Args:
-        tagged_mesh: As of :func:`refine`, plane.
+        tagged_mesh: As for :func:`refine`, plane.
         corners_to_cut: Of the cells that this rank owns, shape (num_cells, 3).
         centres: Corners at which cells are to stay long, of the same shape.
-        opposite: As of :func:`refine`.
+        opposite: As for :func:`refine`.
     """
     check_refinable(tagged_mesh)
     edges = GluedEdges(tagged_mesh.mesh, _pairs(opposite))
@@ -163,9 +163,9 @@ def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) ->
     """Cut the cells around points of a plane mesh in two, at the edges opposite. Collective.
 
     Args:
-        tagged_mesh: As of :func:`refine`, plane.
+        tagged_mesh: As for :func:`refine`, plane.
         points: Local vertices; each has to be given on all ranks that have it.
-        opposite: As of :func:`refine`.
+        opposite: As for :func:`refine`.
 
     Raises:
         InputError: If cells are curved, or no triangles.
@@ -188,15 +188,15 @@ def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) ->
 def fan_around(
     tagged_mesh: TaggedMesh, edges: npt.NDArray[np.bool_], opposite: Longs | None = None
 ) -> Refined:
-    """Cut cells in space in two, each so that there are two around an edge of it. Collective.
+    """Cut tetrahedra in two through one of their edges. Collective.
 
     They are cut at the edge opposite, and so are the other cells that have it.
 
     Args:
-        tagged_mesh: As of :func:`refine`, of tetrahedra.
-        edges: Edges of each owned cell those that it is to be cut around, in DOLFINx's order, shape
+        tagged_mesh: As for :func:`refine`, of tetrahedra.
+        edges: Edges of each owned cell around which to cut it, in DOLFINx's order, shape
             (num_cells, 6).
-        opposite: As of :func:`refine`.
+        opposite: As for :func:`refine`.
 
     Raises:
         InputError: If cells are curved.

@@ -125,7 +125,7 @@ def _cards(text: str) -> Cards:
             break
         if first[:1] in ("", "+", "*"):
             if row is None:
-                raise InputError(f"the line '{line[:30]}' continues no card; the file is damaged.")
+                raise InputError(f"the line '{line[:30]}' continues nothing; the file is damaged.")
             row += fields
         else:
             row = [name, *fields]

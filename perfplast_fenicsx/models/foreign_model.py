@@ -76,7 +76,7 @@ class ForeignModel:
     Attributes:
         dim: 3, or 2 for a plane one.
         turned: Whether a plane model is half a section of a body of revolution.
-        thickness: Thickness of sheets in plane stress (length); None of all else.
+        thickness: Thickness of sheets in plane stress (length); None for all else.
         points: Shape (n, 3).
         cells: Corners of the simplices, shape (m, dim + 1).
         body: Number of the body of each cell, shape (m,).

@@ -169,7 +169,7 @@ class MeshReader:
         places = np.zeros((len(table), 3))
         places[:, : min(3, table.shape[1] - 1)] = table[:, 1:4]
         if not np.isfinite(places).all():
-            raise InputError(f"line {keyword.number}: *NODE has coordinates that are no numbers.")
+            raise InputError(f"line {keyword.number}: *NODE has coordinates that are not numbers.")
         ids = table[:, 0].astype(np.int64)
         part = self._parts[self._now]
         part.nodes.append((ids, places))

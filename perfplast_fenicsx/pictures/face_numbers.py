@@ -67,11 +67,11 @@ def shared_out(views: Sequence[Room]) -> list[Room]:
 
 
 def labels(room: Room, pixels: tuple[int, int]) -> list[Label]:
-    """Return where the numbers stand; those of small faces beside them, and none on another one.
+    """Return the places of the numbers; those of small faces beside them, and none on another one.
 
     Args:
         room: Room of the faces in a view.
-        pixels: Width and height of it.
+        pixels: Width and height of the view.
     """
     size = np.array(pixels)
     taken = [np.array(place[:2]) for place in room.values()]

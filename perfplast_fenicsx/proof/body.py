@@ -36,7 +36,7 @@ class Body:
         cone_slope: q, shape (num_cones, m), m = 3 in the plane and 6 in space.
         cone_matrix: M, shape (num_cones, m, m).
         cone_sine: s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, which has q = 0
-            and M = 0, NaN of others; shape (num_cones,).
+            and M = 0, NaN for others; shape (num_cones,).
         cone_tension: f of each σ₁ ≤ f beside it, NaN without one; the same.
         cell_strength: What c of its cone is multiplied by at the vertices of each cell, positive
             and linear between them, shape (num_cells, d + 1); 1 where a strength does not vary.

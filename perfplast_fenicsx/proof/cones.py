@@ -65,7 +65,7 @@ class Cones:
         bound: c ≥ 0 (stress), 0 where the set is a cone from zero; shape (num_cones,).
         slope: q, shape (num_cones, m).
         matrix: M, of rank m or m − 1, rows of zeros allowed; shape (num_cones, m, m).
-        sine: s of bounds of principal stresses, of which M and q are zero; NaN of others; shape
+        sine: s of bounds of principal stresses, of which M and q are zero; NaN for others; shape
             (num_cones,).
         tension: f of these, NaN without one and for others.
     """

@@ -236,7 +236,7 @@ def _missing(summary: _Summary) -> Iterator[str]:
         yield "file, or text, of the case"
     for material in summary["given"].get("materials", {}).values():
         if material["kind"] == "Flow" and "kind" not in (material.get("body") or {}):
-            yield "kind of a material that remembers"
+            yield "kind of a material with a history"
     for first in summary["given"].get("initial", []):
         key = {"temperature": "change", "bolt": "preload"}.get(first["kind"], "stress")
         if key not in first:

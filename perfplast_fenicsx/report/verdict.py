@@ -82,8 +82,8 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
     strict = "It is" if len(sides) == 1 else "Both are"
     if estimate:
         stands = (
-            f"{strict} of associated ground that stands for this one, and no bound of it. Of that"
-            f" ground it is proven again by {proof}."
+            f"{strict} proven for the associated ground that replaces this one, and not a bound for"
+            f" this one. This command repeats the proof: {proof}."
         )
         words = f"By Davis' estimate the bodies {', and '.join(sides)}."
         return Verdict("found", words, [says, stands, *beside])

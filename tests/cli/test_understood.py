@@ -328,7 +328,7 @@ CASES = {
     ),
     "a load on what is held": Told(
         HOLD + load("left", "traction = [0.0, 1.0]") + PULL,
-        ("a support holds y there: no work of these components",),
+        ("a support holds y there; these components do no work",),
     ),
     "a load on what a roller holds": Told(
         support("left") + support("right", 'components = "x"') + load("right", "traction = [1, 1]"),

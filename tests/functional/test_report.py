@@ -85,7 +85,7 @@ def change(folder: Path, **values: Any) -> None:
         (
             lambda path: change(path, given={"materials": {"a": {"kind": "Flow"}}}),
             [],
-            "it has no kind of a material that remembers",
+            "it has no kind of a material with a history",
         ),
         (lambda path: (path / "fields/level_0002.vtkhdf").write_text("a"), [], "cannot be read"),
         (lambda path: (path / "model.json").touch(), [], "has model.json, so its results are"),

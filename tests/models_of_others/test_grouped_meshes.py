@@ -185,7 +185,7 @@ def test_broken_unv_is_one_sentence(tmp_path: Path, fault: str) -> None:
         (("GRID    11              0.0", "GRID    11              zero"), "no numbers"),
         (("GRID    11              0.0", "GRID    11      7       0.0"), "coordinate system 7"),
         (("CHEXA   1       1       11", "CHEXA   1       1       99"), "no node 99"),
-        (("BEGIN BULK\n", "BEGIN BULK\n+       1\n"), "continues no card"),
+        (("BEGIN BULK\n", "BEGIN BULK\n+       1\n"), "continues nothing"),
         (("GRID ", "DIRG "), "no nodes"),
     ],
 )

@@ -148,5 +148,7 @@ def _in_directions(envelope: Mapping[str, Any]) -> Iterator[tuple[str, str, floa
             along = rays @ point
             best = int(np.argmax(np.abs(along)))
             if not abs(along[best]) >= (1 - parallel) * np.linalg.norm(point):
-                raise InputError("summary.json has a point of no direction; run the case again.")
+                raise InputError(
+                    "summary.json has a point without a direction; run the case again."
+                )
             yield direction_file(directions[best]), "lower", float(along[best])

@@ -183,7 +183,7 @@ class BodyBounds:
         told = [DRUCKER] if any(not it.associated for it in rubs) else []
         if any(it.associated for it in rubs):
             told.append(
-                "With associated friction surfaces part by its coefficient times their slip; true"
-                " friction, which parts them by less, carries no more than the upper one"
+                "With associated friction surfaces open by the coefficient of friction times their"
+                " slip; true friction opens them less and carries no more than the upper one"
             )
         return ". ".join(told) or None

@@ -30,7 +30,7 @@ def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
     if not strong:
         return ()
     return (
-        f"{share:.1%} of the upper bound is what rounding may leave of the strain of"
+        f"{share:.1%} of the upper bound may come from rounding in the strain of"
         f' {_told(strong)} as strong as the weakest body; make {_them(strong)} law = "elastic"',
     )
 

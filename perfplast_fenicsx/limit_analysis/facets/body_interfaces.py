@@ -28,7 +28,7 @@ class Interface:
         surfaces: Their names, that of the primary body first; one beside an obstacle.
         strength: What tractions they bear.
         obstacle: The obstacle; None between bodies.
-        into: Unit normal into it where it is a half space, shape (d,); None of others.
+        into: Unit normal into it where it is a half space, shape (d,); None for others.
         dilation: μ where bodies part as they slip, else 0.
     """
 

@@ -39,7 +39,7 @@ UNKNOWN = "a load is of a kind that strict bounds do not know"
 
 TWICE = "a surface is in contact with more than one other"
 
-RIGID = "a surface is rigid and in contact, and of the tractions there only sums are known"
+RIGID = "a surface is rigid and in contact, where only the resultant of the tractions is known"
 
 TIED = "surfaces are glued together in the mean alone"
 

@@ -63,7 +63,7 @@ def shakedown_diagram(
         problem: The bodies.
         domain: With two names; the factors of each are multiplied.
         directions: How many, over a quarter of the circle.
-        rtol: As of :func:`shakedown_load`.
+        rtol: As for :func:`shakedown_load`.
         monitor: Called on every rank after each.
         steps: Called on every rank after each step of the interior point method.
 

@@ -1,4 +1,4 @@
-"""A stress in equilibrium with its loads, and what two of them make together.
+"""Stresses in equilibrium with their loads, and weighted means of two of them.
 
 Beside constant loads a stress that has left yield cannot be made smaller. But the mean of two that
 are in equilibrium is so with the mean of their load factors, and yield sets are convex: some of a

@@ -24,7 +24,7 @@ def bound_by_stress(
     though the body has. The multiple that it carries shows where cells must be smaller.
 
     Args:
-        problem: As of :func:`static_bound.strict_lower_bound`, and so are the others.
+        problem: As for :func:`static_bound.strict_lower_bound`, and so are the others.
         rtol: Relative distance of the bound from the best one on this mesh.
         monitor: Called on every rank after each step.
         question: The loads whose factor is sought.

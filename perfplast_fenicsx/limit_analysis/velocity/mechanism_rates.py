@@ -22,7 +22,7 @@ class MechanismRates:
         powers: ε that does the work of stresses, Mandel vectors
             (:meth:`point_strains.PointStrains.power_rates`), shape (count, m).
         count: Points of this rank.
-        gdim: As of :class:`discretisation.Strains`, and so are those that follow.
+        gdim: As for :class:`discretisation.Strains`, and so are those that follow.
         weights: Volume that a point stands for, shape (count,).
         radii: γ, shape (count,).
         slopes: α, shape (count,).

@@ -218,7 +218,7 @@ def _normals(
         V: Displacement space.
         tagged_mesh: Mesh with names.
         support: The support.
-        known: As of :func:`flat_normal`; rows without numbers are left out.
+        known: As for :func:`flat_normal`; rows without numbers are left out.
         nodes: Local nodes of the surface.
 
     Raises:
@@ -284,7 +284,7 @@ def _add_motion(displacement: Floats, offset: Floats, rows: Floats, pivots: Ints
     Args:
         displacement: Shape (num_nodes, gdim).
         offset: What is left of the displacement along each row, shape (gdim, num_nodes).
-        rows: As of :class:`Guides`.
+        rows: As for :class:`Guides`.
         pivots: As ``rows``.
     """
     left = offset.copy()

@@ -26,7 +26,7 @@ def remember_slip(problem: Problem, start: State | None) -> None:
     Elsewhere a level is one step from rest, whatever it starts from.
 
     Args:
-        problem: Moved to where the level is.
+        problem: The problem, moved to the load factor of the level.
         start: The state; None for rest.
     """
     if problem.in_stages and problem.friction.count and start is not None:

@@ -27,9 +27,9 @@ class SupernodalFactors:
         """Make factors from now on where that takes less time. Collective.
 
         Args:
-            ksp: Of MUMPS, with its operators.
-            analysis: Of MUMPS; None without one.
-            prefix: Prefix of options by which users may have said which solver they want.
+            ksp: Solver of MUMPS, with its operators.
+            analysis: Analysis of MUMPS; None without one.
+            prefix: Prefix of the options by which users select a solver.
         """
         # operations for an entry of the factors from which on CHOLMOD is the quicker one
         least = 300.0
