@@ -212,9 +212,9 @@ def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
     The parts are those of Kuhn's division of cubes that lie in the simplex 1 ≥ x₁ ≥ x₂ ≥ ... ≥ 0.
 
     Returns:
-        Barycentric coordinates, shape (num_points, tdim + 1). Shares of the volume, the same shape:
-        the integral of the hat function of each point times each barycentric coordinate, over the
-        volume. They add up to 1.
+        Barycentric coordinates, shape (num_points, tdim + 1), and shares of the volume, of the
+        same shape. A share is the integral of the hat function of a point times a barycentric
+        coordinate, over the volume. They add up to 1.
     """
     corners = []
     for corner in product(range(n), repeat=tdim):
