@@ -7,7 +7,7 @@ TO_COME = "to come"
 
 REFUSALS: Mapping[str, str] = {
     "no limit load to be sought": f"{STAYS}: what hardens without end has no limit load",
-    "is no projection on a yield set": f"{STAYS}: the algorithm is made of that projection",
+    "is not a projection on a yield set": f"{STAYS}: the algorithm is made of that projection",
     "knows no friction": f"{STAYS}: contact is a bound there, and there is no friction",
     "is a formula": (
         f"{STAYS}: stresses are linear in cells, and balance linear tractions; what a body carries"

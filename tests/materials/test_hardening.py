@@ -332,7 +332,7 @@ def test_dissipation_of_a_velocity() -> None:
 
 
 def test_alg2_refuses_it() -> None:
-    with pytest.raises(InputError, match="HardeningLaw is no projection"):
+    with pytest.raises(InputError, match="HardeningLaw is not a projection"):
         AugmentedLagrangian(stack(METAL, METAL))
 
 

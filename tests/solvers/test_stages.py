@@ -219,7 +219,7 @@ def test_names_that_do_not_fit() -> None:
 
 def test_algorithms_that_cannot_remember() -> None:
     problem = bar(ISOTROPIC)
-    with pytest.raises(InputError, match="HardeningFlowLaw is no projection"):
+    with pytest.raises(InputError, match="HardeningFlowLaw is not a projection"):
         AugmentedLagrangian(problem)
     history = LoadingHistory(problem, [Stage({"push": 1.0})])
     with pytest.raises(InputError, match="stages prescribe loads, but the method 'bordered-newton"):
