@@ -103,8 +103,8 @@ def dissipation_of_cells(
     Not collective.
 
     It is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε where they dilate (:mod:`standard_cones`); where
-    principal stresses are bounded see :mod:`principal_cones`. A volume change by rounding that is
-    too small for its deviator counts as admissible.
+    principal stresses are bounded see :mod:`semidefinite_cones`. A volume change by rounding that
+    is too small for its deviator counts as admissible.
 
     Args:
         problem: The bodies.
