@@ -15,6 +15,7 @@ from perfplast_fenicsx.cli.understood import understood
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import read_case
+from perfplast_fenicsx.io.case.geometry_table import GroundInCase
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.total_loads import area_of
@@ -200,3 +201,14 @@ def test_a_mesh_or_file_beside_drawn_ground_is_refused(tmp_path: Path, other: st
     (tmp_path / "slope.toml").write_text(f"{other}\n{text}", encoding="utf-8")
     with pytest.raises(InputError, match=r"draws its ground .* besides; leave out one"):
         read_case(tmp_path / "slope.toml")
+
+
+DRAWN = sorted((Path(__file__).parents[2] / "demos/verification/drawn_ground").glob("*.toml"))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("path", DRAWN, ids=lambda path: path.stem)
+def test_published_slopes_take_25_lines(path: Path) -> None:
+    read = read_case(path)
+    assert read.text.count("\n") <= 25 and ".geo" not in read.text
+    assert isinstance(read.mesh, GroundInCase) and "Surface" in read.mesh.ground.script()
