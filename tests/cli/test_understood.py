@@ -332,7 +332,7 @@ CASES = {
     ),
     "a load on what a roller holds": Told(
         support("left") + support("right", 'components = "x"') + load("right", "traction = [1, 1]"),
-        ("a support holds x there: no work",),
+        ("a support holds x there; these components do no work",),
     ),
     "no name at all for the rest": Told(
         HOLD + PULL, ("Free of all of these (length): 8 without a name",)
