@@ -20,6 +20,7 @@ from perfplast_fenicsx import (
     VonMises,
 )
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.io.results.given_table import given_table
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import Side, profiles_of_cells
@@ -303,3 +304,8 @@ def test_a_formula_that_is_constant_is_a_number() -> None:
         for strength in (10.0, Formula("10 + 0*y"))
     ]
     assert np.allclose(values(bounds[0]), values(bounds[1]), rtol=1e-10, atol=0.0)
+
+
+def test_results_have_a_field_in_words() -> None:
+    told = given_table(square("tresca", 2 * Formula(LINEAR), 1.0).given)
+    assert told["materials"]["lower"]["cohesion"] == "2 times (10 + 6*x)"

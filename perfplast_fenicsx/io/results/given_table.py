@@ -10,6 +10,7 @@ from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.given import Given
 from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.loads import LOADS
+from perfplast_fenicsx.spatial_fields import SpatialField
 
 KINDS: tuple[Mapping[str, type[Any]], ...] = (
     MATERIALS,
@@ -31,6 +32,8 @@ def given_table(given: Given) -> dict[str, Any]:
 
 
 def _told(value: Any) -> Any:
+    if isinstance(value, SpatialField):
+        return f"{value}"
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         names = [field.name for field in dataclasses.fields(value)]
         fields = {name: _told(getattr(value, name)) for name in names}
