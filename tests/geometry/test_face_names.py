@@ -87,7 +87,7 @@ def test_holes_by_radius(shared_tmp_path: Path) -> None:
     [
         ({}, "has no place"),
         ({"number": 1, "point": [0.0, 0.0]}, "has point and number"),
-        ({"plane": {"w": 1.0}}, "'w' is no coordinate"),
+        ({"plane": {"w": 1.0}}, "'w' is not a coordinate"),
         ({"plane": {"x": 1.0, "y": 1.0}}, "has 2 coordinates"),
         ({"point": [1.0]}, "is not a point"),
         ({"radius": -1.0}, "must be positive"),
