@@ -39,26 +39,28 @@ class Seepage:
     bodies where their vertices coincide.
 
     Args:
-        unit_weight: Weight of water per volume, 9.81 with kN and m.
         conductivity: Hydraulic conductivity of each body that water flows through (length per
             time): a number, or one a direction, such as ``{sand = 1e-4, clay = [1e-6, 1e-7]}``.
         head: Surfaces at which the water's level is known.
         outlet: Seepage faces and drains: surfaces through which water may leave the ground, into
             air.
         up: The coordinate that points upwards.
+        unit_weight: Unit weight of water (force per volume). Where it is missing, a case takes
+            9.81 kN/m³ in the system of [units].
     """
 
-    unit_weight: float
     conductivity: dict[str, float | list[float]]
     head: list[Head]
     outlet: list[str] = field(default_factory=list)
     up: Literal["x", "y", "z"] = "y"
+    unit_weight: float | None = None
 
     def __post_init__(self) -> None:
-        if not (self.unit_weight > 0 and math.isfinite(self.unit_weight)):
+        weight = self.unit_weight
+        if weight is not None and not (weight > 0 and math.isfinite(weight)):
             raise InputError(
-                f"unit_weight = {self.unit_weight} is not a weight; give that of water, such as"
-                " 9.81 with kN and m."
+                f"unit_weight = {weight} is not a weight; give that of water, such as 9.81 with kN"
+                " and m."
             )
         if not self.conductivity:
             raise InputError(

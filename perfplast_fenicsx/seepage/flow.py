@@ -194,6 +194,8 @@ def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
         )
     if has_curved_cells(tagged_mesh.mesh):
         raise InputError("seepage needs straight cells; mesh the bodies with order = 1.")
+    if seepage.unit_weight is None:
+        raise InputError("unit_weight is missing; give that of water, 9.81 with kN and m.")
     dim = tagged_mesh.mesh.geometry.dim
     if seepage.axis >= dim:
         raise InputError(f"up = '{seepage.up}' is no coordinate of {dim} dimensions; give 'y'.")
@@ -247,7 +249,7 @@ def _flow(mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
         discharges=discharges,
         iterations=iterations,
         axis=seepage.axis,
-        unit_weight=seepage.unit_weight,
+        unit_weight=seepage.unit_weight or 0.0,
     )
 
 

@@ -93,6 +93,13 @@ def steps(begin: float, end: float, count: int) -> Floats:
     return np.asarray(np.linspace(begin, end, count), dtype=np.float64)
 
 
+def water(
+    unit_weight: float, conductivity: dict[str, Any], heads: list[Head], *more: Any, **given: Any
+) -> Seepage:
+    """Return the declaration of a flow."""
+    return Seepage(conductivity, heads, *more, unit_weight=unit_weight, **given)
+
+
 def at(axis: int, value: float) -> Where:
     """Return where a coordinate has a value."""
     return lambda x: np.isclose(x[axis], value)
@@ -103,7 +110,7 @@ def dam(length: float, high: float, low: float, columns: int, rows: int) -> Stea
     sides = {"left": at(0, 0.0), "right": at(0, length)}
     mesh = grid(steps(0, length, columns + 1), steps(0, high, rows + 1), sides)
     heads = [Head("left", high), Head("right", low)]
-    return steady_flow(mesh, Seepage(9.81, {"ground": 2e-3}, heads))
+    return steady_flow(mesh, water(9.81, {"ground": 2e-3}, heads))
 
 
 @pytest.mark.mpi3
@@ -142,7 +149,7 @@ def test_sheet_pile_in_a_layer(depth: float, exact: float) -> None:
         "surface": at(1, 1.0),
     }
     heads = [Head("gap", 1.5, presses=False), Head("surface", 1.0)]
-    flow = steady_flow(grid(x, y, surfaces), Seepage(9.81, {"ground": 1.0}, heads))
+    flow = steady_flow(grid(x, y, surfaces), water(9.81, {"ground": 1.0}, heads))
     assert flow.discharges["gap"] == pytest.approx(exact, rel=3e-3)
     assert flow.imbalance < 1e-10
 
@@ -168,7 +175,7 @@ def test_drain_under_a_dam() -> None:
     rows = np.concatenate([steps(0, 1, 49) ** 1.5, [1.1, 1.2]])
     mesh = grid(np.concatenate([before, beyond]), rows, surfaces, bent=bent)
     heads = [Head("face", 1.0)]
-    flow = steady_flow(mesh, Seepage(9.81, {"ground": 1.0}, heads, outlet=["drain"]))
+    flow = steady_flow(mesh, water(9.81, {"ground": 1.0}, heads, outlet=["drain"]))
     assert flow.discharges["face"] == pytest.approx(q, rel=0.02)
 
 
@@ -177,7 +184,7 @@ def test_water_at_rest() -> None:
     sides = {"left": at(0, 0.0), "right": at(0, 2.0)}
     mesh = grid(steps(0, 2, 6), steps(0, 3, 7), sides)
     heads = [Head("left", 2.0), Head("right", 2.0)]
-    flow = steady_flow(mesh, Seepage(10.0, {"ground": 1.0}, heads))
+    flow = steady_flow(mesh, water(10.0, {"ground": 1.0}, heads))
     at_rest = 10.0 * np.maximum(2.0 - flow.points[:, 1], 0.0)
     assert flow.pressures == pytest.approx(at_rest, abs=1e-4)
     assert flow.discharges["left"] == pytest.approx(0.0, abs=1e-5)
@@ -190,7 +197,7 @@ def test_layers_in_series() -> None:
     ends = {"base": at(1, 0.0), "top": at(1, 3.0)}
     mesh = grid(steps(0, 1, 3), steps(0, 3, 7), ends, seam=1.0)
     heads = [Head("base", 2.0, presses=False), Head("top", 4.0)]
-    flow = steady_flow(mesh, Seepage(9.81, {"below": 0.5, "above": 4.0}, heads))
+    flow = steady_flow(mesh, water(9.81, {"below": 0.5, "above": 4.0}, heads))
     assert flow.discharges["top"] == pytest.approx(2.0 / (1.0 / 0.5 + 2.0 / 4.0), rel=1e-10)
     seam = np.isclose(flow.points[:, 1], 1.0)
     assert seam.sum() == 3  # vertices of both bodies that coincide are one
@@ -202,8 +209,8 @@ def test_anisotropic_ground_is_scaled_isotropic_ground() -> None:
     wide = grid(steps(0, 4, 13), steps(0, 3, 13), sides)
     narrow = grid(steps(0, 2, 13), steps(0, 3, 13), sides | {"right": at(0, 2.0)})
     heads = [Head("left", 3.0), Head("right", 1.0)]
-    given = steady_flow(wide, Seepage(9.81, {"ground": [4.0, 1.0]}, heads))
-    scaled = steady_flow(narrow, Seepage(9.81, {"ground": 1.0}, heads))
+    given = steady_flow(wide, water(9.81, {"ground": [4.0, 1.0]}, heads))
+    scaled = steady_flow(narrow, water(9.81, {"ground": 1.0}, heads))
     assert given.discharges["left"] == pytest.approx(2.0 * scaled.discharges["left"], rel=1e-9)
 
 
@@ -216,7 +223,7 @@ def test_space_is_as_the_plane() -> None:
     ]
     mesh = structured_mesh(COMM, boxes, surfaces)
     heads = [Head("left", 10.0), Head("right", 2.5)]
-    flow = steady_flow(mesh, Seepage(9.81, {"ground": 1.0}, heads, up="z"))
+    flow = steady_flow(mesh, water(9.81, {"ground": 1.0}, heads, up="z"))
     assert flow.discharges["left"] == pytest.approx((10.0**2 - 2.5**2) / 10.0, rel=5e-3)
     assert flow.imbalance < 1e-10
 
@@ -233,7 +240,7 @@ def test_random_ground(seed: int) -> None:
     mesh = grid(steps(0, width, int(random.integers(8, 24))), y, sides, seam=float(y[rows // 2]))
     heads = [Head("left", high), Head("right", low)]
     each = [[float(k) for k in 10.0 ** random.uniform(-6, -2, 2)] for _ in range(2)]
-    ground = Seepage(9.81, {"below": each[0], "above": each[1]}, heads, outlet=["top"])
+    ground = water(9.81, {"below": each[0], "above": each[1]}, heads, outlet=["top"])
     flow = steady_flow(mesh, ground)
     assert flow.discharges["left"] > 0
     assert flow.imbalance < 1e-8
@@ -252,7 +259,7 @@ def small(**given: object) -> SteadyFlow:
     sides = {name: at(i // 2, 4.0 * (i % 2)) for i, name in enumerate(names)}
     mesh = grid(steps(0, 4, 5), steps(0, 4, 5), sides)
     usual = {"conductivity": {"ground": 1.0}, "head": [Head("left", 3.0), Head("right", 1.0)]}
-    return steady_flow(mesh, Seepage(9.81, **{**usual, **given}))  # type: ignore[arg-type]
+    return steady_flow(mesh, Seepage(**{**usual, **given}, unit_weight=9.81))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -281,16 +288,14 @@ def test_ground_without_a_level_is_refused() -> None:
     geometry.x[np.unique(geometry.dofmap[apart.cells("above")]), 1] += 0.5
     heads = [Head("base", 2.0, presses=False)]
     with pytest.raises(InputError, match="no level and no outlet is connected"):
-        steady_flow(apart, Seepage(9.81, {"below": 1.0, "above": 1.0}, heads))
+        steady_flow(apart, water(9.81, {"below": 1.0, "above": 1.0}, heads))
 
 
 @pytest.mark.mpi2
 def test_pressure_on_meshes_that_divide_the_cells() -> None:
     sides = {"left": at(0, 0.0), "right": at(0, 4.0)}
     mesh = grid(steps(0, 4, 7), steps(0, 3, 6), sides)
-    flow = steady_flow(
-        mesh, Seepage(10.0, {"ground": 1.0}, [Head("left", 3.0), Head("right", 0.6)])
-    )
+    flow = steady_flow(mesh, water(10.0, {"ground": 1.0}, [Head("left", 3.0), Head("right", 0.6)]))
     field = flow.pressure_in("ground")
 
     def whole(of: TaggedMesh) -> float:
@@ -314,7 +319,7 @@ def test_bounds_with_water_at_rest_are_those_of_its_formula() -> None:
     sides = {"left": at(0, 0.0), "right": at(0, 2.0), "base": at(1, 0.0), "top": at(1, 3.0)}
     mesh = grid(steps(0, 2, 5), steps(0, 3, 7), sides)
     heads = [Head("left", 2.5), Head("right", 2.5)]
-    flow = steady_flow(mesh, Seepage(9.81, {"ground": 1.0}, heads))
+    flow = steady_flow(mesh, water(9.81, {"ground": 1.0}, heads))
     ground = MohrCoulomb(1e4, 0.3, cohesion=20.0, friction_angle=20.0)
 
     def bounds(pores: PorePressure) -> list[float | None]:

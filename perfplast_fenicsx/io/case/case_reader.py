@@ -105,7 +105,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
     seepage = None
     if top.seepage is not None:
         place = f"{name}, [seepage]"
-        seepage = read_seepage(top.seepage, place)
+        seepage = read_seepage(top.seepage, units, weight, place)
         with at(place):
             loads += water_loads(seepage, materials, weight)
     supports = _numbered(top.support, f"{name}, [[support]]")

@@ -5,18 +5,22 @@ from dataclasses import replace
 
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
-from perfplast_fenicsx.io.case.schema import Table, convert
+from perfplast_fenicsx.io.case.schema import Table, at, convert
+from perfplast_fenicsx.io.case.water_table import unit_weight_of_water
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.loads import FieldPores, Load, Pressure
 from perfplast_fenicsx.seepage.declared import Head, Seepage
 from perfplast_fenicsx.seepage.flow import steady_flow
+from perfplast_fenicsx.units import Units
 
 
-def read_seepage(table: Table, place: str) -> Seepage:
+def read_seepage(table: Table, units: Units, gravity: GravityTable | None, place: str) -> Seepage:
     """Return what a table says of water that flows.
 
     Args:
         table: ``[seepage]``.
+        units: Of the numbers.
+        gravity: The weight of the bodies, if they have any.
         place: Place in the input, for messages.
 
     Raises:
@@ -28,7 +32,9 @@ def read_seepage(table: Table, place: str) -> Seepage:
     of_head = f"{place.removesuffix('[seepage]')}[[seepage.head]] number"
     for number, one in enumerate(each, start=1):
         convert(one, Head, f"{of_head} {number}")
-    return convert(table, Seepage, place)
+    said = convert(table, Seepage, place)
+    with at(place):
+        return replace(said, unit_weight=unit_weight_of_water(said.unit_weight, units, gravity))
 
 
 def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | None) -> list[Load]:

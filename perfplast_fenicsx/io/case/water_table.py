@@ -43,7 +43,8 @@ class WaterTable:
         dry: Bodies without pore pressure.
         saturated: Densities of bodies below the table, by their names; those of [gravity] hold
             above it.
-        on: Surface on which water above the ground presses; that of drawn ground is "surface".
+        on: Surface on which water above the ground presses; that of drawn ground is "surface". For
+            ground that is not drawn it is needed; "" where no water is above the ground.
     """
 
     table: list[list[float]] = field(default_factory=list)
@@ -52,7 +53,7 @@ class WaterTable:
     ru: dict[str, float] = field(default_factory=dict)
     dry: list[str] = field(default_factory=list)
     saturated: dict[str, float] = field(default_factory=dict)
-    on: str = ""
+    on: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,35 +193,7 @@ class _Given:
 
     def weight_of_water(self) -> float:
         """Return the unit weight of water."""
-        system, given = self.units.known, self.said.unit_weight
-        usual = None if system is None else NEWTONS * system.metres / system.pascals
-        if given is None:
-            if usual is None:
-                raise InputError(
-                    "unit_weight is missing; give that of water in the case's units, or [units]"
-                    ' with a system, such as system = "m-kN-kPa" (9.81 kN/m^3).'
-                )
-            return usual
-        if not (given > 0 and math.isfinite(given)):
-            raise InputError(
-                f"unit_weight = {given:g} is that of no water; give a positive number."
-            )
-        least, most = 0.9, 1.4  # of that of fresh water; mud has the most
-        if usual is not None and not least <= given / usual <= most:
-            unit = self.units.table()["force_density"]
-            raise InputError(
-                f"unit_weight = {given:g} {unit} is {given / usual:.3g} times that of water,"
-                f" {usual:.4g} {unit}; correct it, or [units]."
-            )
-        if usual is None and self.gravity is not None:
-            ground = max(self.gravity.density.values()) * math.hypot(*self.gravity.acceleration)
-            lightest, heaviest = 0.3, 20.0  # weights of ground and buildings, over that of water
-            if not lightest <= ground / given <= heaviest:
-                raise InputError(
-                    f"unit_weight = {given:g}, but the heaviest body weighs {ground:.4g} for each"
-                    f" volume, {ground / given:.3g} times as much; give both in the same units."
-                )
-        return given
+        return unit_weight_of_water(self.said.unit_weight, self.units, self.gravity)
 
     def line(self, body: str) -> Floats | None:
         """Return the level that the pore pressure of a body follows; None without one."""
@@ -256,6 +229,11 @@ class _Given:
             edges = plan.points[plan.edges[self.outline.sides["surface"]]]
             if max(_deepest(ends, self.table, False)[0] for ends in edges) <= 0:
                 return []
+        elif self.said.on is None:
+            raise InputError(
+                "the ground is not drawn in the case, so that its surface is not known; give the"
+                ' surface under water as on, or on = "" where no water is above the ground.'
+            )
         elif not self.said.on:
             return []
         return [Pressure(self.said.on or "surface", self.pressure(weight), NAME, constant=True)]
@@ -379,6 +357,46 @@ class _Given:
                 f" {place_of((x[lowest], y[lowest]))}; correct it."
             )
         return line
+
+
+def unit_weight_of_water(given: float | None, units: Units, gravity: GravityTable | None) -> float:
+    """Return the unit weight of water (force per volume).
+
+    Args:
+        given: What the case says of it, if it does.
+        units: Of the numbers.
+        gravity: The weight of the bodies, if they have any.
+
+    Raises:
+        InputError: If it is missing and not known by the units, or is not that of water.
+    """
+    system = units.known
+    usual = None if system is None else NEWTONS * system.metres / system.pascals
+    if given is None:
+        if usual is None:
+            raise InputError(
+                "unit_weight is missing; give that of water in the case's units, or [units]"
+                ' with a system, such as system = "m-kN-kPa" (9.81 kN/m^3).'
+            )
+        return usual
+    if not (given > 0 and math.isfinite(given)):
+        raise InputError(f"unit_weight = {given:g} is that of no water; give a positive number.")
+    least, most = 0.9, 1.4  # of that of fresh water; mud has the most
+    if usual is not None and not least <= given / usual <= most:
+        unit = units.table()["force_density"]
+        raise InputError(
+            f"unit_weight = {given:g} {unit} is {given / usual:.3g} times that of water,"
+            f" {usual:.4g} {unit}; correct it, or [units]."
+        )
+    if usual is None and gravity is not None:
+        ground = max(gravity.density.values()) * math.hypot(*gravity.acceleration)
+        lightest, heaviest = 0.3, 20.0  # weights of ground and buildings, over that of water
+        if not lightest <= ground / given <= heaviest:
+            raise InputError(
+                f"unit_weight = {given:g}, but the heaviest body weighs {ground:.4g} for each"
+                f" volume, {ground / given:.3g} times as much; give both in the same units."
+            )
+    return given
 
 
 def level(points: Floats) -> str:
