@@ -80,9 +80,9 @@ class WordedFormula(str):
         made.words = words
         return made
 
-    def __getnewargs__(self) -> tuple[str, str]:
+    def __reduce__(self) -> tuple[type["WordedFormula"], tuple[str, str]]:
         """Return what a copy is made of."""
-        return str(self), self.words
+        return type(self), (str(self), self.words)
 
 
 def evaluate(formula: float | str, x: Floats, place: str) -> Floats:

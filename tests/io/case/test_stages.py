@@ -137,7 +137,11 @@ def test_elastic_bodies_have_nothing_to_remember(read: Read) -> None:
         (STAGES, '[loading]\ncontrol = "work"\nuntil = "limit"', ["of 'upper' hardens"]),
         (STAGES, '[loading]\ncontrol = "bounds"', ["of 'upper' hardens"]),
         ("kinematic = 2000.0", "", ["[material.upper]", "both zero"]),
-        ("steps = 4", "steps = 1000000000000", ["number 1", "steps = 1000000000000 is not a valid number"]),
+        (
+            "steps = 4",
+            "steps = 1000000000000",
+            ["number 1", "steps = 1000000000000 is not a valid number"],
+        ),
         (
             STAGES,
             '[[support]]\non = "top"\nvalue = 1.0\nconstant = false\n' + STAGES,
