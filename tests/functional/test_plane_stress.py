@@ -199,7 +199,7 @@ def test_levels_and_forces_for_each_unit_of_thickness(
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('file = "ring.msh"', 'builder = "punch"\nn = 2', ["[model]", "sheets", "leave kind out"]),
+        ('file = "ring.msh"', 'builder = "punch"\nn = 2', ["[model]", "tetrahedra", "leave kind"]),
         ("4.0", "-1.0", ["thickness = -1.0", "positive"]),
         ('kind = "plane-stress"\n', "", ["thickness = 4.0", "kind is 'plane-strain'"]),
         ('"hill"', '"tresca"\ncohesion = 1.0', ["'ring'", "Tresca", "plane stress"]),

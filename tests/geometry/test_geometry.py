@@ -224,7 +224,7 @@ def test_bolts_with_nuts() -> None:
     [
         ("empty.step", "", "is empty"),
         ("other.step", "solid teapot", "is no STEP file"),
-        ("teapot.stl", "solid teapot", "no geometry file by its name"),
+        ("teapot.stl", "solid teapot", "does not have the name of a geometry file"),
         (
             "teapot.mesh",
             "MeshVersionFormatted 2",

@@ -149,7 +149,7 @@ def test_forged_stresses_are_refused(read: Read, tmp_path: Path, forge, words: s
 
 @pytest.mark.serial
 def test_a_negative_cohesion_is_refused() -> None:
-    with pytest.raises(InputError, match=r"cohesion = -1.0 is negative or no number"):
+    with pytest.raises(InputError, match=r"cohesion = -1.0 is negative or not a number"):
         MohrCoulomb(1e4, 0.3, -1.0, 30.0)
 
 

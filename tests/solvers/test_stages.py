@@ -210,7 +210,7 @@ def test_names_that_do_not_fit() -> None:
             LoadingHistory(problem, stages)
     for steps in (0, 10**7):
         with pytest.raises(
-            InputError, match=f"steps = {steps}is not a valid number of levels; give 1 to"
+            InputError, match=f"steps = {steps} is not a valid number of levels; give 1 to"
         ):
             Stage({"push": 1.0}, steps)
     with pytest.raises(InputError, match="factor of 'push' is inf"):

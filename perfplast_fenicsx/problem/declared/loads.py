@@ -375,7 +375,7 @@ ON_SURFACES = (Traction, Pressure, CosinePressure)
 def kind_of(load: Load) -> str:
     """Return how files call a load's kind; the name of its class where it is in no file."""
     own = PorePressure if isinstance(load, FieldPores) else type(load)
-    known = (kind for kind, cls in KINDS.items() if cls is own)
+    known = (kind for kind, cls in {**LOADS, **KINDS}.items() if cls is own)
     return next(known, type(load).__name__)
 
 

@@ -41,6 +41,7 @@ SUMMARY_KEYS = [
         "given",
         "element_size",
         "loads",
+        "seepage",
         "case",
         "report",
         "surroundings",
