@@ -87,8 +87,8 @@ def test_they_are_those_of_both_ranks(
     assert (bounds.question is Question.STANDS) == (case in ("falls", "stands"))
     for one, other in ((bounds.lower, together.lower), (bounds.upper, together.upper)):
         assert one.strict
-        # The upper bound of "weight" scatters by 4e-6 between numbers of ranks and libraries,
-        # whatever rtol is: its last digits are those of the velocity's repair.
+        # The upper bound of "weight" was seen to scatter by 4e-6 between numbers of ranks and
+        # libraries, with rtol = 1e-6 and 1e-8 alike.
         scatter = 1e-5 if case == "weight" and one is bounds.upper else 2 * RTOL
         assert one.value == pytest.approx(other.value, rel=scatter)
     assert len(told) >= bounds.steps
