@@ -34,9 +34,9 @@ def halved(dim: int, times: int) -> tuple[Floats, Floats]:
     """Return points and shares of the vertex rule on these parts.
 
     Returns:
-        Barycentric coordinates, shape (num_points, dim + 1). Shares of the volume, the same shape:
-        the mean of the hat function of each point times each barycentric coordinate. Their sum over
-        the coordinates is the share of the point.
+        Barycentric coordinates, shape (num_points, dim + 1), and shares of the volume, of the same
+        shape. A share is the mean of the hat function of a point times a barycentric coordinate.
+        Their sum over the coordinates is the share of the point.
     """
     parts = parts_of(dim, times)
     points, inverse = np.unique(parts.reshape(-1, dim + 1), axis=0, return_inverse=True)
@@ -53,7 +53,8 @@ def mean_shares(values: Floats) -> Floats:
         values: Values of the functions at the vertices k, shape (..., dim + 1, n).
 
     Returns:
-        ∫ λ_k f over the volume, the same shape: f_k and the sum of all, over (dim + 1)(dim + 2).
+        ∫ λ_k f over the volume, of the same shape as the values. It is the sum of f_k and of all
+        values, over (dim + 1)(dim + 2).
     """
     n = values.shape[-2]
     return np.asarray((values + values.sum(axis=-2, keepdims=True)) / (n * (n + 1)))
