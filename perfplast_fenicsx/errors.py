@@ -36,6 +36,15 @@ class InputError(ValueError):
         super().__init__(visible(message))
 
 
+def place_of(x: Iterable[float]) -> str:
+    """Return a point for a message, such as ``(1, 0.25)``.
+
+    Args:
+        x: Its coordinates.
+    """
+    return f"({', '.join(f'{coordinate + 0.0:.6g}' for coordinate in x)})"
+
+
 def visible(text: str, lines: bool = False) -> str:
     """Return a text with escapes in place of control characters, which a terminal would obey.
 

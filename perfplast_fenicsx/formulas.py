@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.errors import LARGEST, InputError
+from perfplast_fenicsx.errors import LARGEST, InputError, place_of
 
 VARIABLES = ("x", "y", "z", "pi")
 
@@ -117,9 +117,9 @@ def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
     values = np.array(np.broadcast_to(value, len(x)), dtype=np.float64)
     wrong = ~np.isfinite(values)
     if wrong.any():
-        at = ", ".join(f"{coordinate:.6g}" for coordinate in x[np.argmax(wrong)])
+        at = place_of(x[np.argmax(wrong)])
         raise InputError(
-            f"{place}: {_quoted(formula)} is {values[wrong][0]} at ({at}); give a number or formula"
+            f"{place}: {_quoted(formula)} is {values[wrong][0]} at {at}; give a number or formula"
             " that is finite wherever it is needed."
         )
     largest = np.abs(values).max(initial=0)

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.enclosures import ROUNDING, Pair, enclosed
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, place_of
 from perfplast_fenicsx.formulas import check, evaluate
 
 
@@ -186,10 +186,10 @@ class DepthTable(SpatialField):
         s, reach = x[:, -1], ROUNDING * np.abs(heights).max()
         outside = (s < heights[0] - reach) | (s > heights[-1] + reach)
         if outside.any():
-            where = ", ".join(f"{one:.6g}" for one in x[np.argmax(outside)])
+            where = place_of(x[np.argmax(outside)])
             raise InputError(
                 f"{place}: the table over depth goes from {heights[0]:g} to {heights[-1]:g}, and"
-                f" there is material at ({where}); give values for all of its depth."
+                f" there is material at {where}; give values for all of its depth."
             )
         return np.interp(s, heights, values)
 
@@ -247,8 +247,8 @@ class Triangulation:
                 " nothing is known between them; give points all around the body."
             ) from error
         if len(self._net.coplanar):
-            where = ", ".join(f"{one:.6g}" for one in points[self._net.coplanar[0, 0]])
-            raise InputError(f"'{name}' has the point ({where}) twice; give one value there.")
+            where = place_of(points[self._net.coplanar[0, 0]])
+            raise InputError(f"'{name}' has the point {where} twice; give one value there.")
         x: Floats = points[self._net.simplices]
         thin = 1e-12  # of a flat simplex at the hull, relative to its size
         size = np.ptp(x, axis=1).max(axis=1) ** points.shape[1]
@@ -265,9 +265,9 @@ class Triangulation:
         outside_by = 1e-9  # in barycentric coordinates, which rounding may be
         found = self._net.find_simplex(x, tol=outside_by)
         if (outside := found < 0).any():
-            where = ", ".join(f"{one:.6g}" for one in x[np.argmax(outside)])
+            where = place_of(x[np.argmax(outside)])
             raise InputError(
-                f"{place}: there is material at ({where}), outside of the points of '{self.name}';"
+                f"{place}: there is material at {where}, outside of the points of '{self.name}';"
                 " give points all around the body."
             )
         d = x.shape[1]

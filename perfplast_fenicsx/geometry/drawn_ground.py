@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.errors import InputError, check_magnitude
+from perfplast_fenicsx.errors import InputError, check_magnitude, place_of
 from perfplast_fenicsx.geometry.part_names import plain_name
 from perfplast_fenicsx.geometry.plane_arrangement import (
     ROUNDING,
@@ -310,11 +310,6 @@ def _polygon(given: Sequence[Sequence[float]], what: str) -> Floats:
     if len(points) < 3 or area <= ROUNDING * size**2:
         raise InputError(f"{what} has no area; give three corners or more that are not on a line.")
     return points
-
-
-def place_of(point: Sequence[float] | Floats) -> str:
-    """Return the coordinates of a point, for messages."""
-    return f"({', '.join(f'{x:.6g}' for x in point)})"
 
 
 def _bottom(last: Stratum, top: Floats) -> Floats:

@@ -10,7 +10,7 @@ from dolfinx.mesh import Mesh
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap
-from perfplast_fenicsx.errors import raise_together
+from perfplast_fenicsx.errors import place_of, raise_together
 from perfplast_fenicsx.mesh.straight_geometry import corners
 
 
@@ -78,10 +78,10 @@ def _refuse(
     total, message = mesh.comm.allreduce(count), None
     if count:
         cell = x[np.argmax(wrong.any(axis=1))]
-        place = ", ".join(f"{a:.6g}" for a in cell.mean(axis=0) + 0.0)
+        place = place_of(cell.mean(axis=0))
         message = (
             f"the mesh is folded over itself: {total} {what}, one of them at a cell about"
-            f" ({place}); mesh the bodies again"
+            f" {place}; mesh the bodies again"
         )
     raise_together(mesh.comm, message)
 

@@ -10,7 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.errors import LARGEST, InputError
+from perfplast_fenicsx.errors import LARGEST, InputError, place_of
 from perfplast_fenicsx.mesh.gmsh_subprocess import NO_GMSH, Block, Content, read_content
 
 # Gmsh element type -> polynomial degree, by dimension.
@@ -154,10 +154,9 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
     """Refuse nodes that are nowhere and cells without volume."""
     wrong = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))  # NaN is not either
     if wrong.size:
-        place = ", ".join(f"{coordinate:.6g}" for coordinate in points[wrong[0]])
         raise InputError(
-            f"'{path}' has {wrong.size} nodes with coordinates such as ({place}); save the mesh"
-            " again"
+            f"'{path}' has {wrong.size} nodes with coordinates such as"
+            f" {place_of(points[wrong[0]])}; save the mesh again"
         )
     first = points[cells[:, 0], :gdim]
     edges = points[cells[:, 1 : gdim + 1], :gdim] - first[:, None]
@@ -170,9 +169,9 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
     else:
         flat = longest == 0
     if flat.any():
-        at = ", ".join(f"{coordinate:.6g}" for coordinate in first[np.argmax(flat)])
+        at = place_of(first[np.argmax(flat)])
         raise InputError(
-            f"{np.count_nonzero(flat)} cells of '{path}' have no volume, the first at ({at}); mesh"
+            f"{np.count_nonzero(flat)} cells of '{path}' have no volume, the first at {at}; mesh"
             " the bodies again"
         )
 
@@ -188,10 +187,10 @@ def _check_facets(path: str | Path, points: Floats, cells: Longs, gdim: int) -> 
         _, first, counts = np.unique(facets, axis=0, return_index=True, return_counts=True)
     if (counts > 2).any():
         middle = points[facets[first[np.argmax(counts)]], :gdim].mean(axis=0)
-        at = ", ".join(f"{coordinate:.6g}" for coordinate in middle)
+        at = place_of(middle)
         raise InputError(
             f"{np.count_nonzero(counts > 2)} facets of '{path}' belong to more than two cells, one"
-            f" at ({at}): cells are there twice or lie in each other; mesh the bodies again"
+            f" at {at}: cells are there twice or lie in each other; mesh the bodies again"
         )
 
 

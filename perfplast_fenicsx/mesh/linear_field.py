@@ -3,7 +3,7 @@
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, place_of
 from perfplast_fenicsx.mesh.cell_search import CellSearch
 
 
@@ -53,9 +53,9 @@ class LinearField:
             np.maximum.at(best, point, least)
         outside = 1e-9  # share of a vertex below which a point is outside of a cell
         if (best < -outside).any():
-            at = ", ".join(f"{x:.6g}" for x in points[np.argmax(best < -outside)])
+            at = place_of(points[np.argmax(best < -outside)])
             raise InputError(
-                f"the field has no value at ({at}); give one that covers the whole body."
+                f"the field has no value at {at}; give one that covers the whole body."
             )
         return where
 

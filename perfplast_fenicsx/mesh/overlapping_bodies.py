@@ -15,7 +15,7 @@ from dolfinx import la
 from dolfinx.common import IndexMap
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.errors import InputError, place_of, raise_together
 from perfplast_fenicsx.mesh.cell_search import CellSearch
 from perfplast_fenicsx.mesh.facet_sides import sides_of_facets
 from perfplast_fenicsx.mesh.simplex_overlaps import overlap_depths
@@ -62,7 +62,7 @@ def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
     pairs, first, counts = np.unique(cut[["one", "other"]], return_index=True, return_counts=True)
     told = []
     for (one, other), number, count in zip(pairs.tolist(), first, counts, strict=True):
-        place = _place(cut["point"][number])
+        place = place_of(cut["point"][number])
         if one == other:
             raise InputError(
                 f"the body '{names[one]}' is cut inside: {count} of its outer facets have cells on"
@@ -198,7 +198,7 @@ def _deepest(
         if len(bodies) == 2:
             who = f"the bodies '{bodies[0]}' and '{bodies[1]}' overlap"
         said = (
-            f"{who}: cells about {_place(x[one[at]].mean(axis=0))} overlap by"
+            f"{who}: cells about {place_of(x[one[at]].mean(axis=0))} overlap by"
             f" {worst:.3g}; mesh the bodies so that they touch at most, or give their contact"
             " interference = true"
         )
@@ -224,7 +224,3 @@ def _covered(rows: npt.NDArray, outside: npt.NDArray, search: CellSearch) -> npt
         hits["one"], hits["other"], hits["point"] = *ends, points[point[inside]]
         found.append(hits)
     return np.concatenate(found)
-
-
-def _place(x: Floats) -> str:
-    return "(" + ", ".join(f"{a:.6g}" for a in x + 0.0) + ")"

@@ -38,7 +38,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.errors import InputError, nearest, on_rank0
+from perfplast_fenicsx.errors import InputError, nearest, on_rank0, place_of
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.linear_field import LinearField
 from perfplast_fenicsx.mesh.refinement import refine
@@ -352,7 +352,7 @@ class Network:
                 other = seepage.head[who[np.argmax(twice)]]
                 raise InputError(
                     f"the level {head.level:g} at '{head.on}' and {other.level:g} at '{other.on}'"
-                    f" meet at {_place(self.points[np.argmax(twice)])}; leave an impervious part"
+                    f" meet at {place_of(self.points[np.argmax(twice)])}; leave an impervious part"
                     " of the boundary between them, or give both one level."
                 )
             level[wet], who[wet] = head.level, number
@@ -383,8 +383,8 @@ class Network:
             at = self.points[self._facets(mesh, head.on)[np.argmax(cut)]].mean(axis=0)
             raise InputError(
                 f"the level {head.level:g} of the water at '{head.on}' crosses a facet near"
-                f" {_place(at)}; put a point of the drawing at that height, so that the mesh has a"
-                " vertex there."
+                f" {place_of(at)}; put a point of the drawing at that height, so that the mesh has"
+                " a vertex there."
             )
 
     def _check_parts(self, known: npt.NDArray[np.bool_], opened: npt.NDArray[np.bool_]) -> None:
@@ -399,7 +399,7 @@ class Network:
         if closed.any():
             raise InputError(
                 f"no level and no outlet is connected to the ground at"
-                f" {_place(self.points[np.argmax(closed)])}, so that the pressure there is not"
+                f" {place_of(self.points[np.argmax(closed)])}, so that the pressure there is not"
                 " known; name a surface of it, or leave out its conductivity."
             )
 
@@ -536,8 +536,3 @@ def _merged(x: Floats, bodies: Ints) -> Longs:
     numbers = np.full(len(x), -1, dtype=np.int64)
     numbers[used] = merged
     return numbers
-
-
-def _place(x: Sequence[float] | Floats) -> str:
-    """Return a point for a message."""
-    return f"({', '.join(f'{coordinate:.6g}' for coordinate in x)})"

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.errors import InputError, nearest, place_of
 from perfplast_fenicsx.formulas import LONGEST, WordedFormula
-from perfplast_fenicsx.geometry.drawn_ground import DrawnGround, place_of, points_of
+from perfplast_fenicsx.geometry.drawn_ground import DrawnGround, points_of
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.schema import at, convert
 from perfplast_fenicsx.io.case.tables import Document

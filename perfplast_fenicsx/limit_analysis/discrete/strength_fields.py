@@ -16,7 +16,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.enclosures import ROUNDING
-from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.errors import InputError, place_of, raise_together
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.straight_geometry import corners
@@ -116,9 +116,9 @@ def check_profiles(problem: Problem) -> None:
         if low is not None and (wrong := ~(low > 0).all(axis=1)).any():
             vertices, places = corners(problem.tagged_mesh.mesh)
             cell = int(np.argmax(wrong))
-            where = ", ".join(f"{one:.6g}" for one in places[vertices[cell]].mean(axis=0))
+            where = place_of(places[vertices[cell]].mean(axis=0))
             message = (
-                f"a strength varies so steeply in the cell at ({where}) that no positive linear"
+                f"a strength varies so steeply in the cell at {where} that no positive linear"
                 " function below it is known there; refine the mesh there, or give it lines where"
                 " the slope of the strength changes."
             )

@@ -16,7 +16,7 @@ from dolfinx import default_scalar_type, fem
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import evaluate, interpolation_points
-from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.errors import InputError, place_of, raise_together
 from perfplast_fenicsx.materials.law import Law, Material
 from perfplast_fenicsx.materials.mandel import Expr, mandel_size, numbers_of
 from perfplast_fenicsx.materials.plane_stress import in_plane_stress
@@ -235,11 +235,10 @@ def _check_positive(number: SpatialField, name: str, x: Floats) -> None:
     wrong = ~(values > 0)
     if wrong.any():
         lowest = int(np.argmin(values))
-        where = ", ".join(f"{one:.6g}" for one in x[lowest])
         raise InputError(
-            f"the strength of '{name}', {number.profile}, is {values[lowest]:.6g} at ({where}); a"
-            " strength that varies must be positive in the whole body, so give"
-            " it a small positive value there."
+            f"the strength of '{name}', {number.profile}, is {values[lowest]:.6g} at"
+            f" {place_of(x[lowest])}; a strength that varies must be positive in the whole body, so"
+            " give it a small positive value there."
         )
 
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.enclosures import enclosed
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, place_of
 from perfplast_fenicsx.problem.declared.load import Formula as Formula
 from perfplast_fenicsx.problem.declared.load import Load as Load
 from perfplast_fenicsx.problem.declared.load import Quantities
@@ -147,9 +147,9 @@ class ForceBelow(BodyForce):
         noticed = 1e-9 * np.abs(corners).max(initial=0.0)
         divided = (low.min(axis=1) < -noticed) & (high.max(axis=1) > noticed)
         if divided.any():
-            at = ", ".join(f"{x:.6g}" for x in corners[np.argmax(divided)].mean(axis=0))
+            at = place_of(corners[np.argmax(divided)].mean(axis=0))
             raise InputError(
-                f"the line below which '{self.on}' has another weight divides cells, one at ({at});"
+                f"the line below which '{self.on}' has another weight divides cells, one at {at};"
                 " give a mesh with edges along it, or draw the ground in the case by [[region]]."
             )
         below: npt.NDArray[np.bool_] = high.max(axis=1) > noticed
