@@ -5,6 +5,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError, place_of
 from perfplast_fenicsx.mesh.cell_search import CellSearch
+from perfplast_fenicsx.mesh.straight_geometry import gradients
 
 
 class LinearField:
@@ -70,6 +71,7 @@ def _shares(cells: Floats, points: Floats) -> Floats:
     Returns:
         Shape (n, k, d + 1).
     """
-    sides = cells[:, 1:] - cells[:, :1]
-    inner = np.einsum("nki,nij->nkj", points - cells[:, :1], np.linalg.inv(sides))
-    return np.concatenate([1.0 - inner.sum(axis=2, keepdims=True), inner], axis=2)
+    offsets = points - cells[:, :1]
+    found: Floats = np.einsum("nki,nai->nka", offsets, gradients(cells)[0])
+    found[..., 0] += 1.0
+    return found

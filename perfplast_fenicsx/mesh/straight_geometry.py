@@ -1,5 +1,6 @@
-"""Vertices of straight cells, and their outer facets, as arrays."""
+"""Vertices of straight cells, their shapes and their outer facets, as arrays."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,23 @@ class OuterFacets:
     normals: Floats
 
 
+def gradients(x: Floats) -> tuple[Floats, Floats]:
+    """Return gradients of barycentric coordinates and volumes of simplices.
+
+    Args:
+        x: Vertices, shape (..., d + 1, d).
+
+    Returns:
+        Shapes (..., d + 1, d) and (...).
+    """
+    tdim = x.shape[-1]
+    edges = x[..., 1:, :] - x[..., :1, :]
+    others = np.swapaxes(np.linalg.inv(edges), -1, -2)
+    first = -others.sum(axis=-2, keepdims=True)
+    volume = np.abs(np.linalg.det(edges)) / math.factorial(tdim)
+    return np.concatenate([first, others], axis=-2), volume
+
+
 def outer_facets(mesh: Mesh) -> OuterFacets:
     """Return the outer facets of this rank. Collective."""
     topology = mesh.topology
@@ -57,8 +75,6 @@ def outer_facets(mesh: Mesh) -> OuterFacets:
     places = np.argmax(of_cells[cells] == facets[:, None], axis=1).astype(np.int32)
     vertices, points = corners(mesh)
     x = points[vertices[cells]]
-    inner = np.linalg.inv(x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
-    inward = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
-    inward = np.take_along_axis(inward, places[:, None, None], axis=1)[:, 0]
+    inward = np.take_along_axis(gradients(x)[0], places[:, None, None], axis=1)[:, 0]
     normals = -inward / np.linalg.norm(inward, axis=1, keepdims=True)
     return OuterFacets(facets, cells, places, normals)

@@ -42,7 +42,7 @@ from perfplast_fenicsx.errors import InputError, nearest, on_rank0, place_of
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.linear_field import LinearField
 from perfplast_fenicsx.mesh.refinement import refine
-from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.mesh.whole_mesh import whole_mesh
 from perfplast_fenicsx.seepage.declared import Head, Seepage
@@ -502,13 +502,9 @@ def _edges(x: Floats, cells: Longs, conductivities: Floats) -> tuple[Longs, Floa
     Returns:
         Ends, shape (num_edges, 2), and conductances, shape (num_edges,).
     """
-    corners_of = cells.shape[1]
-    sides = x[:, 1:] - x[:, :1]
-    inner = np.linalg.inv(sides).transpose(0, 2, 1)
-    slopes = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
-    size = np.abs(np.linalg.det(sides)) / np.prod(np.arange(1, corners_of))
-    matrices = np.einsum("c,cai,ci,cbi->cab", size, slopes, conductivities, slopes)
-    pairs = list(combinations(range(corners_of), 2))
+    slopes, volumes = gradients(x)
+    matrices = np.einsum("c,cai,ci,cbi->cab", volumes, slopes, conductivities, slopes)
+    pairs = list(combinations(range(cells.shape[1]), 2))
     ends = np.concatenate([np.sort(cells[:, pair], axis=1) for pair in pairs])
     values = np.concatenate([-matrices[:, a, b] for a, b in pairs])
     edges, which = np.unique(ends, axis=0, return_inverse=True)

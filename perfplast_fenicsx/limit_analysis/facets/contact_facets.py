@@ -8,7 +8,7 @@ from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
 from perfplast_fenicsx.compat import geometry_dofmap
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
+from perfplast_fenicsx.mesh.straight_geometry import gradients
 from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 

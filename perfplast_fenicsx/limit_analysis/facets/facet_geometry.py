@@ -5,7 +5,7 @@ from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
+from perfplast_fenicsx.mesh.straight_geometry import gradients
 from perfplast_fenicsx.problem.problem import Problem
 
 

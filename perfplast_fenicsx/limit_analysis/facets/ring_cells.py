@@ -23,7 +23,8 @@ from functools import lru_cache
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import CellLayout, gradients
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import CellLayout
+from perfplast_fenicsx.mesh.straight_geometry import gradients
 
 EDGES = ((1, 2), (0, 2), (0, 1))
 """Ends of the edge of each coefficient after those of vertices: edge a is the facet opposite a."""

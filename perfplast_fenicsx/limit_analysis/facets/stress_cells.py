@@ -8,7 +8,7 @@ stands for a share 1/(d + 1) of the volume has, with the gradients ∇φ of bary
 
 where f is opposite to the vertex f. In space a cell is split at its barycentre into four, since a
 single tetrahedron does not carry all balanced linear tractions and the split one does (C. Johnson,
-B. Mercier, Numer. Math. 30 (1978), 103; M. Křížek, Apl. Mat. 27 (1982), 46). NumPy only.
+B. Mercier, Numer. Math. 30 (1978), 103; M. Křížek, Apl. Mat. 27 (1982), 46).
 """
 
 import itertools
@@ -19,6 +19,7 @@ from functools import lru_cache
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.mesh.straight_geometry import gradients
 
 
 @dataclass(frozen=True)
@@ -102,23 +103,6 @@ def components(gdim: int) -> Floats:
         + [math.sqrt(2) * E[:, i, j] for i, j in off_diagonal[gdim]],
         axis=1,
     )
-
-
-def gradients(x: Floats) -> tuple[Floats, Floats]:
-    """Return gradients of barycentric coordinates and volumes of simplices.
-
-    Args:
-        x: Vertices, shape (..., d + 1, d).
-
-    Returns:
-        Shapes (..., d + 1, d) and (...).
-    """
-    tdim = x.shape[-1]
-    edges = x[..., 1:, :] - x[..., :1, :]
-    others = np.swapaxes(np.linalg.inv(edges), -1, -2)
-    first = -others.sum(axis=-2, keepdims=True)
-    volume = np.abs(np.linalg.det(edges)) / math.factorial(tdim)
-    return np.concatenate([first, others], axis=-2), volume
 
 
 def strain_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:

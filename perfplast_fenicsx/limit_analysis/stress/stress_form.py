@@ -13,7 +13,8 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.ring_cells import NODES, on_facets, ring_forces
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import cell_layout, gradients
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import cell_layout
+from perfplast_fenicsx.mesh.straight_geometry import gradients
 from perfplast_fenicsx.problem.problem import Problem
 
 

@@ -26,8 +26,7 @@ from perfplast_fenicsx.limit_analysis.facets.ring_cells import (
     means,
     of_parts,
 )
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
-from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.problem.problem import Problem
 
 

@@ -22,7 +22,6 @@ from perfplast_fenicsx.limit_analysis.facets.bound_body import TWICE, bound_body
 from perfplast_fenicsx.limit_analysis.facets.contact_strength import any_loose
 from perfplast_fenicsx.limit_analysis.facets.entering import entering_between_nodes
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import gradients
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope, measure_of
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_loads
 from perfplast_fenicsx.limit_analysis.statements.question import Question
@@ -41,7 +40,7 @@ from perfplast_fenicsx.limit_analysis.velocity.ring_dissipation import dissipati
 from perfplast_fenicsx.limit_analysis.velocity.slip_work import slip_work
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.kinematics import RingFlux
-from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.problem.problem import Problem
 
 GROWS_TOO_LITTLE = (
