@@ -1,5 +1,6 @@
 """An earth dam through which water flows: a whole run of its case file, made coarse."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -7,8 +8,11 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from perfplast_fenicsx.cli.run import on_bodies
+from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof import check
+from perfplast_fenicsx.seepage.flow import flow_of
 from tests.case_runs import run_case
 
 DAM = Path(__file__).parents[2] / "demos" / "earth_dam.toml"
@@ -42,6 +46,16 @@ def test_factor_of_safety_of_an_earth_dam(
     assert np.ptp(stored.head[stored.pressure > 0]) > 7.0
     assert (run.folder / "seepage.png").is_file()
     assert 'id="water"' in (run.folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_combinations_share_the_flow(tmp_path: Path) -> None:
+    """What differs is the loads alone; the flow through the bodies is found once."""
+    path = tmp_path / "dam.toml"
+    path.write_text(coarse(), encoding="utf-8")
+    case = read_case(path, MPI.COMM_SELF)
+    bodies = case.problem(MPI.COMM_SELF)
+    other = on_bodies(bodies, replace(case, remarks=("combination 'high water'",)))
+    assert flow_of(other.given.loads) is flow_of(bodies.given.loads) is not None
 
 
 @pytest.mark.parametrize(

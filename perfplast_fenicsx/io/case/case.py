@@ -49,6 +49,7 @@ from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.seepage.declared import Seepage
+from perfplast_fenicsx.seepage.flow import flow_of, steady_flow
 from perfplast_fenicsx.solvers.methods import METHODS
 from perfplast_fenicsx.units import Units
 
@@ -183,16 +184,23 @@ class Case:
                 self.rigid,
             )
 
-    def loads_on(self, tagged_mesh: TaggedMesh) -> list[Load]:
-        """Return the loads, those of water that flows with its pressure on a mesh. Collective.
+    def loads_on(self, bodies: TaggedMesh | Problem) -> list[Load]:
+        """Return the loads, those of water that flows with its pressure. Collective.
+
+        Args:
+            bodies: The mesh, or a problem of this case on it, whose flow is known.
 
         Raises:
             InputError: If the flow cannot be found.
         """
         if self.seepage is None:
             return self.loads
-        with at("[seepage]"):
-            return with_flow(self.loads, tagged_mesh, self.seepage)
+        flow = flow_of(bodies.given.loads) if isinstance(bodies, Problem) else None
+        if flow is None:
+            mesh = bodies.tagged_mesh if isinstance(bodies, Problem) else bodies
+            with at("[seepage]"):
+                flow = steady_flow(mesh, self.seepage)
+        return with_flow(self.loads, flow)
 
     def history(self, problem: Problem) -> LoadingHistory | None:
         """Return the loading history of the stages; None if there is a [loading]. Collective.

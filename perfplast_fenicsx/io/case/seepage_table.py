@@ -7,10 +7,9 @@ from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.schema import Table, at, convert
 from perfplast_fenicsx.io.case.water_table import unit_weight_of_water
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.loads import FieldPores, Load, Pressure
 from perfplast_fenicsx.seepage.declared import Head, Seepage
-from perfplast_fenicsx.seepage.flow import steady_flow
+from perfplast_fenicsx.seepage.flow import SteadyFlow
 from perfplast_fenicsx.units import Units
 
 
@@ -69,13 +68,13 @@ def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | 
     return found
 
 
-def with_flow(loads: Sequence[Load], tagged_mesh: TaggedMesh, seepage: Seepage) -> list[Load]:
-    """Return the loads with the pressure of the flow on a mesh. Collective.
+def with_flow(loads: Sequence[Load], flow: SteadyFlow) -> list[Load]:
+    """Return the loads with the pressure of the flow.
 
-    Raises:
-        InputError: As :func:`perfplast_fenicsx.seepage.flow.steady_flow`.
+    Args:
+        loads: Loads of a case.
+        flow: The flow on a mesh of its bodies.
     """
-    flow = steady_flow(tagged_mesh, seepage)
     return [
         replace(load, field=flow.pressure_in(load.on)) if isinstance(load, FieldPores) else load
         for load in loads
