@@ -1,7 +1,7 @@
 """``[geometry]`` of a case file: a CAD file, or ground drawn in the case, meshed for the run."""
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,6 +14,13 @@ from perfplast_fenicsx.geometry.kept_mesh import glued_in, keep_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case.schema import T, Table, at, convert
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
+
+
+def _kept(comm: MPI.Intracomm, mesh: Path, keep: Callable[[], object]) -> TaggedMesh:
+    """Return a mesh that rank 0 makes unless it is there, with its glued surfaces. Collective."""
+    on_rank0(comm, keep)
+    glued = comm.bcast(on_rank0(comm, lambda: glued_in(mesh)))
+    return replace(read_gmsh(comm, mesh), glued=tuple(glued))
 
 
 @dataclass(frozen=True)
@@ -48,9 +55,7 @@ class GeometryFile:
             InputError: If the file cannot be read or meshed, or is a script without trust.
         """
         source, mesh = case.parent / self.file, case.with_suffix(".msh")
-        on_rank0(comm, lambda: keep_mesh(source, mesh, self.options, trust))
-        glued = comm.bcast(on_rank0(comm, lambda: glued_in(mesh)))
-        return replace(read_gmsh(comm, mesh), glued=tuple(glued))
+        return _kept(comm, mesh, lambda: keep_mesh(source, mesh, self.options, trust))
 
 
 @dataclass(frozen=True)
@@ -81,11 +86,8 @@ class GroundInCase:
             InputError: If the ground cannot be meshed.
         """
         mesh = case.with_suffix(".msh")
-        on_rank0(comm, lambda: self._keep(case, mesh))
-        glued = comm.bcast(on_rank0(comm, lambda: glued_in(mesh)))
-        found = read_gmsh(comm, mesh)
-        remarks = (*found.remarks, *self.ground.remarks())
-        return replace(found, glued=tuple(glued), remarks=remarks)
+        found = _kept(comm, mesh, lambda: self._keep(case, mesh))
+        return replace(found, remarks=(*found.remarks, *self.ground.remarks()))
 
     def _keep(self, case: Path, mesh: Path) -> None:
         """Make the mesh unless it is there. Not collective."""
