@@ -16,7 +16,7 @@ from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
-from perfplast_fenicsx.problem.declared.loads import KINDS, LOADS, Load, kind_of
+from perfplast_fenicsx.problem.declared.loads import Load, kind_of, load_kinds
 from perfplast_fenicsx.units import Units
 
 if TYPE_CHECKING:  # what reads results for pictures starts no MPI
@@ -137,7 +137,7 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
     with at(place):
         scene = Scene(
             top.title,
-            chosen(top.loads, "kind", {**LOADS, **KINDS}),
+            chosen(top.loads, "kind", load_kinds()),
             chosen(top.contacts, "interface", INTERFACES, "friction"),
             chosen(top.obstacles, "shape", OBSTACLES),
             convert(top.units, Units, place),

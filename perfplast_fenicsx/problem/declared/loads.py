@@ -365,23 +365,28 @@ LOADS: dict[str, type[Any]] = {
 }
 """Kinds of loads by their name in case files."""
 
-KINDS: dict[str, type[Any]] = {**LOADS, "body_force_below": ForceBelow}
-"""Kinds of loads by their name in results."""
+OTHERS: dict[str, type[Any]] = {"body_force_below": ForceBelow}
+"""Kinds of loads that the program makes itself, by their name in results."""
 
 ON_SURFACES = (Traction, Pressure, CosinePressure)
 """Loads whose tractions strict bounds and proofs know, where they are linear on facets."""
 
 
+def load_kinds() -> dict[str, type[Any]]:
+    """Return all kinds of loads by their name in results, those of packages too."""
+    return {**LOADS, **OTHERS}
+
+
 def kind_of(load: Load) -> str:
     """Return how files call a load's kind; the name of its class where it is in no file."""
     own = PorePressure if isinstance(load, FieldPores) else type(load)
-    known = (kind for kind, cls in {**LOADS, **KINDS}.items() if cls is own)
+    known = (kind for kind, cls in load_kinds().items() if cls is own)
     return next(known, type(load).__name__)
 
 
 def is_known(load: Load) -> bool:
     """Return whether a load is of the program's own kinds, and none of a user's."""
-    return type(load) in (*KINDS.values(), *ON_SURFACES, FieldPores, EnclosedPores)
+    return type(load) in (*load_kinds().values(), *ON_SURFACES, FieldPores, EnclosedPores)
 
 
 def is_uniform(load: Load) -> bool:
