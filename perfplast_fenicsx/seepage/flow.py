@@ -377,10 +377,11 @@ class Network:
                 f" whose lowest point has the height {lowest:g}; give a higher level, or name the"
                 " surface in outlet."
             )
-        above = z[self._facets(mesh, head.on)] - head.level
+        facets = self._facets(mesh, head.on)
+        above = z[facets] - head.level
         cut = (above.min(axis=1) < -rounding) & (above.max(axis=1) > rounding)
         if head.presses and cut.any():
-            at = self.points[self._facets(mesh, head.on)[np.argmax(cut)]].mean(axis=0)
+            at = self.points[facets[np.argmax(cut)]].mean(axis=0)
             raise InputError(
                 f"the level {head.level:g} of the water at '{head.on}' crosses a facet near"
                 f" {place_of(at)}; put a point of the drawing at that height, so that the mesh has"

@@ -19,6 +19,7 @@ from dolfinx import la
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.enclosures import ROUNDING
+from perfplast_fenicsx.errors import on_all_ranks
 from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb, Tresca
 from perfplast_fenicsx.materials.drucker_prager import DruckerPrager
 from perfplast_fenicsx.materials.elastic import Elastic
@@ -86,7 +87,7 @@ def on_kinks(
         known.append((name, partial(_low, field)))
     for name, at_corners in known:
         cells, vertices, places = _cells(tagged_mesh, name)
-        values = at_corners(places)
+        values = on_all_ranks(mesh.comm, partial(at_corners, places))
         if values is None:
             continue
         d = places.shape[2]

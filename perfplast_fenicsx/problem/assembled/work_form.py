@@ -97,7 +97,7 @@ def _field(
         linear = fem.Function(fem.functionspace(mesh, ("Discontinuous Lagrange", 1)))
         vertices, points = corners(mesh)
         owned = entities[entities < len(vertices)]
-        values, _ = linear_pores(load, points[vertices[owned]])
+        values, _ = on_all_ranks(mesh.comm, lambda: linear_pores(load, points[vertices[owned]]))
         linear.x.array[linear.function_space.dofmap.list[owned]] = values
         linear.x.scatter_forward()
         return linear
