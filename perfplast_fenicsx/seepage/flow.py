@@ -200,16 +200,22 @@ def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
     if seepage.axis >= dim:
         raise InputError(f"up = '{seepage.up}' is no coordinate of {dim} dimensions; give 'y'.")
     copy, comm = whole_mesh(tagged_mesh), tagged_mesh.mesh.comm
-    flow: SteadyFlow = comm.bcast(on_rank0(comm, lambda: _judged(copy, seepage)))
+    owner = _Options()
+    prefix = own_prefix(owner, SEEPAGE, PRESET)  # on all ranks, which number prefixes alike
+    flow: SteadyFlow = comm.bcast(on_rank0(comm, lambda: _judged(copy, seepage, prefix)))
     return flow
 
 
-def _judged(mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
+class _Options:
+    """Owner of the options of a flow."""
+
+
+def _judged(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
     """Return the flow on a mesh of this rank alone, compared with that on a finer one."""
-    flow, cells = _flow(mesh, seepage), len(corners(mesh.mesh)[0])
+    flow, cells = _flow(mesh, seepage, prefix), len(corners(mesh.mesh)[0])
     if cells > MOST_COMPARED:
         return flow
-    finer = _flow(refine(mesh, np.ones(cells, dtype=bool)).tagged_mesh, seepage)
+    finer = _flow(refine(mesh, np.ones(cells, dtype=bool)).tagged_mesh, seepage, prefix)
     apart = []
     for body, there in finer.bodies.items():
         cells_there = finer.cells[there]
@@ -218,11 +224,11 @@ def _judged(mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
     return replace(flow, uncertainty=float(max(apart)))
 
 
-def _flow(mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
+def _flow(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
     """Return the flow on a mesh of this rank alone."""
     network = Network(mesh, seepage)
     lower, upper, start = network.obstacles(mesh, seepage)
-    w, iterations = solve_flow(network, lower, upper, start)
+    w, iterations = solve_flow(network, (lower, upper), start, prefix)
     outflow = -network.leaving(w)
     # A lowest point of an outlet that no water reaches may have any saturation, and so has none.
     through = np.abs(outflow)
@@ -428,27 +434,25 @@ class Network:
         return sp.csr_matrix((values, (rows, columns)), shape=(len(w), len(w)))
 
 
-class _Options:
-    """Owner of the options of one solve."""
-
-
-def solve_flow(network: Network, lower: Floats, upper: Floats, start: Floats) -> tuple[Floats, int]:
+def solve_flow(
+    network: Network, obstacles: tuple[Floats, Floats], start: Floats, prefix: str
+) -> tuple[Floats, int]:
     """Return w and the number of Newton steps. Not collective.
 
     Args:
         network: The ground.
-        lower: Obstacles from below, shape (num_points,).
-        upper: Obstacles from above.
+        obstacles: Obstacles from below and from above, each of shape (num_points,).
         start: Where to begin, between them.
+        prefix: Prefix of the options of SNES-VI.
 
     Raises:
         InputError: If no flow is found.
     """
-    alone, owner = PETSc.COMM_SELF, _Options()
+    alone = PETSc.COMM_SELF
     first = network.slopes(start)
     jacobian = PETSc.Mat().createAIJ(first.shape, csr=_rows(first), comm=alone)
     snes = PETSc.SNES().create(alone)
-    snes.setOptionsPrefix(own_prefix(owner, SEEPAGE, PRESET))
+    snes.setOptionsPrefix(prefix)
     norms = [np.inf]
 
     def ended(snes: PETSc.SNES, step: int, sizes: Sequence[float]) -> int | None:
@@ -470,7 +474,7 @@ def solve_flow(network: Network, lower: Floats, upper: Floats, start: Floats) ->
     snes.setJacobian(fill, jacobian, jacobian)
     snes.setFromOptions()
     snes.setConvergenceTest(ended)
-    bounds = [PETSc.Vec().createWithArray(side, comm=alone) for side in (lower, upper)]
+    bounds = [PETSc.Vec().createWithArray(side, comm=alone) for side in obstacles]
     snes.setVariableBounds(*bounds)
     w = PETSc.Vec().createWithArray(start.copy(), comm=alone)
     snes.solve(None, w)
