@@ -46,6 +46,7 @@ from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.mesh.whole_mesh import whole_mesh
 from perfplast_fenicsx.seepage.declared import Head, Seepage
+from perfplast_fenicsx.solvers.linear.option_trial import check_snes_vi
 from perfplast_fenicsx.solvers.linear.petsc_options import SEEPAGE, own_prefix
 
 COINCIDE = 1e-9
@@ -67,6 +68,8 @@ PRESET = {
     "snes_type": "vinewtonrsls",
     "snes_linesearch_type": "basic",
     "snes_max_it": MOST_ITERATIONS,
+    "snes_atol": 0.0,  # the iteration ends where F is rounding, unless the user gives tolerances
+    "snes_rtol": 0.0,
     "ksp_type": "preonly",
     "pc_type": "lu",
     "pc_factor_zeropivot": 1e-300,  # columns of dry points are small, and the matrix is regular
@@ -202,6 +205,7 @@ def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
     copy, comm = whole_mesh(tagged_mesh), tagged_mesh.mesh.comm
     owner = _Options()
     prefix = own_prefix(owner, SEEPAGE, PRESET)  # on all ranks, which number prefixes alike
+    check_snes_vi(PETSc.Options(prefix).getAll(), SEEPAGE)
     flow: SteadyFlow = comm.bcast(on_rank0(comm, lambda: _judged(copy, seepage, prefix)))
     return flow
 
@@ -460,7 +464,8 @@ def solve_flow(
         before, now = norms[-1], sizes[-1]
         norms.append(now)
         gains = 0.5  # part of the norm before, above which a step has gained nothing
-        if (now <= network.rounding and now >= gains * before) or not now:
+        least = max(snes.atol, snes.rtol * norms[1])
+        if (now <= network.rounding and now >= gains * before) or now <= least:
             return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS)
         return None
 

@@ -1,9 +1,10 @@
 """Steady flow of water against exact discharges, heads and balances."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import basix.ufl
 import numpy as np
@@ -28,6 +29,7 @@ from perfplast_fenicsx.mesh import Box, Surface, refine, structured_mesh
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.declared.loads import FieldPores
 from perfplast_fenicsx.seepage import Head, Seepage, SteadyFlow, steady_flow
+from perfplast_fenicsx.solvers.linear.option_trial import check_options
 
 COMM = MPI.COMM_WORLD
 
@@ -94,10 +96,10 @@ def steps(begin: float, end: float, count: int) -> Floats:
 
 
 def water(
-    unit_weight: float, conductivity: dict[str, Any], heads: list[Head], *more: Any, **given: Any
+    unit_weight: float, conductivity: dict[str, Any], heads: list[Head], **given: Any
 ) -> Seepage:
     """Return the declaration of a flow."""
-    return Seepage(conductivity, heads, *more, unit_weight=unit_weight, **given)
+    return Seepage(conductivity, heads, unit_weight=unit_weight, **given)
 
 
 def at(axis: int, value: float) -> Where:
@@ -226,6 +228,33 @@ def test_space_is_as_the_plane() -> None:
     flow = steady_flow(mesh, water(9.81, {"ground": 1.0}, heads, up="z"))
     assert flow.discharges["left"] == pytest.approx((10.0**2 - 2.5**2) / 10.0, rel=5e-3)
     assert flow.imbalance < 1e-10
+
+
+@pytest.fixture
+def options() -> Iterator[PETSc.Options]:
+    """PETSc's options, from which the test's own are removed."""
+    given = PETSc.Options()
+    before = set(given.getAll())
+    yield given
+    for name in set(given.getAll()) - before:
+        given.delValue(name)
+
+
+@pytest.mark.mpi2
+def test_options_of_the_user_are_heeded(options: PETSc.Options) -> None:
+    full = dam(5.0, 10.0, 2.0, 10, 20)
+    options["perfplast_seepage_snes_rtol"] = 1e-2
+    check_options(options.getAll())
+    assert dam(5.0, 10.0, 2.0, 10, 20).iterations < full.iterations
+    options["perfplast_seepage_snes_max_it"] = 2
+    with pytest.raises(InputError, match="not found in 2 steps"):
+        dam(5.0, 10.0, 2.0, 10, 20)
+    for name, value, words in (
+        ("snes_type", "newtonls", "flows of water are for vinewtonrsls alone"),
+        ("snes_mx_it", "3", "unknown"),
+    ):
+        with pytest.raises(InputError, match=words):
+            check_options({f"perfplast_seepage_{name}": value})
 
 
 @pytest.mark.parametrize("seed", range(12))

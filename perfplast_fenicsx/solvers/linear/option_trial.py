@@ -14,7 +14,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.solvers.linear.petsc_options import ACTIVE_SET, KINDS, LINEAR
+from perfplast_fenicsx.solvers.linear.petsc_options import ACTIVE_SET, KINDS, LINEAR, SEEPAGE
 
 Options = Mapping[str, str]
 
@@ -33,6 +33,10 @@ INNER = re.compile(
 
 VIEWERS = re.compile(r"^(ksp|pc|snes|mat)_.*(view|monitor|converged_reason|converged_rate)")
 """Options that show something; a trial would show it, too."""
+
+
+SNES_VI = {ACTIVE_SET: "contact programs", SEEPAGE: "flows of water"}
+"""What SNES-VI solves, by the prefix of the user's options for it."""
 
 
 def check_options(given: Mapping[str, str | None]) -> None:
@@ -92,26 +96,27 @@ def _check(kind: str, options: Options) -> None:
                     f"the PETSc option '-{kind}{within}{name}' is unknown to the solvers that it is"
                     " for; check its name, or leave it out."
                 )
-    if kind == ACTIVE_SET:
-        check_snes_vi(options)
+    if kind in SNES_VI:
+        check_snes_vi(options, kind)
 
 
-def check_snes_vi(options: Options) -> None:
+def check_snes_vi(options: Options, kind: str = ACTIVE_SET) -> None:
     """Refuse options by which SNES-VI would be another solver, or would take no step.
 
     Args:
         options: Values by names without any prefix.
+        kind: One of :data:`SNES_VI`.
 
     Raises:
         InputError: Naming the option.
     """
     for name, value in options.items():
-        told = f"the PETSc option '-{ACTIVE_SET}{name} {value}' cannot be used:"
+        told = f"the PETSc option '-{kind}{name} {value}' cannot be used:"
         if name == "snes_type" and value != "vinewtonrsls":
-            raise InputError(f"{told} contact programs are for vinewtonrsls alone; leave it out.")
+            raise InputError(f"{told} {SNES_VI[kind]} are for vinewtonrsls alone; leave it out.")
         if name == "snes_max_it" and int(value) < 1:
             raise InputError(f"{told} at least one iteration is needed; give 1 or more.")
-        if not name.startswith("snes_"):
+        if kind == ACTIVE_SET and not name.startswith("snes_"):
             raise InputError(
                 f"{told} the linear systems of SNES-VI are those of all steps; give"
                 f" '-{LINEAR}{name} {value}' if it is for these."
@@ -147,7 +152,7 @@ def _read(kind: str, options: Options) -> set[str]:
     matrix = PETSc.Mat().createAIJ((4, 4), csr=identity, comm=PETSc.COMM_SELF)
     ksp, snes = PETSc.KSP().create(PETSc.COMM_SELF), PETSc.SNES().create(PETSc.COMM_SELF)
     try:
-        if kind == ACTIVE_SET:
+        if kind in SNES_VI:
             snes.setOptionsPrefix(prefix)
             snes.setType("vinewtonrsls")
             snes.setFromOptions()
