@@ -36,7 +36,7 @@ VIEWERS = re.compile(r"^(ksp|pc|snes|mat)_.*(view|monitor|converged_reason|conve
 
 
 SNES_VI = {ACTIVE_SET: "contact programs", SEEPAGE: "flows of water"}
-"""What SNES-VI solves, by the prefix of the user's options for it."""
+"""Problems that SNES-VI solves, by the prefix of the user's options for it."""
 
 
 def check_options(given: Mapping[str, str | None]) -> None:
