@@ -13,6 +13,7 @@ from dolfinx.mesh import CellType, create_mesh, exterior_facet_indices, meshtags
 
 from perfplast_fenicsx import BodyForce, Contact, Plane, Problem, Rigid, Support, TaggedMesh
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.compat import geometry_dofmap
 
 Place = Callable[[Floats], Floats]
 """From places in the unit cube, shape (n, d), to places of a stone."""
@@ -60,7 +61,7 @@ def _tags(mesh, share: Floats, per_stone: int):  # type: ignore[no-untyped-def]
     facets = exterior_facet_indices(mesh.topology)
     index_map = mesh.topology.index_map(0)
     of_vertex = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=np.int64)
-    inputs = np.asarray(mesh.geometry.input_global_indices)[mesh.geometry.dofmap.ravel()]
+    inputs = np.asarray(mesh.geometry.input_global_indices)[geometry_dofmap(mesh).ravel()]
     of_vertex[mesh.topology.connectivity(d, 0).array] = inputs
     vertices = mesh.topology.connectivity(d - 1, 0).array.reshape(-1, d)[facets]
     inputs = of_vertex[vertices]

@@ -24,6 +24,7 @@ from perfplast_fenicsx.cli.understood import (
     save_arrays,
     understood,
 )
+from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import case_of
 from perfplast_fenicsx.io.case.toml_reader import parse
@@ -161,7 +162,7 @@ def made(told: Told) -> TaggedMesh:
     values = np.concatenate(tags)[first]
     index_map = topology.index_map(gdim)
     local = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
-    middle = mesh.geometry.x[mesh.geometry.dofmap].mean(axis=1)
+    middle = mesh.geometry.x[geometry_dofmap(mesh)].mean(axis=1)
     volume = np.zeros(len(local), dtype=np.int32)
     for body in told.bodies:
         inside = ((middle[:, :gdim] > body.low) & (middle[:, :gdim] < body.high)).all(axis=1)

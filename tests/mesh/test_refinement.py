@@ -258,7 +258,7 @@ def test_midsides_of_straight_cells_are_left_out(comm: MPI.Intracomm, read: Read
     straight = read(write_strip_footing, order=2)
     finer = refine(straight, near(straight, (1.0, 0.0), "ground"))
     check_finer(straight, finer)
-    assert finer.tagged_mesh.mesh.geometry.dofmap.shape[1] == 3
+    assert geometry_dofmap(finer.tagged_mesh.mesh).shape[1] == 3
 
 
 def test_what_cannot_be_refined_is_refused(comm: MPI.Intracomm, read: Read) -> None:

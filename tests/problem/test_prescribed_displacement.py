@@ -97,7 +97,7 @@ def test_a_block_that_is_compressed(method: type, strain: float) -> None:
         assert level.state.alpha == pytest.approx(wide, rel=1e-8)
 
 
-@pytest.mark.parametrize(("method", "degree"), zip(METHODS, (2, 1, 1, 2), strict=True))
+@pytest.mark.parametrize(("method", "degree"), [*zip(METHODS, (2, 1, 1, 2), strict=True)])
 def test_supports_that_move_and_a_load_at_once(method: type, degree: int) -> None:
     """No solution is known by hand; the duality gap tells that it is one."""
     problem = stack(Support("top", "z", value=-4e-3), Support("top", "y"), degree=degree)

@@ -71,7 +71,7 @@ SHADOWED = {
 }
 
 
-@pytest.mark.parametrize(("name", "turned"), product(SHADOWED, (False, True)))
+@pytest.mark.parametrize(("name", "turned"), [*product(SHADOWED, (False, True))])
 def test_a_facet_behind_another_has_no_partner(name: str, turned: bool) -> None:
     """Whatever the order of the surfaces, its load is nobody's, and no bound is told."""
     arrays = plates(*SHADOWED[name])
