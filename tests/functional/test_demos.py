@@ -5,19 +5,21 @@ all, with their pictures, and those of the verification at their full size on tw
 """
 
 import ast
+import copy
 import importlib.util
 import runpy
 import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from mpi4py import MPI
 
 import pytest
 
 from demos.verification.verify import CASES as VERIFIED
-from docs import examples
+from docs import commands, examples
 from perfplast_fenicsx.__main__ import main as command_line
 from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.cli.understood import PICTURE
@@ -123,3 +125,24 @@ def test_case(
     assert err == ""
     assert ("can be run" in out) == (comm.rank == 0)
     assert drawn == ([case.parent / PICTURE] if comm.rank == 0 else [])
+
+
+@pytest.mark.serial
+def test_the_notebook_prints_what_it_shows() -> None:
+    """Run all cells by Jupyter's kernel; numbers may differ, as on pages of the documentation."""
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    shown = nbformat.read(FOLDER / "limit_load.ipynb", as_version=4)
+    nbformat.validate(shown)
+    place = {"metadata": {"path": FOLDER.parent}}
+    run = nbclient.NotebookClient(copy.deepcopy(shown), timeout=600, resources=place).execute()
+    pairs = list(zip(printed(shown), printed(run), strict=True))
+    assert len(pairs) == 3
+    for before, after in pairs:
+        assert commands.same(before, after)
+
+
+def printed(notebook: Any) -> list[str]:
+    """Return what the cells of a notebook print, one text for each cell that prints."""
+    outputs = (cell.outputs for cell in notebook.cells if cell.cell_type == "code")
+    texts = ("".join(output.get("text", "") for output in cell) for cell in outputs)
+    return [text for text in texts if text]

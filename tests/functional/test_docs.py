@@ -40,8 +40,11 @@ from tests.test_walls import BELOW
 
 pytestmark = pytest.mark.serial
 
-COARSE = {"prop --size 30": "prop --size 60"}
-"""Of the tutorial's mesh."""
+COARSE = {
+    "prop --size 30": "prop --size 60",
+    "until = 0.02, cells = 4000": "until = 0.2, cells = 1500",
+}
+"""Coarser meshes of the tutorials."""
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -180,7 +183,13 @@ def test_outputs_are_compared(shown: str, printed: str, equal: bool) -> None:
 
 @pytest.mark.long(but=["howto/loading.md-2"])
 @pytest.mark.parametrize(
-    ("name", "count"), [("tutorial.md", 6), ("extending.md", 7), ("howto/loading.md", 2)]
+    ("name", "count"),
+    [
+        ("tutorial.md", 6),
+        ("tutorial_slope.md", 9),
+        ("extending.md", 7),
+        ("howto/loading.md", 2),
+    ],
 )
 def test_pages_do_what_they_show(tmp_path: Path, name: str, count: int) -> None:
     page = DOCS / name
