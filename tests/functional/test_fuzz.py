@@ -231,7 +231,7 @@ def test_the_base_is_fine(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
 def test_case_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) -> None:
     """Wrong keys, types and values; most are refused without a mesh."""
 
-    @fuzz(600 if comm.size == 1 else 150)
+    @fuzz(300 if comm.size == 1 else 75)
     @given(broken_cases())
     def attempt(text: str) -> None:
         path = put(comm, shared_tmp_path / "case.toml", text.encode())
@@ -247,7 +247,7 @@ def test_broken_text(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) -
     """Bytes that are changed, cut, repeated or put in."""
     whole = document(BASE).encode()
 
-    @fuzz(250 if comm.size == 1 else 80)
+    @fuzz(125 if comm.size == 1 else 40)
     @given(st.integers(0, len(whole)), st.integers(0, 60), st.binary(max_size=12))
     def attempt(start: int, length: int, instead: bytes) -> None:
         content = whole[:start] + instead + whole[start + length :]
@@ -297,7 +297,7 @@ def broken_values(draw: st.DrawFn) -> str:
 def test_extreme_values_are_solved_or_refused(
     comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally
 ) -> None:
-    @fuzz(40 if comm.size == 1 else 12)
+    @fuzz(20 if comm.size == 1 else 6)
     @given(broken_values())
     def attempt(text: str) -> None:
         path = put(comm, shared_tmp_path / "case.toml", text.encode())
@@ -355,7 +355,7 @@ def test_mesh_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) ->
     lines = path.read_text(encoding="utf-8").split("\n")
     comm.barrier()
     lot = random.Random(2)
-    for _ in range(max(1, int((15 if comm.size == 1 else 6) * EFFORT))):
+    for _ in range(max(1, int((8 if comm.size == 1 else 3) * EFFORT))):
         put(comm, path, broken_mesh(lines, lot))
         tally.counts[outcome(comm, lambda: repr(type(read_gmsh(comm, path)).__name__))] += 1
     tally.show("broken mesh files read")

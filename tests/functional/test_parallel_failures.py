@@ -125,6 +125,7 @@ def test_waits():
     assert closing is not None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("ranks", "closing"), [(1, "2 failed in "), (2, "1 failed, 1 deselected in ")]
 )
@@ -215,6 +216,7 @@ def test_waits():
     assert "the run is ended: test_here.py::test_waits takes more than 2 s" in shown
 
 
+@pytest.mark.long(but=["2"])
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_nothing_runs_in_python_any_more(tmp_path: Path, ranks: int) -> None:
     """A library that does not let go of the interpreter, as PETSc in a collective call."""

@@ -28,7 +28,7 @@ BLOCKS = case_text(
 )
 LIMIT = '[element]\ndegree = 2\n[loading]\ncontrol = "bounds"\n'
 LEVELS = "[loading]\nvalues = [50.0, 100.0]\n"
-VARY = ["--vary", "material.lower.yield_stress=200:500:4", "--vary", "load.top.pressure=1,2"]
+VARY = ["--vary", "material.lower.yield_stress=300:500:2", "--vary", "load.top.pressure=1,2"]
 
 
 def table(comm: MPI.Intracomm, folder: Path) -> list[dict[str, str]]:
@@ -49,7 +49,7 @@ def test_a_case_for_each_pair_of_values(
     folder = shared_tmp_path / "r"
     assert main(["sweep", str(case), "-o", str(folder), *VARY]) == SOLVED
     rows = table(comm, folder)
-    assert len(rows) == 8
+    assert len(rows) == 4
     for row in rows:
         strength = float(row["material.lower.yield_stress"])
         exact = min(strength, 400.0) / float(row["load.top.pressure"])
@@ -57,18 +57,18 @@ def test_a_case_for_each_pair_of_values(
         assert float(row["upper"]) / float(row["lower"]) < 1.001
     assert (folder / "sweep.png").stat().st_size > 10_000
     if comm.rank == 0:
-        summary = json.loads((folder / "0003" / "summary.json").read_text(encoding="utf-8"))
+        summary = json.loads((folder / "0001" / "summary.json").read_text(encoding="utf-8"))
         assert "material.lower.yield_stress = 300, load.top.pressure = 1" in summary["remarks"]
         assert "perfplast sweep" in summary["surroundings"]["command"]
-        (folder / "0003" / "summary.json").unlink()
+        (folder / "0001" / "summary.json").unlink()
     comm.barrier()
     capsys.readouterr()
     assert main(["sweep", str(case), "--restart", str(folder), *VARY]) == SOLVED
     out = comm.bcast(capsys.readouterr().out)
     assert out.count("Results in") == 2, "one case, and the table"
     again = table(comm, folder)
-    assert [*again[:2], *again[3:]] == [*rows[:2], *rows[3:]]
-    assert float(again[2]["lower"]) == pytest.approx(float(rows[2]["lower"]), rel=1e-6)
+    assert again[1:] == rows[1:]
+    assert float(again[0]["lower"]) == pytest.approx(float(rows[0]["lower"]), rel=1e-6)
 
 
 def test_what_is_stopped_goes_on(

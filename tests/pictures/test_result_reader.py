@@ -341,6 +341,7 @@ def test_without_fields(
 
 
 @needs_xvfb
+@pytest.mark.usefixtures("undrawn")
 def test_plot_and_animate(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
