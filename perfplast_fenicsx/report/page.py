@@ -6,12 +6,16 @@ from importlib import resources
 from string import Template
 
 from perfplast_fenicsx.force_rows import force_rows
+from perfplast_fenicsx.io.results.claims import Proofs
 from perfplast_fenicsx.io.results.combination_table import as_cells, read_table
 from perfplast_fenicsx.io.results.figures import FIGURES, figures
+from perfplast_fenicsx.io.results.result_files import FALLS, LEAST, PROOF, STANDS
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
 from perfplast_fenicsx.report.curve import NARROW, curve_of, to_svg
+from perfplast_fenicsx.report.packing import size_of
+from perfplast_fenicsx.report.proof_again import prove_again
 from perfplast_fenicsx.report.proof_section import proof_section, proofs_of
 from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import (
@@ -26,7 +30,7 @@ from perfplast_fenicsx.report.tables import (
     table,
 )
 from perfplast_fenicsx.report.verdict import Verdict, verdict_on
-from perfplast_fenicsx.report.view_data import View
+from perfplast_fenicsx.report.view_data import ROOM, View
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
 SCRIPTS = (
@@ -64,7 +68,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         curve=_curve(reader),
         levels=_water(reader) + _levels(reader) + _pictures(reader),
         reactions=_limit_forces(reader) + _reactions(reader) + _bolts(reader),
-        proof=_section("proof", "The proof", proof_section(reader.path, proofs)),
+        proof=_section("proof", "The proof", _proof(reader, proofs, view)),
         case=_case(summary, words),
         again=_again(summary),
         version=escape(summary.version),
@@ -83,6 +87,13 @@ def head_of(summary: Summary) -> str:
     rows = [(key.capitalize(), text) for key, text in summary.report.items()]
     began = summary.surroundings.get("began", "")
     return pairs([*rows, ("Date", began)] if rows and began else rows)
+
+
+def _proof(reader: ResultReader, proofs: Proofs, view: View) -> str:
+    """Return what the proof files prove, and what proves it again on the page."""
+    paths = [reader.path / name for name in (PROOF, LEAST, STANDS, FALLS) if name in proofs]
+    room = ROOM - size_of(view.data)
+    return proof_section(reader.path, proofs) + prove_again(paths, room)
 
 
 def _verdict(verdict: Verdict, meaning: str) -> str:

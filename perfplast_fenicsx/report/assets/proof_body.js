@@ -1,0 +1,191 @@
+// The bodies of a proof: cells, facets, supports, loads and contact, as docs/proof.md has them.
+
+const LOADS = ["body_force", "traction", "pore_pressure"];
+const KINDS = ["", "constant_", "any_"];
+
+/** Bodies from the arrays of a half; refuses what is not one, or is not known here. */
+function bodyOf(A) {
+  const of = (name) => A[name] ?? refuse(`${name} is missing`);
+  const x = of("vertices"), d = x.shape[1], w = d + 1;
+  if (d !== 2 && d !== 3) refuse("vertices are neither in the plane nor in space");
+  const cells = of("cells"), n = cells.shape[0], facets = of("facets"), f = facets.shape[0];
+  if (!n) refuse("there are no cells");
+  if (A.numbers.revolved) refuse("this checker does not know bodies of revolution");
+  if (A.rigid?.data.length) refuse("this checker does not know rigid surfaces");
+  const data = (name, shape, fill = 0) => {
+    const size = shape.reduce((a, b) => a * b, 1);
+    if (!A[name]) return new Float64Array(size).fill(fill);
+    if (A[name].shape.join() !== shape.join()) refuse(`the shape of ${name} fits nothing`);
+    return A[name].data;
+  };
+  const pairs = A.contacts?.shape[0] ?? 0, planes = A.obstacles?.shape[0] ?? 0;
+  const body = {
+    d, w, n, f, x: data("vertices", [x.shape[0], d]), cells: data("cells", [n, w]),
+    cone: data("cone", [n]), strength: data("cell_strength", [n, w], 1),
+    facets: data("facets", [f, d]), surface: data("surface", [f]), held: data("held", [f, d]),
+    guided: data("guided", [f, d]), contacts: data("contacts", [pairs, 2]),
+    obstacles: data("obstacles", [planes]), towards: data("obstacle_normals", [planes, d]),
+    rubs: ["contact", "obstacle"].map((of, i) => ["adhesion", "friction"].map(
+      (name) => data(`${of}_${name}`, [i ? planes : pairs]))),
+    loads: KINDS.map((kind) => ({
+      body_force: data(`${kind}body_force`, [n, d]), traction: data(`${kind}traction`, [f, d, d]),
+      pore_pressure: data(`${kind}pore_pressure`, [n, w]) })),
+  };
+  const numbers = [body.x, body.strength, body.guided, body.towards, ...body.rubs.flat(),
+    ...body.loads.flatMap((kind) => LOADS.map((name) => kind[name]))];
+  for (const values of numbers) {
+    if (!values.every(Number.isFinite)) refuse("some data are not finite");
+    if (largest(values) > 1e60) refuse("some data are larger than 1e60");
+  }
+  const all = (values, test, words) => { if (!values.every(test)) refuse(words); };
+  const count = x.shape[0];
+  for (const of of [body.cells, body.facets]) {
+    all(of, (v) => v >= 0 && v < count, "there are numbers of vertices that do not exist");
+  }
+  all(body.strength, (s) => s > 0, "cell_strength is not positive");
+  body.rubs.flat().forEach((of) => all(of, (r) => r >= 0, "friction is negative"));
+  const tags = new Set(body.surface);
+  for (const of of [body.contacts, body.obstacles]) {
+    all(of, (tag) => tag > 0 && tags.has(tag), "contact is of a surface that does not exist");
+  }
+  for (const of of [body.guided, body.towards]) for (let i = 0; i < of.length; i += d) {
+    const size = norm(of.subarray(i, i + d));
+    if (size !== 0 && !(Math.abs(size - 1) <= 1e-12)) refuse("a direction is no unit vector");
+  }
+  body.cones = conesOf(A, d === 2 ? 3 : 6);
+  all(body.cone, (c) => c >= -1 && c < body.cones.length, "there are cones that do not exist");
+  if (body.cone.every((c) => c < 0)) refuse("this checker does not know blocks that cannot yield");
+  body.radius = (c) => (body.cone[c] < 0 ? Infinity
+    : body.cones[body.cone[c]].radius * Math.min(...body.strength.subarray(c * w, c * w + w)));
+  for (const kind of body.loads) kind.some = LOADS.some((name) => kind[name].some((y) => y !== 0));
+  shape(body);
+  glue(body);
+  overlap(body);
+  return body;
+}
+
+/** Area vectors N times (d − 1)!, outward, and volumes D times d!, both exact; and as doubles. */
+function shape(body) {
+  const { d, w, n, x, cells } = body, size = largest(x);
+  const X = exact(x, Math.floor(Math.log2(size || 1)) - 110);
+  const vertex = (c, k) => range(d).map((i) => X.v[cells[c * w + k] * d + i]);
+  const N = new Array(n * w), D = new Array(n);
+  for (let c = 0; c < n; c++) {
+    const at = range(w).map((k) => vertex(c, k));
+    for (let k = 0; k < w; k++) {
+      const [a, ...others] = at.filter((_, j) => j !== k);
+      const edges = others.map((b) => b.map((y, i) => y - a[i]));
+      let normal = d === 2 ? [edges[0][1], -edges[0][0]] : cross(edges[0], edges[1]);
+      const height = dot(normal, a.map((y, i) => y - at[k][i]));
+      if (height === 0n) refuse("a cell has no volume");
+      if (height < 0n) normal = normal.map((y) => -y);
+      N[c * w + k] = normal;
+      D[c] = height < 0n ? -height : height;
+    }
+  }
+  const factor = d === 2 ? 1 : 2, e = X.e;
+  Object.assign(body, { X: X.v, e, N, D,
+    area: N.map((v) => v.map((y) => num(y, e * (d - 1)) / factor)),
+    volume: Float64Array.from(D, (y) => num(y, e * d) / (d === 2 ? 2 : 6)) });
+  if (!body.volume.every((v) => v > 0 && v < 1e100)) refuse("a cell's volume is lost");
+  // Sizes of the map from the regular simplex with edges 1 to a cell, and of its inverse.
+  const regular = d === 2 ? [[1, 0], [0.5, Math.sqrt(0.75)]] : [[1, 0, 0],
+    [0.5, Math.sqrt(0.75), 0], [0.5, Math.sqrt(1 / 12), Math.sqrt(2 / 3)]];
+  const back = d === 2 ? [[1, 0], [-Math.sqrt(1 / 3), Math.sqrt(4 / 3)]] : [[1, 0, 0],
+    [-Math.sqrt(1 / 3), Math.sqrt(4 / 3), 0], [-Math.sqrt(1 / 6), -Math.sqrt(1 / 6), Math.sqrt(1.5)]];
+  body.stretch = range(n).map((c) => {
+    const edges = range(d).map((k) => range(d).map(
+      (i) => num(X.v[cells[c * w + k + 1] * d + i] - X.v[cells[c * w] * d + i], e)));
+    const product = (rows, columns) => norm(rows.flatMap((row) => range(d).map(
+      (i) => row.reduce((sum, r, k) => sum + r * columns[k][i], 0))));
+    const slopes = range(d).map((k) => body.area[c * w + k + 1].map((y) => y / (d * body.volume[c])));
+    const turned = range(d).map((i) => range(d).map((k) => regular[k][i]));
+    return [product(back, edges) * UP, product(turned, slopes) * UP];
+  });
+}
+
+/** Find the other side of each side, and the side of each outer facet. */
+function glue(body) {
+  const { d, w, n, f, cells, facets, N } = body, sides = new Map();
+  const key = (vertices) => vertices.sort((a, b) => a - b).join();
+  body.corners = range(w).map((k) => range(w).filter((j) => j !== k));
+  body.across = new Int32Array(n * w).fill(-1);
+  for (let c = 0; c < n; c++) for (let k = 0; k < w; k++) {
+    const name = key(body.corners[k].map((j) => cells[c * w + j])), side = c * w + k;
+    const other = sides.get(name);
+    if (other === undefined) { sides.set(name, side); continue; }
+    if (body.across[other] >= 0) refuse("more than two cells meet in a facet");
+    if (!N[side].every((y, i) => y === -N[other][i])) refuse("cells are folded");
+    body.across[side] = other; body.across[other] = side;
+  }
+  const outer = new Map([...sides].filter(([, side]) => body.across[side] < 0));
+  body.outer = new Int32Array(f);
+  body.places = [];
+  for (let i = 0; i < f; i++) {
+    const mine = [...facets.subarray(i * d, i * d + d)], name = key([...mine]);
+    if (!outer.has(name)) refuse("facets are not those that bound the cells");
+    body.outer[i] = outer.get(name);
+    outer.delete(name);
+    const c = Math.floor(body.outer[i] / w);
+    body.places.push(mine.map((v) => range(w).find((k) => cells[c * w + k] === v)));
+  }
+  if (outer.size) refuse("facets are not those that bound the cells");
+  body.pieces = new Joined(n);
+  body.across.forEach((o, s) => {
+    if (o >= 0) body.pieces.join(Math.floor(s / w), Math.floor(o / w));
+  });
+  body.facetAt = new Int32Array(n * w).fill(-1);
+  body.outer.forEach((side, i) => { body.facetAt[side] = i; });
+}
+
+/** Refuse cells that overlap: what is just inside of an outer facet is in its own cell alone. */
+function overlap(body) {
+  const { d, w, n, x, cells } = body;
+  const point = (v) => range(d).map((i) => x[v * d + i]);
+  const cell = (c) => range(w).map((k) => point(cells[c * w + k]));
+  const box = (points) => [0, 1].map((end) => range(d).map(
+    (i) => Math[end ? "max" : "min"](...points.map((p) => p[i]))));
+  const mix = (a, b) => a.map((y, i) => 0.999 * y + 0.001 * b[i]); // less is rounding of contact
+  const every = range(n).map(cell), boxes = every.map(box);
+  const grid = new Map(), levels = new Set();
+  const placesOf = ([low, high], level, visit) => {
+    const [a, b] = [low, high].map((p) => p.map((y) => Math.floor(y / 2 ** level)));
+    for (let i = a[0]; i <= b[0]; i++) for (let j = a[1]; j <= b[1]; j++) {
+      for (let k = a[2] ?? 0; k <= (b[2] ?? 0); k++) visit(`${level},${i},${j},${k}`);
+    }
+  };
+  boxes.forEach((b, c) => {
+    const level = Math.ceil(Math.log2(Math.max(...b[1].map((y, i) => y - b[0][i]))));
+    levels.add(level);
+    placesOf(b, level, (at) => (grid.get(at) ?? grid.set(at, []).get(at)).push(c));
+  });
+  let tries = 0;
+  for (const side of body.outer) {
+    const own = Math.floor(side / w), apex = every[own][side % w];
+    const base = body.corners[side % w].map((k) => mix(every[own][k], apex));
+    const middle = range(d).map((i) => base.reduce((sum, p) => sum + p[i], 0) / d);
+    const slice = [...base, mix(middle, apex)], b = box(slice), seen = new Set([own]);
+    for (const level of levels) placesOf(b, level, (at) => (grid.get(at) ?? [-1]).forEach((c) => {
+      if (++tries > 2e7) refuse("cells are too many beside each other to be told apart here");
+      if (c < 0 || seen.has(c)) return;
+      seen.add(c);
+      if (b[0].some((y, i) => y > boxes[c][1][i]) || b[1].some((y, i) => y < boxes[c][0][i])) return;
+      if (!apart(slice, every[c])) refuse(`cells overlap near (${slice[0].join(", ")})`);
+    }));
+  }
+}
+
+/** Whether a plane parts two simplices: one of their faces, or along an edge of each. */
+function apart(a, b) {
+  const minus = (p, q) => p.map((y, i) => y - q[i]);
+  const edges = [a, b].map((of) => of.flatMap((p, i) => of.slice(i + 1).map((q) => minus(q, p))));
+  const axes = a[0].length === 2 ? edges.flat().map(([u, v]) => [v, -u])
+    : [edges[0], edges[1]].flatMap((of) => of.flatMap((p, i) => of.slice(i + 1).map((q) => cross(p, q))))
+      .concat(edges[0].flatMap((p) => edges[1].map((q) => cross(p, q))));
+  return axes.some((axis) => {
+    const [s, t] = [a, b].map((of) => of.map((p) => minus(p, a[0]).reduce((z, y, i) => z + y * axis[i], 0)));
+    const [low, high] = [Math.min, Math.max].map((of) => [of(...s), of(...t)]);
+    const width = Math.min(high[0] - low[0], high[1] - low[1]); // of which a millionth only touches
+    return width > 0 && Math.min(...high) - Math.max(...low) <= 1e-6 * width;
+  });
+}

@@ -1,0 +1,107 @@
+// Cones ‖Mσ‖ ≤ c − q·σ, or (1 + s)σ₁ − (1 − s)σ₃ ≤ c and σ₁ ≤ f, and what their flow dissipates.
+
+/** σ or ε of d × d numbers as a vector: normal components, and √2 times shear ones. */
+function vector(t, d) {
+  const r = Math.SQRT1_2;
+  return d === 2 ? [t[0], t[3], r * (t[1] + t[2])]
+    : [t[0], t[4], t[8], r * (t[5] + t[7]), r * (t[2] + t[6]), r * (t[1] + t[3])];
+}
+
+/** Principal values, the least first; in the plane, those in it and `out`. */
+function principal(v, out) {
+  if (v.length === 3) {
+    const mean = (v[0] + v[1]) / 2, radius = Math.hypot((v[0] - v[1]) / 2, v[2] * Math.SQRT1_2);
+    return [mean - radius, out ?? mean, mean + radius];
+  }
+  const [a, b, c] = v.slice(3).map((y) => y * Math.SQRT1_2);
+  return eigen([[v[0], c, b], [c, v[1], a], [b, a, v[2]]]).values.sort((y, z) => y - z);
+}
+
+/** Cones of a half, with functions: `ratio` of a stress, `power` and `short` of a rate. */
+function conesOf(A, m) {
+  const rows = (name) => A[name]?.data ?? refuse(`${name} is missing`);
+  const bound = rows("cone_bound"), sine = rows("cone_sine"), cut = A.cone_tension?.data;
+  if (A.cone_matrix.data.length !== bound.length * m * m) refuse("the shape of cone_matrix fits nothing");
+  if (A.cone_slope.data.length !== bound.length * m) refuse("the shape of cone_slope fits nothing");
+  return range(bound.length).map((k) => {
+    const c = bound[k], q = [...A.cone_slope.data.subarray(k * m, k * m + m)];
+    const M = range(m).map((i) => [...A.cone_matrix.data.subarray((k * m + i) * m, (k * m + i + 1) * m)]);
+    if (![c, ...q, ...M.flat()].every(Number.isFinite)) refuse("a cone is not finite");
+    if (!(c >= 0 && c < 1e60)) refuse("a cone's bound is negative or too large");
+    const f = cut ? cut[k] : NaN;
+    if (!Number.isNaN(sine[k])) {
+      if (largest([...q, ...M.flat()])) refuse("a cone of principal stresses has a matrix");
+      return principalCone(c, sine[k], f);
+    }
+    return Number.isNaN(f) ? roundCone(c, q, M, m) : refuse("cone_tension without cone_sine");
+  });
+}
+
+function principalCone(c, s, f) {
+  const cut = !Number.isNaN(f), root = Math.sqrt(3);
+  if (!(s === 0 || (s > 1e-6 && s < 1 - 1e-9)) || !(c > 0)) refuse("a cone's sine is out of range");
+  if (cut && !(f > 0 && f < 1e60 && c - 2 * s * f > 0)) refuse("cone_tension is out of range");
+  const half = cut ? (c / 2 - s * f) / (1 - s) : s ? 0 : c / 2;
+  const mean = cut ? f - half : s ? c / (2 * s) : 0;
+  const sums = (v) => {
+    const e = principal(v, 0);
+    return [e[0] + e[1] + e[2], Math.abs(e[0]) + Math.abs(e[1]) + Math.abs(e[2])];
+  };
+  const wide = Math.sqrt(2 * (1 + s * s)) / c;
+  return {
+    c, digits: 256 * U, grows: s > 0 || cut, linear: s > 0 && !cut, keeps: !(s > 0 || cut),
+    takes: false, radius: Math.min(1 / wide, cut ? f : Infinity),
+    weak: Math.max(wide, cut ? 1 / f : 0) * UP, alert: root * (1 + s) * UP,
+    steep: (s && !cut ? (root * c) / (2 * s) : root * (Math.abs(mean) * (2 + s) + half)) * UP,
+    ratio: (v) => {
+      const e = principal(v), found = ((1 + s) * e[2] - (1 - s) * e[0]) / c;
+      return cut ? Math.max(found, e[2] / f) : found;
+    },
+    short: (v) => { const [trace, size] = sums(v); return s * size - trace; },
+    power: (v) => {
+      const [trace, size] = sums(v), lacks = Math.max(s * size - trace, 0);
+      if (s && !cut) return mean * (trace + lacks);
+      return mean * trace + half * size + (cut ? Math.abs(mean) * lacks : 0);
+    },
+  };
+}
+
+function roundCone(c, q, M, m) {
+  const square = range(m).map((i) => range(m).map((j) => M.reduce((sum, row) => sum + row[i] * row[j], 0)));
+  const { values, vectors } = eigen(square), most = Math.max(...values), n = m === 3 ? 2 : 3;
+  const times = (matrix, v) => matrix.map((row) => row.reduce((sum, y, i) => sum + y * v[i], 0));
+  const dots = (a, b) => a.reduce((sum, y, i) => sum + y * b[i], 0);
+  const least = values.indexOf(Math.min(...values)), free = vectors.map((row) => row[least]);
+  if (values.filter((y) => !(y > 1e-12 * most)).length > 1) refuse("a cone leaves two stresses free");
+  const gone = norm(times(M, free)) <= 1e-13 * Math.sqrt(most);
+  if (!gone && !(values[least] > 1e-12 * most)) refuse("a cone's matrix is nearly singular");
+  const pull = gone ? dots(q, free) : 0, grows = Math.abs(pull) > 1e-6 * norm(q);
+  if (gone && !grows && !(Math.abs(pull) <= 1e-13 * norm(q))) refuse("a cone's slope is nearly zero");
+  if (!grows && !(c > 0)) refuse("a cone's bound is not positive, and no slope closes it");
+  // M⁺ᵀ = M V Ω⁻¹ Vᵀ, without the stress that is left free
+  const scale = values.map((y, k) => (gone && k === least ? 0 : 1 / y));
+  const inverse = range(m).map((i) => range(m).map(
+    (j) => scale.reduce((sum, y, k) => sum + y * vectors[i][k] * vectors[j][k], 0)));
+  const back = M.map((row) => range(m).map((j) => dots(row, inverse.map((of) => of[j]))));
+  const r = times(back, q), rest = 1 - dots(r, r), size = norm(back.flat());
+  if (!grows && !(rest > 1e-9)) refuse("a cone is steeper than those whose rates are known");
+  const digits = 256 * U * size * Math.sqrt(most), normal = free.map((_, i) => (i < n ? 1 / n : 0));
+  const along = dots(free, normal) * n / Math.sqrt(n); // of the axis of mean stress
+  const off = norm(free.map((y, i) => y - along * (i < n ? 1 / Math.sqrt(n) : 0)));
+  const alert = (1 / Math.abs(pull) + size * (1 + norm(q) / Math.abs(pull))) * UP;
+  const head = (v) => dots(free, v) / pull;
+  const lacks = (v, z) => norm(times(back, v.map((y, i) => y - z * q[i])));
+  return {
+    c, digits, grows, linear: grows, keeps: gone && !grows && off <= 1e-13, takes: !gone && !grows,
+    alert: grows ? alert : 0, radius: c / Math.sqrt(most),
+    weak: ((Math.sqrt(most) + norm(q)) / c) * UP,
+    steep: c * (grows ? alert : (size * (1 + norm(r))) / rest) * UP * (1 + digits),
+    ratio: (v) => (norm(times(M, v)) + dots(q, v)) / c,
+    short: (v) => { const z = head(v); return lacks(v, z) - z; },
+    power: (v) => {
+      if (grows) { const z = head(v); return c * Math.max(z, lacks(v, z)); }
+      const y = times(back, v), a = dots(y, r);
+      return (c * (Math.sqrt(a * a + rest * dots(y, y)) - a)) / rest;
+    },
+  };
+}

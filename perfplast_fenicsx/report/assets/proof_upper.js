@@ -1,0 +1,428 @@
+// An upper bound: a velocity, bent until it is admissible, and what it dissipates. Bernstein's
+// coefficients at vertices and edges are whole numbers times 2^ev; what is bent stays such numbers.
+
+const OF_FLOW = { 2: [2.67, 16.3], 3: [4.51, 79.0] }; // docs/proof.md, an upper bound, 4.
+
+/** The upper bound that a velocity proves: the smaller of two ways to bend it. */
+function upperBound(body, flow) {
+  if (body.loads[2].some) refuse("this checker does not know upper bounds beside loads of any factor");
+  const rows = contactOf(body), found = [];
+  let why = null;
+  for (const resting of flow.resting.length ? [true, false] : [false]) {
+    try { found.push(boundOf(body, bent(body, flow, rows, resting))); } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      why = error;
+    }
+  }
+  if (!found.length) throw why;
+  return found.reduce((one, other) => (other.proven < one.proven ? other : one));
+}
+
+/** The coefficients on file, by place: vertices, and then edges. */
+function readVelocity(body, A) {
+  const { d, w, n, cells, x } = body, count = x.length / d, wide = d === 2 ? 6 : 10;
+  const v = A.velocity?.data ?? refuse("there is no velocity"), nodes = A.nodes?.data;
+  if (nodes?.length !== n * wide || A.velocity.shape[1] !== d) refuse("nodes or velocity fit nothing");
+  if (!v.every(Number.isFinite) || !nodes.every((k) => k >= 0 && k < v.length / d)) refuse("a velocity is missing");
+  const ends = range(w).flatMap((a) => range(w).slice(a + 1).map((b) => [a, b]));
+  const number = range(w).map((a) => range(w).map((b) => (a === b ? a
+    : w + ends.findIndex(([i, j]) => i === Math.min(a, b) && j === Math.max(a, b)))));
+  const edges = new Map(), P = new Int32Array(n * wide), pairs = [], nodeAt = [];
+  for (let c = 0; c < n; c++) for (let k = 0; k < wide; k++) {
+    let place = cells[c * w + k];
+    if (k >= w) {
+      const pair = ends[k - w].map((a) => cells[c * w + a]).sort((a, b) => a - b), key = pair[0] * count + pair[1];
+      place = edges.get(key) ?? (pairs.push(pair), count + edges.size);
+      edges.set(key, place);
+    }
+    P[c * wide + k] = place;
+    if ((nodeAt[place] ??= nodes[c * wide + k]) !== nodes[c * wide + k]) refuse("the velocity is not continuous");
+  }
+  const top = largest(v), ev = Math.floor(Math.log2(top || 1)) - 260, V = rounded(v, ev + 1);
+  const at = (place, i) => V[nodeAt[place] * d + i] ?? 0n;
+  const Q = range(count + pairs.length).map((place) => range(d).map((i) => (place < count ? 2n * at(place, i)
+    : 4n * at(place, i) - at(pairs[place - count][0], i) - at(pairs[place - count][1], i))));
+  const facet = range(body.f).map((i) => {
+    const c = Math.floor(body.outer[i] / w), own = body.places[i];
+    return [...own.map((a) => [a, a]), ...range(d).flatMap((a) => range(d).slice(a + 1).map((b) => [own[a], own[b]]))]
+      .map(([a, b]) => P[c * wide + number[a][b]]);
+  });
+  const held = Q.map(() => new Array(d).fill(false)), guides = new Map();
+  facet.forEach((places, i) => places.forEach((p) => {
+    for (let k = 0; k < d; k++) held[p][k] ||= body.held[i * d + k] === 1;
+    const g = [...body.guided.subarray(i * d, i * d + d)];
+    if (norm(g)) guides.set(p, [...(guides.get(p) ?? []), exact(g).v]);
+  }));
+  const flow = { Q, P, ev, wide, number, facet, held, guides, pairs, count, top, v: (p, i) => v[nodeAt[p] * d + i], resting: [] };
+  flow.elastic = sets(body, flow, (c, o) => body.cone[c] < 0 && body.cone[o] < 0).filter((of) => body.cone[of[0]] < 0);
+  flow.resting = sets(body, flow, (c, o, glued) => glued && body.cone[c] >= 0 && body.cone[c] === body.cone[o])
+    .filter((of) => body.cone[of[0]] >= 0 && rigid(body, flow, of, true).off <= 1e-5 * top);
+  return flow;
+}
+
+/** Sets of cells that share vertices, or facets, and that a test joins. */
+function sets(body, flow, test) {
+  const { w, n, cells, across } = body, joined = new Joined(n), first = new Map(), found = new Map();
+  for (let c = 0; c < n; c++) for (let k = 0; k < w; k++) {
+    const other = across[c * w + k], v = cells[c * w + k], before = first.get(v);
+    if (other >= 0 && test(c, Math.floor(other / w), true)) joined.join(c, Math.floor(other / w));
+    if (before !== undefined && test(c, before, false)) joined.join(c, before);
+    if (before === undefined || (body.cone[before] >= 0 && body.cone[c] < 0)) first.set(v, c);
+  }
+  for (let c = 0; c < n; c++) (found.get(joined.of(c)) ?? found.set(joined.of(c), []).get(joined.of(c))).push(c);
+  return [...found.values()];
+}
+
+/** The rigid motion next to that of some cells, and which parts of it supports leave free. */
+function rigid(body, flow, some, loose = false) {
+  const { d, w, x, cells } = body, { held, guides } = flow, turns = 2 * d - 3, size = d + turns;
+  const mine = [...new Set(some.flatMap((c) => [...cells.subarray(c * w, c * w + w)]))];
+  const every = [...new Set(some.flatMap((c) => [...flow.P.subarray(c * flow.wide, (c + 1) * flow.wide)]))];
+  const fixed = loose ? undefined : mine.find((v) => held[v].some((y) => y)), centre = fixed ?? mine[0];
+  const arm = (v) => range(d).map((i) => x[v * d + i] - x[centre * d + i]);
+  const turned = (a, m) => (d === 2 ? [-a[1], a[0]] : cross(range(3).map((i) => (i === m ? 1 : 0)), a));
+  const free = new Array(size).fill(true);
+  if (!loose) for (const v of mine) {
+    const a = arm(v);
+    for (let i = 0; i < d; i++) if (held[v][i]) free[i] = false;
+    for (let m = 0; m < turns; m++) if (turned(a, m).some((y, i) => held[v][i] && y !== 0)) free[d + m] = false;
+  }
+  const stuck = !loose && mine.some((v) => guides.has(v));
+  if (stuck) free.fill(false, d);
+  const far = Math.max(...mine.map((v) => norm(arm(v)))), gram = range(size).map((i) => new Array(size).fill(0));
+  const right = new Array(size).fill(0);
+  const columns = (v) => range(size).map((m) => (!free[m] ? new Array(d).fill(0)
+    : m < d ? range(d).map((i) => (i === m ? 1 : 0)) : turned(arm(v), m - d).map((y) => y / far)));
+  for (const v of mine) {
+    const parts = columns(v);
+    parts.forEach((p, i) => parts.forEach((q, j) => { gram[i][j] += p.reduce((sum, y, k) => sum + y * q[k], 0); }));
+    parts.forEach((p, i) => { right[i] += p.reduce((sum, y, k) => sum + y * flow.v(v, k), 0); });
+  }
+  free.forEach((is, i) => { if (!is) gram[i][i] = 1; });
+  const inverse = inverted(gram) ?? refuse("a rigid motion is lost to rounding");
+  const motion = inverse.map((row) => row.reduce((sum, y, k) => sum + y * right[k], 0));
+  const place = (p) => (p < flow.count ? columns(p) : flow.pairs[p - flow.count].map(columns).reduce(
+    (a, b) => a.map((row, i) => row.map((y, k) => (y + b[i][k]) / 2))));
+  const off = loose ? Math.max(...every.map((p) => Math.max(...range(d).map((k) => Math.abs(
+    place(p).reduce((sum, column, m) => sum + column[k] * motion[m], 0) - flow.v(p, k)))))) : 0;
+  const grid = flow.ev - body.e; // of rotations, times 2 as coefficients are
+  return { off, every, mine, centre, free: free.slice(0, d).map((is) => is && !stuck), stuck,
+    shift: motion.slice(0, d).map((y) => 2n * BigInt(Math.round(y * 2 ** -(flow.ev + 1)))),
+    turn: motion.slice(d).map((y) => 2n * BigInt(Math.round((y / far) * 2 ** -(grid + 1)))) };
+}
+
+/** Admissible coefficients, but for changes of volume. */
+function bent(body, flow, rows, resting) {
+  const { d, n, X } = body, { P, wide, held, guides, facet, ev } = flow;
+  const Q = flow.Q.map((q, p) => q.map((y, i) => (held[p][i] ? 0n : y))), unitOf = new Array(Q.length).fill(-1);
+  const moveAcross = (q, fixed, directions) => { // without what it has along directions
+    const axes = range(d).filter((i) => fixed[i]).map((i) => range(d).map((k) => (k === i ? 1n : 0n)));
+    const ways = [];
+    for (const g of directions) {
+      if (!g.some((y, i) => y !== 0n && !fixed[i])) continue;
+      if (!ways.some((h) => cross(g, h).every((y) => y === 0n))) ways.push(g);
+    }
+    if (!ways.length) return q;
+    const all = [...axes, ...ways], none = q.map(() => 0n);
+    if (all.length >= d) return none;
+    let along = [[-all[0][1], all[0][0]]];
+    if (d === 3 && all.length === 2) along = [cross(all[0], all[1])];
+    if (d === 3 && all.length === 1) {
+      const k = all[0].reduce((best, y, i) => (y * y < all[0][best] ** 2n ? i : best), 0);
+      const first = cross(all[0], range(3).map((i) => (i === k ? 1n : 0n)));
+      along = [first, cross(all[0], first)];
+    }
+    return along.reduce((sum, t) => { // t is not zero; a share rounded to whole numbers
+      const square = dot(t, t), share = square ? dot(q, t) / square : 0n;
+      return sum.map((y, i) => y + share * t[i]);
+    }, none);
+  };
+  for (const [p, directions] of guides) Q[p] = moveAcross(Q[p], held[p], directions);
+  const groups = [...flow.elastic, ...(resting ? flow.resting : [])], joined = new Joined(groups.length), owner = new Map();
+  groups.forEach((cells, g) => cells.forEach((c) => P.subarray(c * wide, (c + 1) * wide).forEach((p) => {
+    if (owner.has(p)) joined.join(g, owner.get(p)); else owner.set(p, g);
+  })));
+  const merged = new Map();
+  groups.forEach((cells, g) => merged.set(joined.of(g), [...(merged.get(joined.of(g)) ?? []), ...cells]));
+  const units = [...merged.values()].map((cells) => rigid(body, flow, cells));
+  units.forEach((unit, k) => {
+    unit.every.forEach((p) => { unitOf[p] = k; });
+    if (unit.stuck) {
+      const directions = unit.every.flatMap((p) => guides.get(p) ?? []);
+      unit.shift = moveAcross(unit.shift, unit.free.map((_, i) => unit.mine.some((v) => held[v][i])), directions);
+    }
+    for (const p of unit.mine) {
+      const arm = range(d).map((i) => X[p * d + i] - X[unit.centre * d + i]), [t] = unit.turn;
+      const turned = d === 2 ? [-t * arm[1], t * arm[0]] : cross(unit.turn, arm);
+      Q[p] = unit.shift.map((y, i) => y + turned[i]);
+    }
+    for (const p of unit.every) if (p >= flow.count) {
+      const [a, b] = flow.pairs[p - flow.count];
+      Q[p] = Q[a].map((y, i) => (y + Q[b][i]) / 2n);
+    }
+  });
+  const edges = range(d).flatMap((i) => range(d).slice(i + 1).map((j) => [i, j]));
+  const opposite = (order, k) => (k < d ? order[k] : d + edges.findIndex(
+    (pair) => edges[k - d].every((i) => pair.includes(order[i]))));
+  const jumps = rows.flatMap(({ a, b, order, normal, e, c, mu }) => facet[a].map((p, k) => {
+    const size = norm(normal.map((y) => num(y, e)));
+    return { p, q: b < 0 ? -1 : facet[b][opposite(order, k)], normal, c, mu, a, factor: exact([mu]),
+      unit: normal.map((y) => num(y, e) / size), square: dot(normal, normal) };
+  }));
+  const jumpOf = ({ p, q }) => Q[p].map((y, i) => y - (q < 0 ? 0n : Q[q][i]));
+  /** How far a jump enters, or parts too little for its slip: zero only if it does neither. */
+  const enters = (row) => {
+    const w = jumpOf(row), along = dot(w, row.normal), m = row.factor.v[0], one = 1n << BigInt(-2 * row.factor.e);
+    if (along <= 0n && along * along * (one + m * m) >= m * m * dot(w, w) * row.square) return 0;
+    const v = w.map((y) => num(y, ev)), height = v.reduce((sum, y, i) => sum + y * row.unit[i], 0);
+    return Math.max(height + row.mu * norm(v.map((y, i) => y - height * row.unit[i])), 1e-30 * flow.top);
+  };
+  // Whole bodies give way first, then rigid ones, then places one by one.
+  const bodyOf_ = new Array(Q.length).fill(-1);
+  for (let c = 0; c < n; c++) P.subarray(c * wide, (c + 1) * wide).forEach((p) => { bodyOf_[p] = body.pieces.of(c); });
+  const bound = new Joined(n), byPlace = new Map();
+  for (let c = 0; c < n; c++) P.subarray(c * wide, (c + 1) * wide).forEach((p) => {
+    if (byPlace.has(p)) bound.join(body.pieces.of(c), body.pieces.of(byPlace.get(p))); else byPlace.set(p, c);
+  });
+  const movers = new Map();
+  const moverOf = (p, whole) => {
+    const key = whole ? `b${bound.of(bodyOf_[p])}` : unitOf[p] >= 0 ? `u${unitOf[p]}` : `p${p}`;
+    if (!movers.has(key)) {
+      const places = whole ? range(Q.length).filter((k) => bound.of(bodyOf_[k]) === bound.of(bodyOf_[p]))
+        : unitOf[p] >= 0 ? units[unitOf[p]].every : [p];
+      const free = range(d).map((i) => (places.some((k) => held[k][i] || guides.has(k)) ? 0 : 1));
+      movers.set(key, { places, free });
+    }
+    return [key, movers.get(key)];
+  };
+  for (let round = 0; round < 14; round++) {
+    const depth = jumps.map(enters), whole = round < 2, ways = new Map();
+    if (!depth.some((y) => y > 0)) break;
+    const worst = Math.max(...depth);
+    const add = (p, sign, row, deep) => {
+      const [key, mover] = moverOf(p, whole), at = ways.get(key) ?? { mover, way: new Array(d).fill(0), steps: [] };
+      ways.set(key, at);
+      row.unit.forEach((y, i) => { at.way[i] += sign * y * mover.free[i]; });
+      at.steps.push([sign, row, deep]);
+    };
+    jumps.forEach((row, k) => {
+      if (!(depth[k] > 0)) return;
+      const share = (p) => (p < 0 ? 0 : norm(row.unit.map((y, i) => y * moverOf(p, whole)[1].free[i])));
+      const [here, there] = [share(row.p), share(row.q)];
+      if (Math.max(here, there) < 0.1) return;
+      if (here >= there) add(row.p, -1, row, depth[k]); else add(row.q, 1, row, depth[k]);
+    });
+    for (const { mover, way, steps } of ways.values()) {
+      const long = norm(way), unit = way.map((y) => y / (long || 1));
+      let step = 0;
+      for (const [sign, row, deep] of steps) {
+        const along = unit.reduce((sum, y, i) => sum + y * row.unit[i], 0);
+        const gain = sign * along - row.mu * norm(unit.map((y, i) => y - along * row.unit[i]));
+        if (gain > 1e-3) step = Math.max(step, (2 * deep) / gain);
+      }
+      const move = unit.map((y) => 2n * BigInt(Math.round(y * Math.max(step, 1e-28 * worst) * 2 ** -(ev + 1))));
+      for (const p of mover.places) Q[p] = Q[p].map((y, i) => y + move[i]);
+    }
+  }
+  const bad = jumps.findIndex((row) => enters(row) > 0);
+  if (bad >= 0) refuse("bodies enter each other, or part too little for their slip");
+  const slip = jumps.reduce((sum, row) => {
+    if (!(row.c > 0)) return sum;
+    const v = jumpOf(row).map((y) => num(y, ev)), along = v.reduce((y, z, i) => y + z * row.unit[i], 0);
+    const size = norm(v.map((y, i) => y - along * row.unit[i])) + 64 * U * norm(v);
+    return sum + (row.c * size * norm(body.area[body.outer[row.a]])) / facet[row.a].length;
+  }, 0) * UP ** 0.001;
+  const still = range(n).map((c) => unitOf[P[c * wide]] >= 0
+    && P.subarray(c * wide, (c + 1) * wide).every((p) => unitOf[p] === unitOf[P[c * wide]]));
+  return { Q, still, slip, flow, rows };
+}
+
+/** Points of a simplex whose edges are halved three times, and shares of its volume there. */
+function halvings(d) {
+  const children = d === 2 ? "00 01 02,01 11 12,02 12 22,01 02 12"
+    : "00 01 02 03,01 11 12 13,02 12 22 23,03 13 23 33,01 02 03 13,01 02 12 13,02 03 13 23,02 12 13 23";
+  const middle = (p, q) => p.map((y, i) => (y + q[i]) / 2);
+  let parts = [range(d + 1).map((i) => range(d + 1).map((j) => (i === j ? 1 : 0)))];
+  for (let times = 0; times < 3; times++) parts = parts.flatMap((part) => children.split(",").map(
+    (child) => child.split(" ").map(([a, b]) => middle(part[a], part[b]))));
+  const found = new Map();
+  for (const part of parts) for (const [k, point] of part.entries()) { // ∫ hat × coordinate
+    const at = found.get(point.join()) ?? { point, share: point.map(() => 0) };
+    found.set(point.join(), at);
+    at.share = at.share.map((y, i) => y + (part[k][i] + part.reduce((sum, p) => sum + p[i], 0))
+      / ((d + 1) * (d + 2) * parts.length));
+  }
+  return [...found.values()];
+}
+
+/** The bound that admissible coefficients prove. */
+function boundOf(body, { Q, still, slip, flow, rows }) {
+  const { d, w, n, f, N, D, e, area, volume, cells } = body, { P, wide, ev, number, facet } = flow;
+  const factorial = d === 2 ? 2 : 6, points = halvings(d), s = d - 1;
+  const eg = ev + e * (d - 1) + 1, changes = new Array(n * w).fill(0n); // of −∇v times d! times the volume
+  const cone = (c) => body.cones[body.cone[c]], keeps = range(n).map((c) => !still[c] && body.cone[c] >= 0 && cone(c).keeps);
+  const takes = range(n).map((c) => !still[c] && body.cone[c] >= 0 && cone(c).takes);
+  let total = 0, size = 0, errors = 0;
+  const lacks = new Float64Array(n).fill(-Infinity);
+  for (let c = 0; c < n; c++) {
+    if (still[c]) continue;
+    if (body.cone[c] < 0) refuse("an elastic cell strains");
+    const own = cone(c), rates = range(w).map((k) => {
+      const g = new Array(d * d).fill(0n);
+      for (let b = 0; b < w; b++) {
+        const q = Q[P[c * wide + number[k][b]]], normal = N[c * w + b];
+        for (let i = 0; i < d; i++) for (let j = 0; j < d; j++) g[i * d + j] -= q[i] * normal[j];
+      }
+      changes[c * w + k] = range(d).reduce((sum, i) => sum + g[i * d + i], 0n);
+      return vector(g.map((y) => num(y, eg) / factorial), d);
+    });
+    const strength = body.strength.subarray(c * w, c * w + w), most = Math.max(...rates.map(norm));
+    const off = 16 * U * most + 2 * own.digits * most;
+    const at = (share) => share.reduce((sum, y, k) => sum + y * strength[k], 0);
+    if (own.linear) {
+      const powers = rates.map(own.power), sum = powers.reduce((a, b) => a + b, 0);
+      total += powers.reduce((y, p, k) => y + (p + sum) * strength[k], 0) / (w * (w + 1));
+    } else if (most > 0) for (const { point, share } of points) {
+      total += own.power(rates[0].map((_, i) => point.reduce((y, p, k) => y + p * rates[k][i], 0))) * at(share);
+    }
+    const steep = own.steep * Math.max(...strength);
+    size += most * steep;
+    errors += off * steep;
+    if (own.grows) lacks[c] = Math.max(...rates.map(own.short)) + off * own.alert;
+    else if (!own.keeps && !own.takes) refuse("a cone leaves another stress free than the mean one");
+  }
+  const left = undone(body, { Q, flow, rows }, changes, eg, keeps, takes);
+  let cost = 0;
+  for (let c = 0; c < n; c++) {
+    if (!(left.gradients[c] > 0)) continue;
+    if (body.cone[c] >= 0) cost += left.gradients[c] * cone(c).steep * Math.max(...body.strength.subarray(c * w, c * w + w));
+  }
+  for (let c = 0; c < n; c++) {
+    if (body.cone[c] >= 0 && !(lacks[c] + cone(c).alert * left.gradients[c] <= 0)) refuse("cells that dilate grow too little for their strain");
+  }
+  // Sums of n numbers in a row are rounded by n U at most.
+  const dissipation = total + (errors + cost) * UP + slip + (n * (w + 2) + points.length + 64) * U * (size + slip);
+  const works = body.loads.map((loads) => workOf(body, { Q, flow, changes, eg }, loads, left));
+  const [work, off] = works[0], [dead, deadOff] = works[1], excess = dissipation - dead + deadOff;
+  if (!(work - off > 0) || !Number.isFinite(excess)) refuse("the loads do no work beyond rounding");
+  const proven = excess === 0 ? 0 : excess / (excess > 0 ? work - off : work + off);
+  return { proven: proven + Math.abs(proven) * 4 * U, power: Math.max(dissipation, Math.abs(excess)) / (work - off) };
+}
+
+/** The work of loads, exact but for what is returned beside it. */
+function workOf(body, { Q, flow, changes, eg }, loads, left) {
+  const { d, w, n, f, D, N, e, x, cells } = body, { P, wide, facet, ev } = flow, factorial = d === 2 ? 2 : 6;
+  if (!loads.some) return [0, 0];
+  let found = 0, off = 0;
+  const b = exact(loads.body_force), t = exact(loads.traction), u = exact(loads.pore_pressure);
+  let sum = 0n;
+  for (let c = 0; c < n; c++) {
+    const force = range(d).map((i) => b.v[c * d + i]);
+    if (!force.some((y) => y)) continue;
+    const all = range(d).map((i) => range(wide).reduce((y, k) => y + Q[P[c * wide + k]][i], 0n));
+    sum += dot(force, all) * D[c];
+    const reach = norm(range(d).map((i) => range(w).reduce((y, k) => Math.max(y, Math.abs(x[cells[c * w + k] * d + i] - x[cells[c * w] * d + i])), 0))) * 2;
+    off += norm(force.map((y) => num(y, b.e))) * reach * left.gradients[c];
+  }
+  found += num(sum, b.e + ev + e * d) / (factorial * wide);
+  sum = 0n;
+  const edges = range(d).flatMap((i) => range(d).slice(i + 1).map((j) => [i, j])), groups = [...range(d).map((i) => [i, i]), ...edges];
+  for (let i = 0; i < f; i++) {
+    const force = range(d).map((j) => range(d).map((k) => t.v[(i * d + j) * d + k]));
+    if (!force.flat().some((y) => y)) continue;
+    const part = force.reduce((y, of, a) => y + groups.reduce((z, [j, k], m) => { // (d+2)!/(d−1)! times means
+      const times = [a, j, k], alike = new Set(times).size, own = j === k ? 1n : 2n;
+      return z + own * (alike === 1 ? 6n : alike === 2 ? 2n : 1n) * dot(of, Q[facet[i][m]]);
+    }, 0n), 0n);
+    sum += part * rootOf(dot(N[body.outer[i]], N[body.outer[i]]));
+    off += sizeOf(part, t.e + ev + e * (d - 1)) + Math.max(...force.map((of) => norm(of.map((y) => num(y, t.e))))) * left.through[i];
+  }
+  found += num(sum, t.e + ev + e * (d - 1)) / ((d - 1) * (d === 2 ? 24 : 60));
+  sum = 0n;
+  for (let c = 0; c < n; c++) {
+    const own = range(w).map((k) => u.v[c * w + k]), grow = range(w).map((k) => changes[c * w + k]);
+    if (!own.some((y) => y)) continue;
+    sum += own.reduce((y, z) => y + z, 0n) * grow.reduce((y, z) => y + z, 0n) + dot(own, grow);
+    off += Math.max(...own.map((y) => Math.abs(num(y, u.e)))) * left.change[c];
+  }
+  found += num(sum, u.e + eg) / (factorial * w * (w + 1));
+  return [found, (off + 8 * U * Math.abs(found)) * UP];
+}
+
+/** The size of a velocity that undoes changes of volume, by cell and outer facet. */
+function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
+  const { d, w, n, f, N, across, area, volume, stretch } = body, factorial = d === 2 ? 2 : 6;
+  const gradients = new Float64Array(n), change = new Float64Array(n), through = new Float64Array(f);
+  const flux = new Array(n).fill(0n); // −∫div v, times (d + 1) d!
+  for (let c = 0; c < n; c++) {
+    if (!keeps[c]) continue;
+    const own = range(w).map((k) => changes[c * w + k]), all = own.reduce((y, z) => y + z, 0n);
+    const uneven = Math.max(...own.map((y) => sizeOf(BigInt(w) * y - all, eg))) / (w * factorial);
+    gradients[c] = OF_FLOW[d][0] * stretch[c][0] * stretch[c][1] * uneven * UP;
+    change[c] = Math.max(...own.map((y) => sizeOf(y, eg))) / factorial;
+    flux[c] = -all;
+  }
+  if (!flux.some((y) => y !== 0n)) return { gradients, change, through };
+  const free = (side) => { // the part of an area vector along which nothing is held
+    const i = body.facetAt[side];
+    return i < 0 ? norm(area[side]) : norm(area[side].map((y, k) => (body.held[i * d + k] ? 0 : y)));
+  };
+  const meets = new Map(rows.flatMap(({ a, b, c, mu }) => [[a, { b, c, mu }], ...(b < 0 ? [] : [[b, { b: a, c, mu }]])]));
+  const touched = new Set([...body.contacts, ...body.obstacles]);
+  const kindOf = (side) => { // 0 a free surface, 1 a cell that dilates, 2 contact that parts, 9 no way out
+    const c = Math.floor(across[side] / w), i = body.facetAt[side];
+    if (i < 0) return takes[c] ? 0 : !keeps[c] && body.cone[c] >= 0 && body.cones[body.cone[c]].grows ? 1 : 9;
+    if (norm(body.guided.subarray(i * d, i * d + d)) || !(free(side) > 0.1 * norm(area[side]))) return 9;
+    if (!touched.has(body.surface[i])) return 0;
+    const own = meets.get(i);
+    return own && !(own.c > 0) && !(own.mu > 0) && free(side) === norm(area[side]) ? 2 : own ? 9 : 0;
+  };
+  const out = new Int32Array(n).fill(-1), parent = new Int32Array(n).fill(-1), order = [], seen = new Uint8Array(n);
+  const over = (side) => { // the other side, through contact too
+    if (across[side] >= 0) return across[side];
+    const own = meets.get(body.facetAt[side]);
+    return own && own.b >= 0 && kindOf(side) === 2 && kindOf(body.outer[own.b]) === 2 ? body.outer[own.b] : -1;
+  };
+  const grow = (first) => {
+    for (let at = first; at < order.length; at++) for (let k = 0; k < w; k++) {
+      const side = order[at] * w + k, other = over(side), c = Math.floor(other / w);
+      if (other < 0 || !keeps[c] || seen[c]) continue;
+      seen[c] = 1; out[c] = other; parent[c] = order[at]; order.push(c);
+    }
+  };
+  for (const kind of [0, 1, 2]) {
+    const first = order.length;
+    for (let c = 0; c < n; c++) for (let k = 0; k < w && keeps[c] && !seen[c]; k++) {
+      const side = c * w + k;
+      if (kindOf(side) === kind && (kind < 2 || over(side) < 0 || !keeps[Math.floor(over(side) / w)])) { seen[c] = 1; out[c] = side; order.push(c); }
+    }
+    grow(first);
+  }
+  for (let c = 0; c < n; c++) { // no way out: what is left has to be nothing at all
+    if (!keeps[c] || seen[c]) continue;
+    seen[c] = 1;
+    const first = order.push(c) - 1;
+    grow(first);
+  }
+  const onSides = new Float64Array(n), unlike = new Float64Array(n);
+  const lost = () => refuse("volume of cells has no way out");
+  for (const c of order.reverse()) {
+    const side = out[c], own = sizeOf(flux[c], eg) / (w * factorial) + unlike[c];
+    if (side < 0) { if (own > 0) lost(); continue; }
+    const share = own / free(side), i = body.facetAt[side];
+    onSides[c] += share;
+    if (parent[c] >= 0) {
+      flux[parent[c]] += flux[c];
+      onSides[parent[c]] += share;
+      unlike[parent[c]] += unlike[c] + (i >= 0 ? own * 1e-5 : 0);
+    } else if (i >= 0) {
+      if (touched.has(body.surface[i]) && meets.has(i) && (flux[c] > 0n || unlike[c] > 0)) lost();
+      through[i] += (own * norm(area[side])) / free(side) * UP;
+    } else onSides[Math.floor(across[side] / w)] += share;
+  }
+  for (let c = 0; c < n; c++) if (onSides[c] > 0) {
+    gradients[c] += OF_FLOW[d][1] * volume[c] * stretch[c][0] * stretch[c][1] ** 2 * onSides[c] * UP;
+  }
+  for (let c = 0; c < n; c++) if (!keeps[c]) change[c] = Math.sqrt(d) * gradients[c];
+  return { gradients, change, through };
+}

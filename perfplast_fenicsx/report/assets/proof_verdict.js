@@ -1,0 +1,84 @@
+// The verdict on a proof file that a page holds.
+
+const TYPES_OF_PROOF = { float64: Float64Array, int32: Int32Array, uint8: Uint8Array };
+
+/** An array as proof_data.py packs it: bytes of the same place value together, deflated. */
+async function unpacked({ shape, type, data }) {
+  const deflated = Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([deflated]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const byPlace = new Uint8Array(await new Response(stream).arrayBuffer());
+  const Type = TYPES_OF_PROOF[type], width = Type.BYTES_PER_ELEMENT, count = byPlace.length / width;
+  const bytes = new Uint8Array(byPlace.length);
+  for (let k = 0; k < width; k++) for (let i = 0; i < count; i++) bytes[i * width + k] = byPlace[k * count + i];
+  const size = shape.reduce((a, b) => a * b, 1), values = new Type(bytes.buffer);
+  if (values.length !== size) refuse("the page has fewer numbers than it says");
+  return { shape, data: values };
+}
+
+/** A number with six digits, down or up. */
+function shown(x, up) {
+  if (x === 0) return "0";
+  const unit = 10 ** (Math.floor(Math.log10(Math.abs(x))) - 5);
+  return String(Number(((up ? Math.ceil : Math.floor)(x / unit) * unit).toPrecision(6)));
+}
+
+/** What bodies of the upper half may have more of, as bounds from above are those of weaker ones. */
+const STRONGER = ["cone_bound", "cell_strength", "contact_adhesion", "contact_friction",
+  "obstacle_adhesion", "obstacle_friction"];
+
+/** Refuse halves of unlike bodies: all but strengths and friction is the same to the last bit. */
+function compare(halves, arrays) {
+  if (!halves.upper.same) refuse("the halves have other cells or data, which this checker does not compare");
+  for (const name of Object.keys(halves.upper.arrays)) {
+    if (name === "velocity" || name === "nodes") continue;
+    const [less, more] = [arrays.lower[name].data, arrays.upper[name].data];
+    if (!STRONGER.includes(name) || less.length !== more.length || !less.every((x, i) => x <= more[i])) {
+      refuse(`the halves have another ${name}, which this checker does not compare`);
+    }
+  }
+}
+
+/** What the halves prove, by kind: { claimed, proven } or { claimed, fault }, and a sentence. */
+async function verdictOn(halves) {
+  const kinds = ["lower", "upper"].filter((kind) => halves[kind]), arrays = {}, found = {};
+  const judge = { lower: lowerBound, upper: upperBound };
+  for (const kind of kinds) found[kind] = { claimed: halves[kind].numbers.bound };
+  const caught = (some, work) => {
+    try { work(); } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      for (const kind of some) found[kind] = { claimed: found[kind].claimed, fault: error.message };
+    }
+  };
+  for (const kind of kinds) {
+    const of = arrays[kind] = { ...(halves[kind].same ? arrays.lower : {}), numbers: halves[kind].numbers };
+    for (const [name, packed] of Object.entries(halves[kind].arrays)) of[name] = await unpacked(packed);
+  }
+  const read = { lower: readStress, upper: readVelocity }, ready = {};
+  caught(kinds, () => { // data that are of no body make the whole file no proof
+    for (const kind of kinds) {
+      const old = kind === "upper" && ready.lower && Object.keys(halves.upper.arrays).length === 2;
+      const body = old && halves.upper.same ? ready.lower.body : bodyOf(arrays[kind]);
+      if (!Number.isFinite(found[kind].claimed)) refuse("bound is not a number");
+      if (found[kind].claimed < 0 && !body.loads[1].some) refuse("bound is negative");
+      ready[kind] = { body, half: read[kind](body, arrays[kind]) };
+    }
+    if (kinds.length === 2) compare(halves, arrays);
+    for (const kind of kinds) ready[kind].fine = true;
+  });
+  for (const kind of kinds) if (ready[kind]?.fine) caught([kind], () => {
+    const { body, half } = ready[kind], { proven, power } = judge[kind](body, half), { claimed } = found[kind];
+    const off = kind === "lower" ? claimed - proven : proven - claimed;
+    if (!(off <= 1e-8 * Math.abs(proven) + 1e-12 * power)) refuse(`only ${proven} is proven, and ${claimed} is claimed`);
+    found[kind].proven = proven;
+  });
+  const [low, high] = ["lower", "upper"].map((kind) => found[kind]?.proven);
+  if (low > high + 1e-8 * Math.abs(high)) caught(kinds, () => refuse(`the lower bound ${low} is above the upper one ${high}`));
+  if (kinds.every((kind) => found[kind].fault === found[kinds[0]].fault && found[kind].fault)) {
+    found.sentence = `Not proven in this browser: ${found[kinds[0]].fault}.`;
+  } else if (low !== undefined && high !== undefined) {
+    found.sentence = `Proven again in this browser: between ${shown(low)} and ${shown(high, true)}.`;
+  } else found.sentence = kinds.map((kind) => (found[kind].fault
+    ? `The ${kind} bound is not proven in this browser: ${found[kind].fault}.`
+    : `The ${kind} bound ${shown(found[kind].proven, kind === "upper")} is proven again in this browser.`)).join(" ");
+  return found;
+}

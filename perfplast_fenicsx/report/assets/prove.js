@@ -1,0 +1,42 @@
+"use strict";
+(() => {
+  // Prove the bounds again, in another thread, from the numbers that the page has.
+  const text = (id) => document.getElementById(id).textContent;
+  const numbers = JSON.parse(text("proof-numbers"));
+  const button = document.getElementById("prove");
+  const place = document.getElementById("proven");
+  const answer = `onmessage = async ({ data }) => {
+    try { postMessage({ found: await verdictOn(data) }); }
+    catch (error) { postMessage({ fault: String(error) }); }
+  };`;
+
+  function proved(halves) {
+    const source = new Blob(['"use strict";\n', text("proof-checker"), answer]);
+    const address = URL.createObjectURL(source);
+    return new Promise((resolve, reject) => {
+      const worker = new Worker(address);
+      worker.onerror = (event) => reject(new Error(event.message || "the checker cannot start"));
+      worker.onmessage = ({ data }) => (data.fault ? reject(new Error(data.fault)) : resolve(data.found));
+      worker.postMessage(halves);
+    }).finally(() => URL.revokeObjectURL(address));
+  }
+
+  button.addEventListener("click", async () => {
+    button.disabled = true;
+    place.replaceChildren();
+    for (const [name, halves] of Object.entries(numbers)) {
+      const line = place.appendChild(document.createElement("p"));
+      line.textContent = `${name}: the browser computes …`;
+      const began = performance.now();
+      try {
+        const { sentence } = await proved(halves);
+        const time = ((performance.now() - began) / 1000).toFixed(1);
+        line.textContent = `${name}: ${sentence} (${time} s)`;
+      } catch (error) {
+        line.textContent = `${name}: nothing is proven here (${error.message}).`;
+      }
+    }
+    button.disabled = false;
+    place.dataset.ready = "true";
+  });
+})();

@@ -1,0 +1,122 @@
+"""The part of a page in which the reader's browser proves the bounds again, from their numbers.
+
+``assets/proof_*.js`` are a second checker. It is written from ``docs/proof.md``, and has nothing of
+this program but the numbers of the proof file. It computes residuals in whole numbers.
+"""
+
+import json
+from collections.abc import Sequence
+from html import escape
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.proof.plain_arrays import equal, plain, stored_arrays
+from perfplast_fenicsx.proof.stored_file import stored_file
+from perfplast_fenicsx.report.packing import Packed, deflated, size_of
+
+NUMBERS = ("bound", "factor", "any_factor", "revolved", "strength_factor")
+"""Names of the attributes of a half."""
+
+OF_ONE_HALF = {"stress", "velocity", "nodes", "joint_force", "joint_traction"}
+"""Names of arrays that are not of the bodies."""
+
+
+CHECKER = ("exact", "cones", "body", "contact", "lower", "upper", "verdict")
+"""Files of the checker, in the order in which they are read."""
+
+
+def checker_source() -> str:
+    """Return the program of the checker."""
+    return "\n".join(_asset(f"proof_{name}.js") for name in CHECKER)
+
+
+def prove_again(paths: Sequence[Path], room: int) -> str:
+    """Return HTML with the proof files, the checker, and a button that starts it.
+
+    Args:
+        paths: Proof files that were checked.
+        room: Characters that packed files may have together. Of a file that has no room the page
+            says so.
+    """
+    packed: dict[str, dict[str, Packed]] = {}
+    large = []
+    for path in paths:
+        found = packed_proof(path)
+        size = size_of(found)
+        if size > room:
+            large.append(path.name)
+            continue
+        packed[path.name], room = found, room - size
+    words = "".join(
+        f"<p>{escape(name)} is too large for this page; the checker above proves it.</p>"
+        for name in large
+    )
+    if not packed:
+        return words
+    numbers = json.dumps(packed, allow_nan=False).replace("<", "\\u003c")
+    return (
+        "<p>This page has these numbers, and another checker of them, which shares no line with"
+        " the first. It proves the bounds again here, without any network.</p>"
+        '<p><button type="button" id="prove">Prove the bounds in this browser</button></p>'
+        f'<div id="proven" role="status"></div>{words}'
+        f'<script type="application/json" id="proof-numbers">{numbers}</script>'
+        f'<script type="text/plain" id="proof-checker">{checker_source()}</script>'
+        f"<script>{_asset('prove.js')}</script>"
+    )
+
+
+def _asset(name: str) -> str:
+    return resources.files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def packed_proof(path: Path) -> dict[str, Packed]:
+    """Return the halves of a proof file: ``numbers``, and ``arrays`` by name.
+
+    Where the upper half has the arrays of the lower one, those that are equal are there once. It
+    then has ``same`` = true, and of arrays those alone that are its own.
+
+    Args:
+        path: The file, which the checker has read before.
+
+    Raises:
+        OSError: If it cannot be read.
+        ValueError: If it is not made of arrays of numbers.
+    """
+    with stored_file(path) as file:
+        halves = {kind: stored_arrays(file, kind) for kind in ("lower", "upper") if kind in file}
+    kept = {kind: _plain(half) for kind, half in halves.items()}
+    lower, upper = kept.get("lower", {}), kept.get("upper", {})
+    same = _names(lower) == _names(upper) and bool(lower)
+    found = {}
+    for kind, arrays in kept.items():
+        beside = lower if same and kind == "upper" else {}
+        numbers = {name: float(halves[kind][name]) for name in NUMBERS if name in halves[kind]}
+        packed = {name: _packed(of) for name, of in arrays.items() if not _is(beside, name, of)}
+        found[kind] = {"numbers": numbers, "arrays": packed, "same": bool(beside)}
+    return found
+
+
+def _plain(half: dict[str, npt.NDArray]) -> dict[str, npt.NDArray]:
+    return {name: plain(name, of) for name, of in half.items() if name not in NUMBERS}
+
+
+def _names(arrays: dict[str, npt.NDArray]) -> set[str]:
+    return arrays.keys() - OF_ONE_HALF
+
+
+def _is(arrays: dict[str, npt.NDArray], name: str, values: npt.NDArray) -> bool:
+    return name in arrays and equal(arrays[name], values)
+
+
+def _packed(values: npt.NDArray[Any]) -> Packed:
+    """Return an array to the last bit: shape, type and bytes."""
+    kind: np.dtype[Any] = np.dtype(np.float64)  # has room for all whole numbers up to 2⁵³
+    if values.dtype.kind == "b":
+        kind = np.dtype(np.uint8)
+    elif values.dtype.kind == "i" and (np.abs(values) < 2**31).all():
+        kind = np.dtype(np.int32)
+    return {"shape": values.shape, "type": kind.name, "data": deflated(values.astype(kind))}

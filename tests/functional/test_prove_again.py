@@ -1,0 +1,143 @@
+"""The second checker, in JavaScript, in a browser: it agrees with the first one."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from perfplast_fenicsx.proof import ProofError, check
+from perfplast_fenicsx.report.page import asset
+from perfplast_fenicsx.report.proof_again import checker_source, packed_proof, prove_again
+from tests.functional.browser_page import Page, alone
+from tests.proof.forging import Arrays, Halves, blocks, copied, write
+
+pytestmark = [pytest.mark.serial, alone]
+
+AGREE = 1e-8
+"""Bounds agree to this: a file may claim so much more than it proves. Both checkers round to the
+safe side, each in its own way, and each bends a velocity in its own way."""
+
+
+class Checker:
+    """The checker alone, on a page without anything else."""
+
+    def __init__(self, browser: Any, folder: Path) -> None:
+        self._browser = browser
+        page = folder / "checker.html"
+        page.write_text(f"<script>{checker_source()}\nwindow.verdictOn = verdictOn;</script>")
+        browser.get(page.as_uri())
+
+    def __call__(self, path: Path) -> dict[str, Any]:
+        """Return what it finds of a file."""
+        found: dict[str, Any] = self._browser.execute_async_script(
+            """const done = arguments[1];
+            verdictOn(arguments[0]).then(done, (error) => done({ error: String(error) }));""",
+            packed_proof(path),
+        )
+        assert "error" not in found, found
+        return found
+
+
+@pytest.fixture
+def checker(browser: Any, tmp_path: Path) -> Checker:
+    """The checker in a browser."""
+    return Checker(browser, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
+    """Two blocks on a plane and on each other, with weight."""
+    return blocks(tmp_path_factory.mktemp("honest"), 2)
+
+
+def bounds_of(found: dict[str, Any]) -> list[float]:
+    """The bounds that are proven."""
+    return [found[kind]["proven"] for kind in ("lower", "upper")]
+
+
+def first_bounds(path: Path) -> list[float | None]:
+    """The bounds that the first checker proves."""
+    return [half.proven for half in check(path).values()]
+
+
+def half_the_strength(half: Arrays) -> None:
+    half["cone_bound"] = np.asarray(half["cone_bound"]) / 2
+
+
+def more_of_stress(half: Arrays) -> None:
+    half["stress"] = np.asarray(half["stress"]) * 1.001
+
+
+def less_of_one_load(half: Arrays) -> None:
+    half["traction"] = np.asarray(half["traction"]) * 0.99
+
+
+def skew(half: Arrays) -> None:
+    half["stress"] = np.asarray(half["stress"]).copy()
+    half["stress"][0, 0, 0, 1] += 1e-12
+
+
+def claim(half: Arrays) -> None:
+    half["bound"] = np.asarray(half["bound"] * (1.0001 if "stress" in half else 0.9999))
+
+
+def into_the_other(half: Arrays) -> None:
+    """The velocity of one half of the places is turned round."""
+    half["velocity"] = np.asarray(half["velocity"]).copy()
+    half["velocity"][::2] *= -1
+
+
+def growth(half: Arrays) -> None:
+    half["velocity"] = np.asarray(half["velocity"]) * 1.0
+    half["velocity"][0] += 0.01
+
+
+def folded(half: Arrays) -> None:
+    half["vertices"] = np.asarray(half["vertices"]) * 1.0
+    half["vertices"][0] += 10.0
+
+
+LOWER = (half_the_strength, more_of_stress, less_of_one_load, skew, claim, folded)
+UPPER = (into_the_other, growth, claim, folded)
+
+
+def test_the_page_proves_the_bounds_again(honest: Halves, tmp_path: Path, browser: Any) -> None:
+    """The button does it, in another thread, with the policy of the report."""
+    path = write(tmp_path / "bounds.h5", honest)
+    head = asset("page.html").split("<title>")[0]
+    again = prove_again([path], 10**6)
+    (tmp_path / "page.html").write_text(f"{head}</head><body>{again}</body></html>")
+    browser.get((tmp_path / "page.html").as_uri())
+    browser.find_element("id", "prove").click()
+    page = Page.__new__(Page)
+    page._browser = browser
+    page.wait("document.getElementById('proven').dataset.ready === 'true'")
+    words = browser.find_element("id", "proven").text
+    low, high = first_bounds(path)
+    assert low is not None and high is not None
+    assert "bounds.h5: Proven again in this browser: between " in words
+    shown = words.split("between ")[1].split(". ")[0].split(" (")[0].rstrip(".").split(" and ")
+    assert 0 <= low - float(shown[0]) <= 1e-5 * low
+    assert 0 <= float(shown[1]) - high <= 1e-5 * high
+    large = prove_again([path], 100)
+    assert "bounds.h5 is too large for this page" in large and "<script" not in large
+
+
+def test_both_checkers_agree(honest: Halves, tmp_path: Path, checker: Checker) -> None:
+    """On an honest file, and on what somebody edited."""
+    path = write(tmp_path / "bounds.h5", honest)
+    assert bounds_of(checker(path)) == pytest.approx(first_bounds(path), rel=AGREE)
+    edits: list[tuple[str, Callable[[Arrays], None]]] = []
+    edits += [("lower", edit) for edit in LOWER] + [("upper", edit) for edit in UPPER]
+    for kind, edit in edits:
+        them = copied(honest)
+        edit(them[kind])
+        path = write(tmp_path / f"{kind}_{edit.__name__}.h5", them)
+        found = checker(path)
+        try:
+            refused = bool(check(path)[kind].faults)
+        except ProofError:
+            refused = True
+        assert refused and "fault" in found[kind], (kind, edit, found)
