@@ -1,23 +1,37 @@
-"""Check files: ``python3 -m perfplast_fenicsx.proof FILE ...``; status 1 where one fails."""
+"""Check files: ``python3 -m perfplast_fenicsx.proof FILE ...``; status 1 where one fails.
+
+``--pair stands.h5 falls.h5`` checks both files of a factor of safety, and that they are of the same
+bodies.
+"""
 
 import sys
 from collections.abc import Sequence
 
-from perfplast_fenicsx.proof.checker import check
+from perfplast_fenicsx.proof.checker import check, check_pair
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 
+PAIR = "--pair"
+"""Before the two files of a factor of safety."""
 
-def main(paths: Sequence[str]) -> int:
+
+def main(arguments: Sequence[str]) -> int:
     """Check files and say what they prove, and what is taken as written."""
     status = 0
-    for path in paths:
-        try:
+    paths = [path for path in arguments if path != PAIR]
+    try:
+        for path in paths:
             for checked in check(path).values():
                 print(checked, *checked.words, sep="\n  ")
                 status = status or int(bool(checked.faults))
-        except ProofError as error:
-            print(error, file=sys.stderr)
-            return 2
+        if PAIR in arguments:
+            if len(paths) != 2:
+                raise ProofError(f"{PAIR} takes the two files of a factor of safety.")
+            pair = check_pair(*paths)
+            print(pair)
+            status = status or int(bool(pair.faults))
+    except ProofError as error:
+        print(error, file=sys.stderr)
+        return 2
     return status
 
 

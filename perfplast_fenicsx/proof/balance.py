@@ -16,13 +16,16 @@ each cell is enough, and only that is computed, from above.
    it. The map x = By onto the cell gives τ = Bτ'Bᵀ and tractions times areas B⁻¹T/det B.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from perfplast_fenicsx.proof.balls import Balls, U, crossed, upwards
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.pieces import pieces_of
+from perfplast_fenicsx.proof.plates import Plates, plates_of
 from perfplast_fenicsx.proof.remainder import Anchors, Remainder, Shapes
 from perfplast_fenicsx.proof.rigid import moments
 
@@ -50,13 +53,25 @@ class Cost:
     reason: str | None
 
 
-def cost_of(body: Body, left: Remainder, shapes: Shapes) -> Cost:
-    """Return what a remainder costs."""
+def cost_of(
+    body: Body, left: Remainder, shapes: Shapes, kinds: Sequence[tuple[float, Loads]]
+) -> Cost:
+    """Return what a remainder costs.
+
+    Args:
+        body: The bodies, of cells in the plane or in space.
+        left: What is without balance.
+        shapes: Shapes of the cells.
+        kinds: Loads of each kind, and their factors.
+    """
     lost = np.full(len(body.cells), np.inf)
     if not all(np.isfinite(of.size).all() for of in (left.cells, left.inner, left.outer)):
-        return Cost(lost, "numbers are too large, or not finite")
+        return Cost(lost, TOO_LARGE)
     acting = _Acting(body, left, shapes)
-    pushes, reason = _reactions(body, left, acting)
+    plates = plates_of(body, left.plates, kinds, acting.pieces)
+    every = np.arange(len(plates.through))
+    acting.carry(body, plates, (plates.through, every), (plates.missing, plates.errors))
+    pushes, reason = _reactions(body, left, acting, plates)
     if pushes is None:
         return Cost(lost, reason)
     of_facets, of_force = SIZE[body.dim]
@@ -121,6 +136,75 @@ class _Acting:
             each = values[:, None].where(here[..., None])
             self._put(body, body.outer[facets[at]], body.facets[facets[at]], each)
 
+    def carry(
+        self,
+        body: Body,
+        plates: Plates,
+        at: tuple[Longs, Longs],
+        wrenches: tuple[Floats, Floats],
+    ) -> None:
+        """Let forces and moments about the middles of plates act through facets.
+
+        Args:
+            body: The bodies.
+            plates: Rigid surfaces.
+            at: A facet of each wrench, −1 for none, and the number of its plate.
+            wrenches: Forces, and moments over extents, shape (n, d + 1 or 3), and their errors.
+        """
+        d, some = body.dim, np.flatnonzero(at[0] >= 0)
+        facets, of = at[0][some], at[1][some]
+        values, errors = wrenches[0][some], wrenches[1][some]
+        extents = plates.extents[of, None]
+        forces, turns = values[:, :d], values[:, d:] * extents
+        off = upwards(errors[:, :d].sum(axis=1)), upwards((errors[:, d:] * extents).sum(axis=1))
+        cells = body.outer[facets] // (d + 1)
+        arms = plates.centres[of] - self.middles[cells]
+        size, turn = (np.linalg.norm(part, axis=1) for part in (forces, turns))
+        far = np.abs(plates.centres[of]).max(axis=1) + np.abs(self.middles[cells]).max(axis=1)
+        far = upwards(np.linalg.norm(arms, axis=1)) + 8 * U * far
+        np.add.at(self.forces, cells, forces)
+        np.add.at(self.moments, cells, turns + moments(arms, forces))
+        np.add.at(self.errors[0], cells, off[0] + 8 * U * size)
+        lost = off[1] + off[0] * far + 32 * U * (turn + size * far)
+        np.add.at(self.errors[1], cells, lost)
+        np.add.at(
+            self.on_sides, cells, self._through(body, plates, (facets, of), (size, turn, off))
+        )
+
+    def through(self, body: Body, plates: Plates, facets: Longs, sizes: Floats) -> Floats:
+        """Return tractions times area by which facets pass on forces of plates, from above.
+
+        Args:
+            body: The bodies.
+            plates: Rigid surfaces.
+            facets: A facet for each force that plates exert besides, not −1.
+            sizes: Their sizes.
+        """
+        of, d = plates.plate, body.dim
+        turns = plates.component >= d
+        turn = sizes * np.where(turns, plates.extents[of], 0.0)
+        none = np.zeros(len(sizes))
+        size = np.where(turns, 0.0, sizes)
+        return self._through(body, plates, (facets, of), (size, turn, (none, none)))
+
+    def _through(
+        self,
+        body: Body,
+        plates: Plates,
+        at: tuple[Longs, Longs],
+        wrench: tuple[Floats, Floats, tuple[Floats, Floats]],
+    ) -> Floats:
+        (facets, of), (size, turn, off) = at, wrench
+        x = body.vertices[body.facets[facets]]
+        middle = x.mean(axis=1)
+        arms = np.linalg.norm(x - middle[:, None], axis=2)
+        area = body.areas[facets] * (1 - 1e-9)
+        bends = bends_of(body.dim, arms, area)
+        reach = np.linalg.norm(plates.centres[of] - middle, axis=1)
+        reach = reach + 16 * U * np.abs(x).max(axis=(1, 2), initial=0.0)
+        force = size + off[0]
+        return upwards(force + (turn + off[1] + force * reach) * bends * (1 + 1e-9))
+
     def _put(self, body: Body, sides: Longs, vertices: Longs, tractions: Balls) -> None:
         """Let tractions act on sides, with the other sign."""
         d = body.dim
@@ -139,6 +223,19 @@ class _Acting:
         np.add.at(self.errors[0], cells, off)
         far = self.extents[cells] + np.abs(body.vertices[vertices]).max(axis=(1, 2)) * 4 * U
         np.add.at(self.errors[1], cells, off * far + size * 32 * U * far)
+
+
+def bends_of(dim: int, arms: Floats, area: Floats) -> Floats:
+    """Return tractions times area of a moment of 1 on facets.
+
+    Args:
+        dim: Of the bodies.
+        arms: Distances of the vertices from the middles, shape (n, dim).
+        area: From below.
+    """
+    if dim == 2:
+        return np.asarray(6 / area)
+    return np.asarray(9 * arms.max(axis=1, initial=0.0) * (arms**2).sum(axis=1) / area**2)
 
 
 def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
@@ -184,7 +281,7 @@ def across_of(body: Body) -> Longs:
     return found
 
 
-def _tree(body: Body, across: Longs, volumes: Floats, pieces: Longs) -> tuple[list[Longs], Longs]:
+def tree_of(body: Body, across: Longs, volumes: Floats, pieces: Longs) -> tuple[list[Longs], Longs]:
     """Return the cells by their distance from the roots, and the side towards these (−1 at a root).
 
     A root is the largest cell of its piece. Of the ways back, those over large facets are taken.
@@ -221,7 +318,7 @@ def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floa
     """
     d, wide, count = body.dim, body.dim + 1, len(body.cells)
     across = across_of(body)
-    levels, back = _tree(body, across, acting.volumes, acting.pieces)
+    levels, back = tree_of(body, across, acting.volumes, acting.pieces)
     x, found = body.vertices[body.cells], np.zeros(count)
     forces, turns = acting.forces.copy(), acting.moments.copy()
     force_errors, turn_errors = acting.errors.copy()
@@ -238,10 +335,7 @@ def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floa
     area = np.maximum(least * (1 - 1e-12), np.finfo(float).tiny)
     bends = np.zeros(count)  # traction times area of a moment
     arms = np.linalg.norm(ends - middles[away][:, None], axis=2)
-    if d == 2:
-        bends[away] = 6 / area
-    else:
-        bends[away] = 9 * arms.max(axis=1) * (arms**2).sum(axis=1) / area**2
+    bends[away] = bends_of(d, arms, area)
     shift = acting.middles - middles
     rounded = 32 * U * np.abs(x).max(axis=(1, 2))
     for cells in levels[:0:-1]:
@@ -270,44 +364,91 @@ def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floa
     return upwards(found * (1 + 1e-12), 2 * count + 64)
 
 
-def _reactions(body: Body, left: Remainder, acting: _Acting) -> tuple[Floats | None, str | None]:
-    """Return sizes of forces that supports and contact exert besides, of each facet.
+def _reactions(
+    body: Body, left: Remainder, acting: _Acting, plates: Plates
+) -> tuple[Floats | None, str | None]:
+    """Return sizes of forces that supports, contact and plates exert besides, of each facet.
 
     Args:
         body: The bodies.
         left: What is without balance.
         acting: The same of each cell.
+        plates: Rigid surfaces.
 
     Returns:
         None where there are no such forces, and why.
     """
-    d, pieces = body.dim, acting.pieces
+    d, pieces, anchors = body.dim, acting.pieces, left.anchors
     count = int(pieces.max()) + 1
     of_facets = pieces[body.outer // (d + 1)]
-    middle, extent = _middles(body, pieces, count)
-    about = middle, extent
+    about = _middles(body, pieces, count)
     missing, errors = _missing(body, acting, about)
     # Along an axis along which nothing acts on a piece all forces without balance cancel.
     idle = np.zeros((count, 3 * (d - 1)), dtype=bool)
     idle[:, :d] = True
-    for of, acts in ((of_facets, left.acts), (pieces, left.pulls)):
+    outside = plates.acts_on(body, left.acts)
+    for of, acts in ((of_facets, outside), (pieces, left.pulls)):
         np.logical_and.at(idle[:, :d], of, ~acts)
     missing[idle], errors[idle] = 0.0, 0.0
-    anchors, found = left.anchors, np.zeros(len(body.facets))
-    active = (errors > 0).ravel()
-    if not active.any():
-        return found, None
-    columns = len(anchors.facets)
-    if not columns:
-        return None, HELD
+    columns = len(anchors.facets) + len(plates.first)
     if missing.size * columns > MOST_NUMBERS:
         return None, "there are too many bodies and supports"
-    mid, rad = _matrix(body, anchors, of_facets, about)
+    parts = _matrix(body, anchors, of_facets, about), _of_plates(body, plates, of_facets, about)
+    mid, rad = (np.concatenate(both, axis=2) for both in zip(*parts, strict=True))
+    first = np.append(anchors.facets, plates.first)
+    second = np.append(anchors.opposite, plates.second)
+    most = np.append(anchors.most, np.full(len(plates.first), np.inf))
+    weights = weights_of(body, first, most)
+
+    def push(forces: Floats) -> tuple[Floats, Floats]:
+        """Return what is missing, and its errors, when forces act besides."""
+        acting.push(body, anchors, forces[: len(anchors.facets)])
+        values = plates.wrenches() * forces[len(anchors.facets) :, None]
+        for facets, sign in ((plates.first, 1.0), (plates.second, -1.0)):
+            acting.carry(body, plates, (facets, plates.plate), (sign * values, 0 * values))
+        return _missing(body, acting, about)
+
+    rows = mid.reshape(missing.size, columns), rad.reshape(missing.size, columns)
+    exerted, reason = exerted_of(rows, (weights, most), (missing, errors), push)
+    if exerted is None:
+        return None, reason
+    found = np.zeros(len(body.facets))
+    own = slice(len(anchors.facets), None)
+    for facets in (first, second):
+        there = facets >= 0
+        sizes = exerted.copy()
+        sizes[own] = acting.through(body, plates, np.maximum(facets[own], 0), exerted[own])
+        np.add.at(found, facets[there], sizes[there])
+    return upwards(found * (1 + 1e-9), columns), None
+
+
+def exerted_of(
+    rows: tuple[Floats, Floats],
+    limits: tuple[Floats, Floats],
+    without: tuple[Floats, Floats],
+    push: Callable[[Floats], tuple[Floats, Floats]],
+) -> tuple[Floats | None, str | None]:
+    """Return how large forces besides are at most, beyond those that were pushed with.
+
+    Args:
+        rows: Forces and moments on pieces of each force, and errors, shape (num_rows, num_forces).
+        limits: Weights of the forces, and their largest sizes.
+        without: What is missing on pieces, and its errors.
+        push: Lets forces act, and returns what is missing then.
+
+    Returns:
+        None where there are no such forces, and why.
+    """
+    (mid, rad), (weights, most), (missing, errors) = rows, limits, without
+    columns = mid.shape[1]
+    active = (np.abs(missing) + errors > 0).ravel()
+    if not active.any():
+        return np.zeros(columns), None
+    if not columns:
+        return None, HELD
     # Other rows are of bodies, or directions, on which nothing acts: they stay as they are.
-    touched = ((mid != 0) | (rad > 0)).reshape(-1, columns)
-    rows = _closed(active, touched)
-    weights = _weights(body, anchors)
-    mid, rad = (part.reshape(-1, columns)[rows] * weights for part in (mid, rad))
+    kept = _closed(active, (mid != 0) | (rad > 0))
+    mid, rad = (part[kept] * weights for part in (mid, rad))
     # Contact near slip can exert little, supports much: rows are made alike in size, without error.
     size = np.linalg.norm(mid, axis=1)
     scale = 2.0 ** -np.round(np.log2(np.where(size > 0, size, 1.0)))
@@ -326,19 +467,17 @@ def _reactions(body: Body, left: Remainder, acting: _Acting) -> tuple[Floats | N
     off_one = float(upwards(rest, columns).sum(axis=1).max(initial=0.0))
     if not off_one < 0.5:
         return None, HELD
-    first = -weights * (mid.T @ (inverse @ (missing.ravel()[rows] * scale)))
-    acting.push(body, anchors, first)
-    missing, errors = _missing(body, acting, about)
-    needed = np.abs(inverse) @ ((np.abs(missing) + errors).ravel()[rows] * scale)
+    first = -weights * (mid.T @ (inverse @ (missing.ravel()[kept] * scale)))
+    missing, errors = push(first)
+    needed = np.abs(inverse) @ ((np.abs(missing) + errors).ravel()[kept] * scale)
     needed = needed + 2 * off_one * needed.max(initial=0.0)
     forces = upwards(weights * ((size + rad).T @ needed), columns + n)
-    if (upwards(np.abs(first) + forces) > anchors.most).any():
+    if (upwards(np.abs(first) + forces) > most).any():
         return None, HELD
-    np.add.at(found, anchors.facets, forces)
-    paired = anchors.opposite >= 0
-    np.add.at(found, anchors.opposite[paired], forces[paired])
-    return upwards(found * (1 + 1e-9), columns), None
+    return np.asarray(forces), None
 
+
+TOO_LARGE = "numbers are too large, or not finite"
 
 HELD = "neither supports nor contact that presses hold a body against what is left of its balance"
 
@@ -352,14 +491,19 @@ def _closed(rows: Flags, touched: Flags) -> Flags:
         rows = more
 
 
-def _weights(body: Body, anchors: Anchors) -> Floats:
-    """Return weights of forces: what contact may exert, and of supports what their cells bear."""
+def weights_of(body: Body, facets: Longs, most: Floats) -> Floats:
+    """Return weights of forces: what contact may exert, and of supports what their cells bear.
+
+    Args:
+        body: The bodies.
+        facets: The facet of each force.
+        most: The largest sizes.
+    """
     cells = body.outer // (body.dim + 1)
-    radii = body.yield_radius[cells][anchors.facets]
+    radii = body.yield_radius[cells][facets]
     plastic = radii[np.isfinite(radii)]
     radii = np.where(np.isfinite(radii), radii, plastic.max(initial=0.0) or 1.0)
-    borne = radii * body.areas[anchors.facets]
-    return np.minimum(borne, anchors.most)
+    return np.minimum(radii * body.areas[facets], most)
 
 
 def _middles(body: Body, pieces: Longs, count: int) -> tuple[Floats, Floats]:
@@ -394,6 +538,28 @@ def _missing(body: Body, acting: _Acting, about: tuple[Floats, Floats]) -> tuple
     errors[:, d:] /= about[1][:, None]
     mid[:, d:] /= about[1][:, None]
     return mid, upwards(errors, 2 * len(pieces) + 64)
+
+
+def _of_plates(
+    body: Body, plates: Plates, of_facets: Longs, about: tuple[Floats, Floats]
+) -> tuple[Floats, Floats]:
+    """Return forces and moments of plates on pieces, as :func:`_matrix`."""
+    d, count = body.dim, len(about[1])
+    wrenches, columns = plates.wrenches(), np.arange(len(plates.first))
+    mid, rad = np.zeros((2, count, wrenches.shape[1], len(columns)))
+    for facets, sign in ((plates.first, 1.0), (plates.second, -1.0)):
+        at = np.flatnonzero(facets >= 0)
+        of, plate = of_facets[facets[at]], plates.plate[at]
+        extents = about[1][of, None]
+        forces = wrenches[at, :d]
+        arms = plates.centres[plate] - about[0][of]
+        turns = wrenches[at, d:] * plates.extents[plate, None]
+        turns = (turns + moments(arms, forces)) / extents
+        mid[of, :, columns[at]] += sign * np.hstack([forces, turns])
+        far = np.abs(plates.centres[plate]).max(axis=1) + np.abs(about[0][of]).max(axis=1)
+        lost = 16 * U * far[:, None] / extents + 16 * U * np.abs(turns)
+        rad[of, d:, columns[at]] += lost
+    return mid, rad
 
 
 def _matrix(

@@ -24,7 +24,7 @@ from perfplast_fenicsx.proof.plain_arrays import (
     number_of,
     stored_arrays,
 )
-from perfplast_fenicsx.proof.reduction import reduction_words
+from perfplast_fenicsx.proof.reduction import reduction_of, reduction_words, whole_body
 from perfplast_fenicsx.proof.rigid import check_loaded
 from perfplast_fenicsx.proof.stored_file import stored_file
 from perfplast_fenicsx.proof.taken_as_written import taken_as_written
@@ -57,6 +57,27 @@ class _Half:
     forces: float = 0.0
     speed: float = 0.0
     power: float = np.inf
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Both sides of a factor of safety.
+
+    Attributes:
+        carried: The factor with which the bodies carry the loads.
+        not_carried: The one with which they do not.
+        faults: Why that is not proven of one set of bodies.
+    """
+
+    carried: float
+    not_carried: float
+    faults: tuple[str, ...]
+
+    def __str__(self) -> str:
+        if self.faults:
+            return f"factor of safety: not proven of the same bodies: {'; '.join(self.faults)}"
+        between = f"{self.carried:.9g} to {self.not_carried:.9g} is proven"
+        return f"factor of safety: {between}; both files are of the same bodies"
 
 
 def check(path: str | Path) -> dict[str, Checked]:
@@ -98,6 +119,60 @@ def check(path: str | Path) -> dict[str, Checked]:
     return found
 
 
+def check_pair(below: str | Path, above: str | Path) -> Pair:
+    """Check both files of a factor of safety: whether they are of the same bodies.
+
+    Each has strengths that are divided by a factor of its own. Without it they have to be the same.
+
+    Args:
+        below: The file with the stress.
+        above: The file with the velocity.
+
+    Raises:
+        ProofError: If one cannot be read, is no proof, or has other halves or no factor.
+    """
+    halves = []
+    for path, kind in ((below, "lower"), (above, "upper")):
+        found = check(path)
+        if set(found) != {kind}:
+            raise ProofError(f"'{path}' is not the {kind} half of a factor of safety alone.")
+        with stored_file(path) as file, np.errstate(all="ignore"):
+            arrays = stored_arrays(file, kind)
+        body = Body.of(arrays)
+        reduced = reduction_of(body, arrays)
+        if reduced is None:
+            raise ProofError(f"'{path}' has no strength_factor.")
+        halves.append((found[kind], whole_body(body, *reduced), reduced[0]))
+    (lower, less, carried), (upper, more, not_carried) = halves
+    faults = [fault for half in (lower, upper) for fault in half.faults]
+    if not faults and not (lower.proven or 0.0) >= 1.0:
+        faults.append("the stress does not bear the loads once")
+    if not faults and not (np.inf if upper.proven is None else upper.proven) <= 1.0:
+        faults.append("the mechanism does not fall by the loads")
+    with np.errstate(all="ignore"):
+        faults += differences(less, more)
+    if not faults and not carried <= not_carried:
+        faults.append("the factor with which the loads are carried is above the other one")
+    return Pair(carried, not_carried, tuple(faults))
+
+
+def factor_of(path: str | Path, kind: str) -> float:
+    """Return the factor that divides the strengths of a half.
+
+    Args:
+        path: A file of a factor of safety.
+        kind: "lower" or "upper".
+
+    Raises:
+        ProofError: If the file cannot be read, or has no such half or factor.
+    """
+    try:
+        with stored_file(path) as file:
+            return number_of("strength_factor", file[kind].attrs["strength_factor"])
+    except (OSError, KeyError, AttributeError, TypeError, ValueError, RuntimeError) as fault:
+        raise ProofError(f"'{path}' has no strength_factor of a {kind} half.") from fault
+
+
 def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:
     """Check a stress: ``stress`` (num_cells, d + 1, d, d), ``bound``, and those of the bodies.
 
@@ -134,7 +209,7 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     if counted:
         kinds = [(factor, body.sought), (1.0, body.constant), (other, body.others)]
         over, why = overstress(body, checked(arrays, ("stress",))["stress"], kinds)
-        exact = left.measured["asymmetry"] == 0
+        exact = left.measured["asymmetry"] == 0 and left.measured.get("axis", 0.0) == 0
         reasons += [] if why is None else [why]
     else:
         over, exact = max(left.measured.get(name, 0.0) for name in RATIOS), not rows

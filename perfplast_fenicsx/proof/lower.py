@@ -9,9 +9,9 @@ rubs one of ‖τ‖ ≤ c + μq at most. At each vertex ‖Mσ‖ ≤ c − q·
 the cones bound effective stresses σ′, and σ = σ′ − uI. Where c varies it is linear
 in the cell, so that vertices are enough. Another stress balances what is left of
 equilibrium, and its size makes the bound smaller (:mod:`balance`). No such stress is known for
-rings, rigid surfaces and cones without a bound. There residuals are measured by what the weakest
-could bear of them, each row by itself and all together. Of bodies of revolution all this is said of
-S = rσ, which is quadratic (:mod:`rings`), over 2π.
+cones without a bound. There residuals are measured by what the weakest could bear of them, each row
+by itself and all together. Of bodies of revolution all this is said of S = rσ, which is quadratic
+(:mod:`rings`, :mod:`ring_balance`), over 2π.
 """
 
 from collections.abc import Sequence
@@ -29,6 +29,7 @@ from perfplast_fenicsx.proof.outer_tractions import outer_tractions, tractions_o
 from perfplast_fenicsx.proof.pieces import largest_share
 from perfplast_fenicsx.proof.remainder import remainder_of, shapes_of
 from perfplast_fenicsx.proof.rigid import rigid_of, sums_of
+from perfplast_fenicsx.proof.ring_balance import ring_stress
 from perfplast_fenicsx.proof.rings import (
     applied,
     coefficients_of_radius,
@@ -137,8 +138,7 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
 
 def is_counted(body: Body) -> bool:
     """Return whether what a stress leaves of equilibrium enters the bound."""
-    bounded = body.plastic.any() and not body.loose
-    return bool(bounded) and not body.is_revolved and not len(body.rigid)
+    return bool(body.plastic.any()) and not body.loose
 
 
 def overstress(
@@ -151,19 +151,28 @@ def overstress(
 
     Args:
         body: The bodies.
-        stress: σ, effective where there is a pressure in pores, shape (num_cells, d + 1, d, d).
+        stress: As for :func:`measure_stress`.
         kinds: Loads of each kind, and their factors.
 
     Returns:
         ∞ where no τ is known, and why.
     """
-    shapes = shapes_of(body)
-    cost = cost_of(body, remainder_of(body, stress, kinds, shapes), shapes)
-    plastic = body.plastic
-    cones, at, bounded = body.cones, body.cone[plastic], vectors(stress[plastic])
-    rounding = 128 * U * np.linalg.norm(bounded, axis=2)
+    shapes, plastic = shapes_of(body), body.plastic
+    cones, at = body.cones, body.cone[plastic]
+    if body.is_revolved:
+        found = ring_stress(body, stress, kinds, shapes)
+        cost, off = found.cost, found.errors
+        rho = coefficients_of_radius(radii_of(body))[plastic, :, None]
+        bounded = np.divide(
+            found.vectors[plastic], rho, out=np.zeros_like(found.vectors[plastic]), where=rho > 0
+        )
+    else:
+        cost = cost_of(body, remainder_of(body, stress, kinds, shapes), shapes, kinds)
+        bounded, off = vectors(stress[plastic]), np.zeros(len(stress))
+    rounding = 128 * U * np.linalg.norm(bounded, axis=2) + off[plastic, None]
     more = (cost.size[plastic, None] + rounding) * cones.weakness[at, None]
-    over = float(((cones.ratios(at, bounded) + more) / body.cell_strength[plastic]).max())
+    shares = cones.ratios(at, bounded) + more
+    over = float((shares / body.cell_strength[plastic] if body.varies else shares).max())
     return (over if np.isfinite(over) else np.inf), cost.reason
 
 

@@ -7,6 +7,8 @@ be without the factor is said here, to be compared with what the bodies have.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,12 +24,17 @@ MOST = 6
 """So many strengths are named one by one."""
 
 
-def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
-    """Return a sentence on the factor that divides strengths; nothing of a half without one.
+def reduction_of(
+    body: Body, arrays: Mapping[str, npt.NDArray]
+) -> tuple[float, dict[str, npt.NDArray]] | None:
+    """Return the factor that divides strengths, and the flags of what it leaves alone.
 
     Args:
         body: The bodies, with strengths that are divided.
         arrays: Arrays of the half.
+
+    Returns:
+        None of a half without a factor.
 
     Raises:
         ProofError: If the factor is not positive, the flags do not fit the bodies, or one strength
@@ -36,7 +43,7 @@ def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
     if "strength_factor" not in arrays:
         if any(name in arrays for name in KEPT):
             raise ProofError(f"{KEPT} are flags beside strength_factor, which is missing.")
-        return []
+        return None
     factor = number_of("strength_factor", arrays["strength_factor"])
     if not factor > 0:
         raise ProofError("strength_factor is not positive.")
@@ -50,6 +57,92 @@ def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
     both = np.intersect1d(body.cone[cells & body.plastic], body.cone[~cells & body.plastic])
     if len(both):
         raise ProofError("cell_kept divides a strength in some cells and not in others.")
+    return factor, kept
+
+
+def whole_body(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> Body:
+    """Return the bodies with strengths before they are divided.
+
+    Cohesions, tangents of angles of friction, tensile strengths and friction are multiplied. Of
+    cones in space with a slope, and others of which no angle is known, only the apex is kept: they
+    get a slope of the size of their matrix.
+
+    Args:
+        body: The bodies, with strengths that are divided.
+        factor: By which they are.
+        kept: Flags of those that are not (:func:`reduction_of`).
+    """
+    bound, slope = body.cone_bound.copy(), body.cone_slope.copy()
+    sine, tension = body.cone_sine.copy(), body.cone_tension.copy()
+    divided = np.zeros(len(bound), dtype=bool)
+    divided[body.cone[body.plastic & ~kept["cell_kept"]]] = True
+    for number in np.flatnonzero(divided):
+        known = _angle_of(body, number)
+        if known is None:
+            size = np.linalg.norm(body.cone_matrix[number])
+            steep = np.linalg.norm(slope[number])
+            times = size / steep if steep else factor
+            bound[number] *= times
+            slope[number] *= times
+            continue
+        tangent = factor * known / np.sqrt(1 - known**2)
+        more = tangent / np.sqrt(1 + tangent**2)
+        bound[number] *= factor * np.sqrt((1 - more**2) / (1 - known**2))
+        if body.cones.is_principal[number]:
+            sine[number], tension[number] = more, factor * tension[number]
+        else:
+            slope[number] *= more / known
+    rubs: dict[str, Any] = {}
+    for of in ("contact", "obstacle"):
+        by = np.where(kept[f"{of}_kept"], 1.0, factor)
+        for name in ("adhesion", "friction"):
+            rubs[f"{of}_{name}"] = by * getattr(body, f"{of}_{name}")
+    return replace(
+        body,
+        cone_bound=bound,
+        cone_slope=slope,
+        cone_sine=sine,
+        cone_tension=tension,
+        **rubs,
+    )
+
+
+def _angle_of(body: Body, number: np.int64) -> float | None:
+    """Return the sine of the angle of friction of a cone, None where no angle is known.
+
+    It is known of cones of principal stresses, and of cones about the axis of mean stress in the
+    plane: ‖dev σ‖ ≤ √2 (c cos φ − σ_m sin φ).
+    """
+    if body.cones.is_principal[number]:
+        return float(body.cone_sine[number])
+    slope, matrix = body.cone_slope[number], body.cone_matrix[number]
+    m, n = len(slope), normals_of(body)
+    unit = np.append(np.ones(n), np.zeros(m - n))
+    radius = np.sqrt((matrix**2).sum() / (m - 1))
+    along = float(slope @ unit) / radius
+    plain = np.abs(matrix.T @ matrix / radius**2 - np.eye(m) + np.outer(unit, unit) / n).max()
+    usual = np.abs(slope / radius - along * unit / n).max()
+    small = 1e-9
+    if body.dim != 2 or body.is_revolved or max(plain, usual) > small or not 0 < along**2 < 2:
+        return None
+    return along / np.sqrt(2)
+
+
+def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
+    """Return a sentence on the factor that divides strengths; nothing of a half without one.
+
+    Args:
+        body: The bodies, with strengths that are divided.
+        arrays: Arrays of the half.
+
+    Raises:
+        ProofError: As :func:`reduction_of`.
+    """
+    found = reduction_of(body, arrays)
+    if found is None:
+        return []
+    factor, kept = found
+    cells = kept["cell_kept"]
     words = [
         f"{_whole(body, number, factor)}{body.varies_by(number)}"
         for number in np.unique(body.cone[body.plastic & ~cells])
@@ -70,36 +163,22 @@ def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
     return [f"{told} Not divided: {', '.join(left)}." if left else told]
 
 
-def _whole(body: Body, number: int, factor: float) -> str:
+def _whole(body: Body, number: np.int64, factor: float) -> str:
     """Return a strength before it is divided, in words.
 
-    Without a slope the bound is so many times larger. With one, cohesion and tan φ are. They are
-    known of cones of principal stresses, and of cones about the axis of mean stress in the plane:
-    ‖dev σ‖ ≤ √2 (c cos φ − σ_m sin φ).
+    Without a slope the bound is so many times larger. With one, cohesion and tan φ are.
     """
-    bound, slope, matrix = (
-        body.cone_bound[number],
-        body.cone_slope[number],
-        body.cone_matrix[number],
-    )
-    if body.cones.is_principal[number]:
-        sine = float(body.cone_sine[number])
-        size = 2.0
-        tension = factor * body.cone_tension[number]
-        cut = f" and a tensile strength of {tension:.6g}" if body.cones.is_cut[number] else ""
-    else:
-        m, n = len(slope), normals_of(body)
-        unit = np.append(np.ones(n), np.zeros(m - n))
-        radius = np.sqrt((matrix**2).sum() / (m - 1))
-        along, cut = float(slope @ unit) / radius, ""
-        if not slope.any():
-            return f"a yield radius of {factor * bound / radius:.6g}"
-        plain = np.abs(matrix.T @ matrix / radius**2 - np.eye(m) + np.outer(unit, unit) / n).max()
-        usual = np.abs(slope / radius - along * unit / n).max()
-        small = 1e-9
-        if body.dim != 2 or body.is_revolved or max(plain, usual) > small or along**2 >= 2:
-            return "that of a cone with a slope and the same apex"
-        sine, size, bound = along / np.sqrt(2), np.sqrt(2), bound / radius
+    bound, slope = body.cone_bound[number], body.cone_slope[number]
+    principal = bool(body.cones.is_principal[number])
+    radius = np.sqrt((body.cone_matrix[number] ** 2).sum() / (len(slope) - 1))
+    if not principal and not slope.any():
+        return f"a yield radius of {factor * bound / radius:.6g}"
+    sine = _angle_of(body, number)
+    if sine is None:
+        return "that of a cone with a slope and the same apex"
+    size = 2.0 if principal else np.sqrt(2) * radius
+    tension = factor * body.cone_tension[number]
+    cut = f" and a tensile strength of {tension:.6g}" if body.cones.is_cut[number] else ""
     cosine = np.sqrt(1 - sine**2)
     told = f"a cohesion of {factor * bound / (size * cosine):.6g}"
     return told + (f" with tan φ = {factor * sine / cosine:.6g}" if sine else "") + cut

@@ -58,6 +58,8 @@ class Remainder:
         acts: Whether anything acts on facets along each axis, shape (num_facets, d).
         pulls: The same of cells, shape (num_cells, d).
         anchors: Forces that can act besides.
+        plates: Tractions times area less those of loads, of which rigid surfaces ask that their
+            resultants are those of their loads, shape (num_facets, d, d).
     """
 
     cells: Balls
@@ -66,6 +68,7 @@ class Remainder:
     acts: Flags
     pulls: Flags
     anchors: Anchors
+    plates: Balls
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,7 @@ def remainder_of(
     d = body.dim
     areas = shapes.areas
     force, pores, traction = (
-        _summed([(factor, getattr(of, name)) for factor, of in kinds])
+        summed([(factor, getattr(of, name)) for factor, of in kinds])
         for name in ("body_force", "pore_pressure", "traction")
     )
     total = Balls.exact(stress)
@@ -131,18 +134,19 @@ def remainder_of(
 
     one, other = body.sides[0].T
     jumps = at(one, _alike(body, one)) + at(other, _alike(body, other))
-    outer = _Outer(body, at(body.outer, body.places), traction, areas)
+    outer = Outer(body, at(body.outer, body.places), traction, areas)
     return Remainder(
         pulling - ends * Balls.part(d),
         jumps,
         outer.left,
-        np.asarray((outer.acting.size > 0).any(axis=1)),
+        outer.acts,
         pulling.size > 0,
         outer.anchors(),
+        outer.rest,
     )
 
 
-def _summed(kinds: Sequence[tuple[float, Floats]]) -> Balls:
+def summed(kinds: Sequence[tuple[float, Floats]]) -> Balls:
     """Return the sum of loads times their factors."""
     found = [Balls.exact(values) * Balls.exact(factor) for factor, values in kinds if values.any()]
     if not found:
@@ -158,59 +162,79 @@ def _alike(body: Body, sides: Longs) -> Longs:
     return np.take_along_axis(places, np.argsort(numbers, axis=1), axis=1)
 
 
-class _Outer:
-    """Outer facets.
+class Outer:
+    """Outer facets, with n values on each: at vertices, or coefficients of what is quadratic.
 
     Attributes:
-        left: Forces at vertices that nothing exerts.
+        rest: Tractions times area less those of loads, shape (num_facets, n, d).
+        left: Those that nothing exerts.
         acting: Those that act.
     """
 
-    def __init__(self, body: Body, at: Balls, traction: Balls, areas: Balls) -> None:
+    def __init__(
+        self, body: Body, at: Balls, traction: Balls, areas: Balls, radii: Floats | None = None
+    ) -> None:
+        """Choose what supports, contact and plates exert.
+
+        Args:
+            body: The bodies.
+            at: Tractions times area of the stress, shape (num_facets, n, d).
+            traction: Tractions of loads, the same shape.
+            areas: Area vectors of the sides of cells.
+            radii: Coefficients of r around an axis, by which tractions are multiplied,
+                (num_facets, n).
+        """
         d = body.dim
         self._body, self._free = body, ~body.held
         self._areas = areas.each(lambda part: part.reshape(-1, d)[body.outer])
         squares = (self._areas * self._areas).sum(axis=1)
         self._sizes = squares.root()
-        count = len(body.facets)
+        shape = at.mid.shape[:2]
+        count = shape[0]
+        self._radii = np.ones(shape) if radii is None else radii
         self._into = Balls.exact(np.zeros((count, d)))
-        self._pressure, self._shear = np.zeros((count, d)), np.zeros((count, d, d))
+        self._pressure, self._shear = np.zeros(shape), np.zeros((*shape, d))
         self._opposite = np.full(count, -1)
         self._touches = np.zeros(count, dtype=bool)
-        self._order = np.zeros((count, d), dtype=np.int64)
+        self._order = np.zeros(shape, dtype=np.int64)
         self._second = np.zeros(count, dtype=bool)
-        self._room = np.full((count, d), np.inf)  # force that friction lets act besides
+        self._room = np.full(shape, np.inf)  # force that friction lets act besides
         self._rubs = np.zeros(count, dtype=bool)
         loads = traction * self._sizes[:, None, None]
-        self._rest = at - loads
+        self.rest = at - loads
         self._exert()
         exerted = self._into[:, None] * Balls.exact(-self._pressure)[..., None]
         exerted = exerted + Balls.exact(self._shear)
+        glued = np.isin(body.surface, body.rigid)[:, None, None]
+        exerted = exerted.where(~glued, self.rest)
         free = self._free[:, None]
-        self.left = (self._rest - exerted).where(free)
+        self.left = (self.rest - exerted).where(free & ~glued)
         self.acting = (loads + exerted).where(free, at)
+        self.acts = np.asarray((self.acting.size > 0).any(axis=1))
 
     def _exert(self) -> None:
         """Choose what supports and contact exert."""
         body = self._body
+        extra = self._order.shape[1] - body.dim  # the edge of a facet around an axis
         for pair, c, mu in self._pairs():
             self._into = put(self._into, pair.first, self._areas[pair.first])
             self._into = put(self._into, pair.second, -self._areas[pair.first])
-            self._opposite[pair.first], self._order[pair.first] = pair.second, pair.order
+            order = np.column_stack([pair.order, *[np.full(len(pair.order), body.dim)] * extra])
+            self._opposite[pair.first], self._order[pair.first] = pair.second, order
             self._second[pair.second] = True
             self._touches[pair.first] = self._touches[pair.second] = True
             known = self._told(pair.first)
             first = self._pushes(pair.first)
-            across = np.take_along_axis(self._pushes(pair.second), pair.order, axis=1)
+            across = np.take_along_axis(self._pushes(pair.second), order, axis=1)
             pushes = np.where(known[:, None], first, across)
             pushes = np.where((known | self._told(pair.second))[:, None], pushes, 0.0)
-            self._rub(pair.first, pushes, c, mu, pair)
+            self._rub(pair.first, pushes, (c, mu), (pair.second, order))
         for tag, normal, c, mu in obstacles_of(body):
             facets = body.on(tag)
             normals = Balls.exact(np.tile(normal, (len(facets), 1)))
             self._into = put(self._into, facets, normals * self._sizes[facets][:, None])
             self._touches[facets] = True
-            self._rub(facets, self._pushes(facets), c, mu, None)
+            self._rub(facets, self._pushes(facets), (c, mu), None)
         guided = np.flatnonzero(body.guided.any(axis=1))
         along = Balls.exact(body.guided[guided]) * self._sizes[guided][:, None]
         self._into = put(self._into, guided, along)
@@ -236,16 +260,26 @@ class _Outer:
         share = self._into.mid[facets] * self._free[facets]
         squares = np.einsum("fi,fi->f", share, share)
         squares[~self._told(facets)] = np.inf
-        return np.asarray(
-            -np.einsum("fvi,fi->fv", self._rest.mid[facets], share) / squares[:, None]
-        )
+        return np.asarray(-np.einsum("fvi,fi->fv", self.rest.mid[facets], share) / squares[:, None])
 
     def _rub(
-        self, facets: Longs, pushes: Floats, c: float, mu: float, pair: Touching | None
+        self,
+        facets: Longs,
+        pushes: Floats,
+        terms: tuple[float, float],
+        pair: tuple[Longs, Longs] | None,
     ) -> None:
-        """Choose the pressure on facets of contact, and shear forces if they rub."""
+        """Choose the pressure on facets of contact, and shear forces if they rub.
+
+        Args:
+            facets: The facets.
+            pushes: Pressure that leaves least.
+            terms: Adhesion c and friction μ.
+            pair: Facets opposite, and the places of their values; None of obstacles.
+        """
         pressure, shear = np.maximum(pushes, 0.0), None
-        if c > 0 or mu > 0:
+        c, mu = terms[0] * self._radii[facets], terms[1]
+        if any(terms):
             shear = self._shears(facets, pair)
             least = self._sizes.mid[facets] - self._sizes.rad[facets]
             sizes = np.linalg.norm(shear, axis=2)
@@ -260,22 +294,22 @@ class _Outer:
             self._rubs[facets], self._room[facets] = True, room
         self._pressure[facets] = pressure
         if pair is not None:
-            places = np.argsort(pair.order, axis=1)
-            self._pressure[pair.second] = np.take_along_axis(pressure, places, axis=1)
+            places = np.argsort(pair[1], axis=1)
+            self._pressure[pair[0]] = np.take_along_axis(pressure, places, axis=1)
             if shear is not None:
-                self._shear[pair.second] = -np.take_along_axis(shear, places[..., None], axis=1)
+                self._shear[pair[0]] = -np.take_along_axis(shear, places[..., None], axis=1)
 
-    def _shears(self, facets: Longs, pair: Touching | None) -> Floats:
+    def _shears(self, facets: Longs, pair: tuple[Longs, Longs] | None) -> Floats:
         """Return what the stress has across contact, of the side that no support holds."""
         found = self._across(facets)
         if pair is not None:
-            there = -np.take_along_axis(self._across(pair.second), pair.order[..., None], axis=1)
+            there = -np.take_along_axis(self._across(pair[0]), pair[1][..., None], axis=1)
             alone = np.asarray(self._free[facets].all(axis=1))
             found = np.where(alone[:, None, None], found, there)
         return found
 
     def _across(self, facets: Longs) -> Floats:
-        rest, into = self._rest.mid[facets], self._into.mid[facets]
+        rest, into = self.rest.mid[facets], self._into.mid[facets]
         squares = np.einsum("fi,fi->f", into, into)
         for _ in range(2):  # the second time for what rounding has left
             along = np.einsum("fvi,fi->fv", rest, into) / squares[:, None]
@@ -287,11 +321,13 @@ class _Outer:
         body, d = self._body, self._body.dim
         sizes = np.maximum(self._sizes.mid, np.finfo(float).tiny)
         unit = self._into * Balls.exact(1 / sizes)[:, None]
+        wide = self._order.shape[1]
         facets, axes = np.nonzero(body.held)
         guided = np.flatnonzero(body.guided.any(axis=1))
+        endless = np.where(self._radii > 0, np.inf, 0.0)
         found = [
-            (facets, Balls.exact(np.eye(d)[axes]), np.full((len(facets), d), np.inf)),
-            (guided, unit[guided], np.full((len(guided), d), np.inf)),
+            (facets, Balls.exact(np.eye(d)[axes]), endless[facets]),
+            (guided, unit[guided], endless[guided]),
         ]
         least = self._sizes.mid - 2 * self._sizes.rad
         presses = np.maximum(self._pressure, 0.0) * least[:, None]
@@ -303,10 +339,10 @@ class _Outer:
         some = some[self._rubs[some]]
         for axis in np.eye(d):
             found.append((some, Balls.exact(np.tile(axis, (len(some), 1))), room[some]))
-        facets = np.repeat(np.concatenate([rows[0] for rows in found]), d)
-        corners = np.tile(np.arange(d), len(facets) // d)
+        facets = np.repeat(np.concatenate([rows[0] for rows in found]), wide)
+        corners = np.tile(np.arange(wide), len(facets) // wide)
         parts = [[getattr(rows[1], of) for rows in found] for of in ("mid", "low", "rad")]
-        along = Balls(*(np.repeat(np.concatenate(part), d, axis=0) for part in parts))
+        along = Balls(*(np.repeat(np.concatenate(part), wide, axis=0) for part in parts))
         most = np.concatenate([rows[2] for rows in found]).ravel()
         opposite = np.where(np.isinf(most), -1, self._opposite[facets])
         there = self._order[facets, corners]

@@ -31,8 +31,8 @@ LIMITS: Mapping[str, float] = {
 """Limits of residuals. Symmetry is exact, as a program can write it. Rows of a stress have the
 rounding of mean stresses that may be 1e5 yield radii. All forces together are a millionth of the
 least distance at which bounds are sought, 1e-4, and a ten-millionth of what the weakest cell could
-bear. Most are of bodies of revolution, rigid surfaces, cones without a bound and blocks alone, as
-elsewhere residuals make a lower bound smaller. Those of a velocity make an upper bound larger."""
+bear. Most are of cones without a bound and of blocks alone, as elsewhere residuals make a
+lower bound smaller. Those of a velocity make an upper bound larger."""
 
 RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"}
 """Conditions that a stress keeps to when it is divided by what is measured."""

@@ -14,7 +14,9 @@ from meshes.retaining_wall import write_retaining_wall
 from meshes.slope import write_slope
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results import proof_file
+from perfplast_fenicsx.io.results.claims import check_sides
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.report.verdict import verdict_on
@@ -67,8 +69,8 @@ def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
     lower, upper = limit["strength"]["lower"], limit["strength"]["upper"]
     assert 1.2 < lower < 1.3978  # where log spirals fall
     assert 1.3743 < upper < 1.6  # where finer meshes stand
-    for file, side, value in (("stands", "lower", 1.0), ("falls", "upper", 1.0)):
-        halves = check(results / f"{file}.h5")
+    for name, side, value in (("stands", "lower", 1.0), ("falls", "upper", 1.0)):
+        halves = check(results / f"{name}.h5")
         assert list(halves) == [side]
         assert not halves[side].faults
         told = f"F = {limit['strength'][side]:.9g}; before that they are a cohesion of 0.05 with"
@@ -92,6 +94,9 @@ def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
     assert verdict.mark == "proven"
     assert verdict.sentence.startswith("The bodies stand with F = 1.")
     assert "stands.h5 and python3 -m perfplast_fenicsx.proof falls.h5" in verdict.details[1]
+    check_sides(results, limit)
+    with pytest.raises(InputError, match="says that F = "):
+        check_sides(results, {"strength": {**limit["strength"], "lower": 1.01 * lower}})
     assert verdict.details[2].startswith("F over work levels off at 1.")
 
 

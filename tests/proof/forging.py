@@ -31,7 +31,7 @@ Arrays = dict[str, npt.NDArray]
 Halves = dict[str, Arrays]
 Forgery = Callable[[Halves], object]
 
-NUMBERS = ("bound", "factor", "any_factor", "revolved")
+NUMBERS = ("bound", "factor", "any_factor", "revolved", "strength_factor")
 """What halves have as attributes."""
 
 

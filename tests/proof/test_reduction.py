@@ -1,14 +1,18 @@
 """What the checker says of a factor that divides strengths."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from perfplast_fenicsx.proof.__main__ import PAIR, main
 from perfplast_fenicsx.proof.body import Body
+from perfplast_fenicsx.proof.checker import check_pair
 from perfplast_fenicsx.proof.plain_arrays import ProofError
-from perfplast_fenicsx.proof.reduction import reduction_words
-from tests.proof.forging import Arrays, blocks
+from perfplast_fenicsx.proof.reduction import KEPT, reduction_words, whole_body
+from tests.proof.forging import Arrays, Halves, blocks, copied, write
+from tests.proof.test_balance import strip
 
 
 @pytest.fixture(scope="module")
@@ -73,3 +77,137 @@ def test_what_fits_no_bodies_is_refused(
     change(them)
     with pytest.raises(ProofError, match=named):
         reduction_words(Body.of(half), them)
+
+
+@pytest.fixture(scope="module")
+def sides(tmp_path_factory: pytest.TempPathFactory) -> Halves:
+    """Both sides of a factor of safety of two blocks: strengths over the bounds carry the loads."""
+    halves = blocks(tmp_path_factory.mktemp("sides"), 2)
+    for kind, half in halves.items():
+        bound = float(half["bound"])
+        factor = bound * (1 - 1e-9 if kind == "lower" else 1 + 1e-9)
+        half["strength_factor"] = np.array(factor)
+        half["cone_bound"] = half["cone_bound"] / factor
+        half["bound"] = np.array(1.0)
+        if kind == "lower":
+            half["stress"] = half["stress"] / bound
+    return halves
+
+
+def pair_of(sides: Halves, folder: Path) -> tuple[Path, Path]:
+    """Write both sides, each into a file of its own."""
+    stands, falls = folder / "stands.h5", folder / "falls.h5"
+    write(stands, {"lower": sides["lower"]})
+    write(falls, {"upper": sides["upper"]})
+    return stands, falls
+
+
+def scaled(name: str, factor: float) -> Callable[[Arrays], None]:
+    """Multiply an array."""
+
+    def change(them: Arrays) -> None:
+        them[name] = them[name] * factor
+
+    return change
+
+
+def half_as_much(them: Arrays) -> None:
+    them["bound"] = them["bound"] / 2
+    them["stress"] = them["stress"] / 2
+
+
+def with_kept_cells(them: Arrays) -> None:
+    """The second block is not divided."""
+    kept = them["cone"] != them["cone"][0]
+    them["cell_kept"] = kept.astype(np.uint8)
+
+
+def moved(them: Arrays) -> None:
+    them["vertices"] = them["vertices"] + 1e-3
+
+
+def held_elsewhere(them: Arrays) -> None:
+    them["held"] = np.roll(them["held"], 1, axis=0)
+
+
+def renamed(them: Arrays) -> None:
+    them["surface"] = np.where(them["surface"] == 0, 9, them["surface"])
+
+
+PAIRS: dict[str, tuple[str, Callable[[Arrays], None], str]] = {
+    "stronger from below": ("lower", scaled("cone_bound", 1.001), "weaker bodies"),
+    "weaker from above": ("upper", scaled("cone_bound", 0.999), "weaker bodies"),
+    "another factor from below": ("lower", scaled("strength_factor", 1.01), "weaker bodies"),
+    "another factor from above": ("upper", scaled("strength_factor", 0.99), "weaker bodies"),
+    "less load": ("lower", scaled("traction", 0.99), "loads"),
+    "less weight": ("lower", scaled("body_force", 0.99), "loads"),
+    "another place": ("lower", moved, "place"),
+    "other supports": ("upper", held_elsewhere, "supports"),
+    "other surfaces": ("upper", renamed, "surfaces"),
+    "strengths that stay": ("upper", with_kept_cells, "weaker bodies"),
+    "too little of the load": ("lower", half_as_much, "does not bear"),
+    "too much dissipation": ("upper", scaled("bound", 2.0), ""),
+}
+
+
+def test_both_sides_of_a_factor_of_safety(sides: Halves, tmp_path: Path) -> None:
+    found = check_pair(*pair_of(sides, tmp_path))
+    assert not found.faults
+    assert found.carried == pytest.approx(float(sides["lower"]["strength_factor"]))
+    assert found.not_carried == pytest.approx(float(sides["upper"]["strength_factor"]))
+    assert main([PAIR, *map(str, pair_of(sides, tmp_path))]) == 0
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_sides_of_other_bodies_are_no_factor(sides: Halves, tmp_path: Path, name: str) -> None:
+    forged = copied(sides)
+    kind, change, why = PAIRS[name]
+    change(forged[kind])
+    paths = pair_of(forged, tmp_path)
+    found = check_pair(*paths)
+    if not why:  # a bound that is smaller than what is claimed is proven all the same
+        assert not found.faults
+        return
+    assert why in "; ".join(found.faults)
+    assert main([PAIR, *map(str, paths)]) == 1
+
+
+def test_files_that_are_no_pair_are_refused(sides: Halves, tmp_path: Path) -> None:
+    stands, falls = pair_of(sides, tmp_path)
+    assert main([PAIR, str(stands)]) == 2
+    with pytest.raises(ProofError, match="lower half of a factor of safety"):
+        check_pair(falls, stands)
+    whole = copied(sides)
+    del whole["upper"]["strength_factor"]
+    with pytest.raises(ProofError, match="no strength_factor"):
+        check_pair(*pair_of(whole, tmp_path))
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0, 1.7])
+def test_ground_before_its_strength_is_divided(factor: float) -> None:
+    """Cohesion and tan φ of both kinds of cones are multiplied, and so is a tensile strength."""
+    whole, sine = principal_cell(2.0, 0.7, 0.5)
+    reduced, _ = principal_cell(2.0 / factor, 0.7 / factor, 0.5 / factor)
+    kept = dict(zip(KEPT, (np.zeros(n, dtype=bool) for n in (2, 0, 0)), strict=True))
+    found = whole_body(Body.of(reduced), factor, kept)
+    assert found.cone_sine[0] == pytest.approx(sine)
+    assert found.cone_bound[0] == pytest.approx(float(whole["cone_bound"][0]))
+    assert found.cone_tension[0] == pytest.approx(0.5)
+    for name in ("cone_bound", "cone_slope"):
+        assert getattr(found, name)[1] == pytest.approx(whole[name][1])
+
+
+def principal_cell(cohesion: float, tangent: float, tension: float) -> tuple[Arrays, float]:
+    """A square of two cells, one with Mohr and Coulomb's cone, one with the plane one."""
+    cosine = 1 / np.sqrt(1 + tangent**2)
+    sine = tangent * cosine
+    them = strip(1.0, 1)
+    deviator = them["cone_matrix"][0]
+    unit = np.array([1.0, 1.0, 0.0])
+    them["cone"] = np.array([0, 1])
+    them["cone_bound"] = cohesion * cosine * np.array([2.0, np.sqrt(2.0)])
+    them["cone_slope"] = np.array([0 * unit, np.sqrt(2.0) * sine * unit / 2])
+    them["cone_matrix"] = np.array([0 * deviator, deviator])
+    them["cone_sine"] = np.array([sine, np.nan])
+    them["cone_tension"] = np.array([tension, np.nan])
+    return them, sine

@@ -9,7 +9,7 @@ import numpy as np
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, LEAST, PROOF, STANDS
 from perfplast_fenicsx.limit_analysis.body.proven_polytopes import rays_at
-from perfplast_fenicsx.proof.checker import check
+from perfplast_fenicsx.proof.checker import check, check_pair, factor_of
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.verdict import Checked
 
@@ -82,6 +82,37 @@ def _take_out(body: dict[str, Any], kind: str) -> None:
         body["standing"] = [None, high] if kind == "lower" else [low, None]
     else:
         body[kind] = None
+
+
+def check_sides(folder: Path, limit: Mapping[str, Any]) -> None:
+    """Make sure that the files of a factor of safety have it, and are of the same bodies.
+
+    Ground that dilates less is replaced by associated ground that depends on the factor, so that
+    the bodies of such an estimate are not compared.
+
+    Raises:
+        InputError: If they do not, or are not.
+    """
+    strength = limit.get("strength") or {}
+    both = {"lower": folder / STANDS, "upper": folder / FALLS}
+    known = {kind: path for kind, path in both.items() if strength.get(kind) is not None}
+    try:
+        factors = {kind: factor_of(path, kind) for kind, path in known.items()}
+        compared = len(known) == len(both) and not strength.get("estimate")
+        faults = check_pair(*both.values()).faults if compared else ()
+    except ProofError as error:
+        raise InputError(f"{error} Run the case again.") from error
+    for kind, factor in factors.items():
+        if not abs(factor - strength[kind]) <= SAME * abs(factor):
+            raise InputError(
+                f"summary.json says that F = {strength[kind]:.9g} is proven, but"
+                f" {known[kind].name} has F = {factor:.9g}; run the case again."
+            )
+    if faults:
+        raise InputError(
+            f"{STANDS} and {FALLS} do not prove a factor of safety of the same bodies"
+            f" ({'; '.join(faults)}); run the case again."
+        )
 
 
 def check_claim(

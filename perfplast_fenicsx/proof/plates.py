@@ -1,0 +1,160 @@
+"""Rigid plates in the balance of a stress: what their surfaces leave of the loads on them.
+
+A plate exerts any tractions on the surface that it is glued to, if their resultant is that of its
+loads. So it passes on what lacks of that through one facet, as a cell does (:mod:`balance`). Along
+axes along which it is held, and about all axes then, it exerts any force besides. A plate that is
+glued to several pieces passes any force, and any moment, from one to another.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import fsum
+
+import numpy as np
+
+from perfplast_fenicsx.proof.balls import Balls, U, crossed, stacked, upwards
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.load_kinds import Loads
+
+AROUND = Balls(np.asarray(1 / (2 * np.pi)), np.asarray(0.0), np.asarray(U))
+"""1/2π."""
+
+
+@dataclass(frozen=True)
+class Plates:
+    """Forces and moments of plates.
+
+    Attributes:
+        centres: Places that moments are about, shape (num_rigid, d).
+        extents: The largest distances of the surfaces from these.
+        missing: Forces, and moments over extents, that act on the bodies to make the resultants
+            those of the loads, shape (num_rigid, d + 1 or 3); zero along what is held.
+        errors: Of these.
+        through: The facet through which each passes that on.
+        first: A facet on which a further force of any size can act, shape (n,).
+        second: One on which it acts with the other sign, −1 for none.
+        plate: The plate of each.
+        component: Which of the forces and moments it is.
+        acts: Whether anything but the body itself acts on each plate along each axis, shape
+            (num_rigid, d): loads, what holds it, or another piece.
+    """
+
+    centres: Floats
+    extents: Floats
+    missing: Floats
+    errors: Floats
+    through: Longs
+    first: Longs
+    second: Longs
+    plate: Longs
+    component: Longs
+    acts: Flags
+
+    def acts_on(self, body: Body, acts: Flags) -> Flags:
+        """Return whether anything outside of pieces acts on their facets along each axis.
+
+        What a plate and a piece exert on each other is within both of them together.
+
+        Args:
+            body: The bodies.
+            acts: Whether there are any tractions, shape (num_facets, d).
+        """
+        found = acts & ~np.isin(body.surface, body.rigid)[:, None]
+        for facets, of in (
+            (self.through, self.acts),
+            (self.first, self.acts[self.plate]),
+            (self.second, self.acts[self.plate]),
+        ):
+            np.logical_or.at(found, facets[facets >= 0], of[facets >= 0])
+        return found
+
+    def wrenches(self) -> Floats:
+        """Return the further forces and moments of size 1, shape (n, d + 1 or 3)."""
+        return np.asarray(np.eye(self.missing.shape[1])[self.component])
+
+
+def plates_of(
+    body: Body, rest: Balls, kinds: Sequence[tuple[float, Loads]], pieces: Longs
+) -> Plates:
+    """Return what plates lack of the resultants of their loads.
+
+    Args:
+        body: The bodies.
+        rest: Tractions times areas at the vertices of facets, less those of loads there, shape
+            (num_facets, d, d), or coefficients of r times these, shape (num_facets, 3, 2).
+        kinds: Loads of each kind, and their factors.
+        pieces: Number of the piece of each cell.
+    """
+    d, count = body.dim, len(body.rigid)
+    size = 3 * (d - 1)
+    centres, extents = np.zeros((count, d)), np.ones(count)
+    missing, errors = np.zeros((count, size)), np.zeros((count, size))
+    through = np.zeros(count, dtype=np.int64)
+    acts = np.zeros((count, d), dtype=bool)
+    further: list[tuple[int, int, int, int]] = []
+    for number, tag in enumerate(body.rigid):
+        facets = body.on(tag)
+        x = body.vertices[body.facets[facets]]
+        centres[number] = x.mean(axis=(0, 1))
+        extents[number] = np.linalg.norm(x - centres[number], axis=2).max()
+        parts = [_of_tractions(body, rest[facets], x, centres[number])]
+        for factor, loads in kinds:
+            parts.append(_of_loads(body, loads, number, centres[number], factor))
+        held = body.rigid_held[number]
+        free = np.append(~held, np.full(size - d, not (held.any() or body.is_revolved)))
+        scale = np.append(np.ones(d), np.full(size - d, extents[number]))
+        for k in np.flatnonzero(free):
+            terms = [of[:, k] for of in parts]
+            total = fsum(value for of in terms for value in (*of.mid, *of.low))
+            off = sum(float(upwards(of.rad.sum(), len(of.rad))) for of in terms)
+            missing[number, k] = total / scale[k]
+            errors[number, k] = (off + 4 * U * abs(total)) / scale[k] * (1 + 4 * U)
+        through[number], joined = _through(body, facets, pieces)
+        pushed = [of.rigid_force[number, None] for _, of in kinds]
+        pushed += [of.traction[facets].reshape(-1, d) for _, of in kinds]
+        acts[number] = np.concatenate(pushed).any(axis=0) | held | bool(joined)
+        if held.any() and not body.is_revolved:
+            every = np.append(np.flatnonzero(held), np.arange(d, size))
+            further += [(through[number], -1, number, k) for k in every]
+        for facet in joined:
+            further += [(facet, through[number], number, k) for k in np.flatnonzero(free)]
+    first, second, plate, component = np.array(further, dtype=np.int64).reshape(-1, 4).T
+    return Plates(
+        *(centres, extents, missing, errors, through),
+        *(first, second, plate, component, acts),
+    )
+
+
+def _of_tractions(body: Body, rest: Balls, x: Floats, centre: Floats) -> Balls:
+    """Return forces and moments of tractions of facets, with the other sign, (n, d + 1 or 3)."""
+    d = body.dim
+    if body.is_revolved:
+        force = -rest.sum(axis=1) * Balls.part(3)
+        return stacked([force[:, 0], force[:, 1], force[:, 1] * Balls.exact(0.0)], 1)
+    force = -rest.sum(axis=1) * Balls.part(d)
+    arms = Balls.exact(x) - Balls.exact(centre)
+    spread = (rest + rest.sum(axis=1)[:, None]) * Balls.part(d * (d + 1))
+    turns = -crossed(arms, spread).sum(axis=1)
+    return stacked([*_columns(force), *_columns(turns)], 1)
+
+
+def _of_loads(body: Body, loads: Loads, number: int, centre: Floats, factor: float) -> Balls:
+    """Return the force and moment of loads on a plate, shape (1, d + 1 or 3)."""
+    force = Balls.exact(loads.rigid_force[number, None])
+    about = Balls.exact(loads.rigid_moment[number, None])
+    about = about - crossed(Balls.exact(centre[None]), force)
+    found = stacked([*_columns(force), *_columns(about)], 1) * Balls.exact(factor)
+    return found * AROUND if body.is_revolved else found
+
+
+def _columns(values: Balls) -> list[Balls]:
+    return [values[:, k] for k in range(values.mid.shape[1])]
+
+
+def _through(body: Body, facets: Longs, pieces: Longs) -> tuple[int, list[int]]:
+    """Return the largest facet of a surface, and the largest ones on other pieces."""
+    of = pieces[body.outer[facets] // (body.dim + 1)]
+    order = np.lexsort([facets, -body.areas[facets]])
+    _, first = np.unique(of[order], return_index=True)
+    every = [int(facets[order[at]]) for at in np.sort(first)]
+    return every[0], every[1:]
