@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import ufl
 from dolfinx import default_scalar_type, fem
+from ufl.core.terminal import Terminal
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import evaluate, interpolation_points
@@ -47,6 +48,10 @@ class LawOnCells:
     old: Mapping[str, fem.Function]
     cells: Ints
     dx: Any
+
+    def __repr__(self) -> str:
+        numbers = ", ".join(self.numbers)
+        return f"LawOnCells({type(self.law).__name__}: {numbers}; {len(self.cells)} cells)"
 
 
 OfLaw: TypeAlias = Callable[[LawOnCells], Expr]
@@ -288,8 +293,38 @@ class LawExpression:
 
 
 def _valid(value: Expr, on: LawOnCells) -> Expr:
-    """The expression; 0 as a constant over the mesh, as UFL's own 0 has no mesh to live on."""
+    """Return the expression, merged; 0 as a constant on the mesh, as UFL's own 0 has no mesh."""
     if not isinstance(value, ufl.constantvalue.Zero):
-        return value
+        return merged(value)
     zero = np.zeros(value.ufl_shape, dtype=default_scalar_type)
     return fem.Constant(on.dx.ufl_domain(), zero)
+
+
+def merged(expression: Expr) -> Expr:
+    """Return an equal expression in which equal parts are one object.
+
+    UFL compares equal parts that are different objects node by node. If a law makes the steps of an
+    iteration more than once, that work grows exponentially with the number of steps.
+
+    Args:
+        expression: An expression. The operands of its parts are replaced by equal ones.
+    """
+    parts: dict[int, tuple[Expr, Expr]] = {}
+    terminals: dict[Expr, Expr] = {}
+    operators: dict[tuple[Any, ...], Expr] = {}
+    waiting = [(expression, False)]
+    while waiting:
+        part, is_ready = waiting.pop()
+        if id(part) in parts:
+            continue
+        if isinstance(part, Terminal):
+            parts[id(part)] = part, terminals.setdefault(part, part)
+        elif is_ready:
+            operands = tuple(parts[id(of)][1] for of in part.ufl_operands)
+            part.ufl_operands = operands
+            key = (type(part), *map(id, operands))
+            parts[id(part)] = part, operators.setdefault(key, part)
+        else:
+            waiting.append((part, True))
+            waiting.extend((of, False) for of in part.ufl_operands)
+    return parts[id(expression)][1]
