@@ -34,6 +34,7 @@ from perfplast_fenicsx.mesh.body_names import body_names
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
 from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.notebook_table import notebook_table
 from perfplast_fenicsx.parallel import drop_garbage, lasting
 from perfplast_fenicsx.problem.assembled.declared_loads import declared_loads
 from perfplast_fenicsx.problem.assembled.given_motion import GivenMotion, given_motion
@@ -166,6 +167,23 @@ class Problem:
             f" {topology.index_map(topology.dim).size_global} cells, P{self.degree},"
             f" {self.num_dofs} dofs, {self.num_pairs} contact pairs)"
         )
+
+    def _repr_html_(self) -> str:
+        """Return what was declared as a table."""
+        given = self.given
+        declared = {
+            "support": given.supports,
+            "load": given.loads,
+            "contact": given.contacts,
+            "obstacle": given.obstacles,
+            "tie": given.ties,
+            "rigid surface": given.rigid,
+            "initial": given.initial,
+        }
+        rows: list[tuple[str, object]] = [("mesh", repr(self))]
+        rows += [(f"material of {name}", of) for name, of in given.materials.items()]
+        rows += [(kind, one) for kind, every in declared.items() for one in every]
+        return notebook_table("Problem", rows)
 
     def on(self, tagged_mesh: TaggedMesh) -> "Problem":
         """The same problem on another mesh of bodies and surfaces with these names. Collective.

@@ -18,6 +18,7 @@ from perfplast_fenicsx.limit_analysis.facets.contact_strength import strengths_o
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.stress.static_bound import StaticBound
+from perfplast_fenicsx.notebook_table import notebook_table
 from perfplast_fenicsx.problem.problem import Problem
 
 NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds' computes it",))
@@ -150,6 +151,17 @@ class BodyBounds:
 
     def __repr__(self) -> str:
         return f"BodyBounds({self.lower!r}, {self.upper!r}; {self.factorisations} factorisations)"
+
+    def _repr_html_(self) -> str:
+        """Return both bounds as a table, and what they prove in words."""
+        rows: list[tuple[str, object]] = [
+            (
+                f"{bound.kind} bound",
+                f"{bound.shown}, strict" if bound.strict else f"{bound.shown}, not strict",
+            )
+            for bound in (self.lower, self.upper)
+        ]
+        return notebook_table("Bounds", [*rows, ("in words", self.in_words())])
 
     def in_words(self) -> str:
         """Return the bounds in a sentence or two."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.notebook_table import notebook_table
 from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 
 
@@ -56,3 +57,7 @@ class Level:
 
     def __repr__(self) -> str:
         return f"Level({self.report.summary()})"
+
+    def _repr_html_(self) -> str:
+        """Return what is known of the level as a table."""
+        return notebook_table("Load level", [*vars(self.report).items()])
