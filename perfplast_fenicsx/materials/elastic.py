@@ -167,16 +167,29 @@ class Rigid:
 def check_deforms(materials: Mapping[str, object]) -> None:
     """Refuse rigid bodies where stresses and strains are sought.
 
+    Between rigid blocks alone a level has no other solution than the one that is known. The
+    functional J_ζ is positively homogeneous on a cone of motions. So its infimum is 0, at rest, or
+    −∞ above the limit load. All forces that balance the loads within the joints' cones solve the
+    dual problem, and nothing prefers some to others.
+
     Raises:
         InputError: Naming the first one.
     """
-    for name, material in materials.items():
-        if isinstance(material, Rigid):
-            raise InputError(
-                f"the body '{name}' has law = 'rigid', which has no stiffness, and only bounds of"
-                " limit loads and factors of safety know it; give control = 'bounds' or"
-                " 'strength', or law = 'elastic' with young and poisson."
-            )
+    name = next((name for name, of in materials.items() if isinstance(of, Rigid)), None)
+    if name is None:
+        return
+    if all(isinstance(of, Rigid) for of in materials.values()):
+        raise InputError(
+            f"all bodies, such as '{name}', have law = 'rigid', and rigid blocks have no levels:"
+            " they rest at all loads that they carry, and the forces in their joints are not"
+            " determined; give control = 'bounds' or 'strength' (whether certain loads are carried"
+            " is answered by control = 'bounds' with constant = true for all loads)."
+        )
+    raise InputError(
+        f"the body '{name}' has law = 'rigid', which has no stiffness, and only bounds of limit"
+        " loads and factors of safety know it; give control = 'bounds' or 'strength', or law ="
+        " 'elastic' with young and poisson."
+    )
 
 
 def require_not_negative(field: str, value: Strength) -> None:
