@@ -161,6 +161,14 @@ def test_links_lead_to_files() -> None:
     assert [(page, link) for page, link in files if not (page.parent / link).exists()] == []
 
 
+def test_the_design_names_what_there_is() -> None:
+    named = re.findall(r"`([\w/]+\.py)`: `(\w+)`", (DOCS / "design.md").read_text())
+    assert len(named) >= 10
+    for path, name in named:
+        text = (DOCS.parent / "perfplast_fenicsx" / path).read_text()
+        assert re.search(rf"^(def|class) {name}\b", text, re.MULTILINE), (path, name)
+
+
 def test_pictures_are_small() -> None:
     pictures = [*DOCS.glob("pictures/*")]
     assert pictures
