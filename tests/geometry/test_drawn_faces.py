@@ -13,16 +13,20 @@ from mpi4py import MPI
 
 import gmsh
 import numpy as np
+import numpy.typing as npt
 import pytest
+from dolfinx import fem
 
-from perfplast_fenicsx import read_gmsh
+from perfplast_fenicsx import Pressure, TaggedMesh, Traction, read_gmsh
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.mesher import mesh_file
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.mesh import gmsh_session
+from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
 from perfplast_fenicsx.problem.assembled.total_loads import area_of
+from perfplast_fenicsx.problem.declared.loads import Load
 from tests.geometry.files import write
 
 pytestmark = pytest.mark.serial
@@ -220,6 +224,27 @@ def check_areas(survey: Survey, mesh: Path) -> None:
         if one.faces:
             together = sum(by_number[number].area for number in one.faces)
             assert together == pytest.approx(one.area, rel=EXACT)
+    check_forces(survey, read)
+
+
+def check_forces(survey: Survey, read: TaggedMesh) -> None:
+    """Load each name by a traction, and each flat face by a pressure; compare forces with areas."""
+    gdim = read.mesh.geometry.dim
+    V = fem.functionspace(read.mesh, ("P", 1, (gdim,)))
+
+    def force(load: Load) -> npt.NDArray[np.float64]:
+        work = work_vector(V, read, [load])
+        found = work.array_r.reshape(-1, gdim).sum(axis=0)
+        work.destroy()
+        return np.asarray(found)
+
+    pull = np.array([1.0, 2.0, 3.0][:gdim])
+    for one in (*survey.faces, *survey.sets):
+        assert force(Traction(one.name, pull)) == pytest.approx(one.area * pull, rel=EXACT)
+    for face in survey.faces:
+        if face.shape == "flat":
+            pressed = np.linalg.norm(force(Pressure(face.name, 1.0)))
+            assert pressed == pytest.approx(face.area, rel=EXACT)
 
 
 @pytest.mark.parametrize(("make", "kind", "sets"), SOLIDS)
