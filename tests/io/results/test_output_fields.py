@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 
+from perfplast_fenicsx import Newton, OutputFields, limit_bounds
 from perfplast_fenicsx.io.results.output_fields import dissipation
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.mesh.sample_meshes import build
@@ -13,6 +14,7 @@ from perfplast_fenicsx.problem.declared.loads import Traction
 from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.problem import Problem
 from tests.models import STEEL
+from tests.stones import box, stones
 
 
 @pytest.mark.mpi2("1")
@@ -32,3 +34,42 @@ def test_dissipation(comm: MPI.Intracomm, degree: int) -> None:
         assert np.allclose(work.x.array[cells], expected, rtol=1e-12, atol=0)
     v.x.array[:] = 0
     assert not dissipation(problem, v).x.array.any()
+
+
+def test_stresses_in_python(comm: MPI.Intracomm) -> None:
+    """Order and factor of Mandel vectors, tensors of cells, and the mesh of a stress of bounds."""
+    shear = 3.0
+    problem = Problem(
+        stones(comm, [box([0, 0, 0], [1, 1, 1])], (1, 1, 1)),
+        {"0": Elastic(1e4, 0.3)},
+        [Support("0_z0")],
+        [Traction("0_z1", (shear, 0.0, 0.0))],
+        degree=2,
+    )
+    level = Newton(problem).solve(1.0)
+    mandel = level.stress.x.array.reshape(-1, 6)
+    tensors = OutputFields(problem).update(level)["stress"].x.array.reshape(-1, 3, 3)
+    points = len(mandel) // len(tensors)
+    means = mandel.reshape(len(tensors), points, 6).mean(axis=1)
+    places = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
+    for component, (i, j) in enumerate(places):
+        factor = 1.0 if i == j else np.sqrt(2)
+        assert means[:, component] == pytest.approx(factor * tensors[:, i, j], abs=1e-9)
+    assert np.abs(tensors[:, 0, 2]).max() > shear / 2
+
+
+def test_the_mesh_of_a_stress_of_bounds(comm: MPI.Intracomm) -> None:
+    cube = stones(comm, [box([0, 0, 0], [1, 1, 1])], (1, 1, 1))
+    problem = Problem(
+        cube,
+        {"0": STEEL},
+        [Support("0_z0", "z"), Support("0_x0", "x"), Support("0_y0", "y")],
+        [Traction("0_z1", (0.0, 0.0, 1.0))],
+        degree=2,
+    )
+    bounds = limit_bounds(problem)
+    assert bounds.stress is not None
+    owned = bounds.problem.tagged_mesh.mesh.topology.index_map(3).size_local
+    assert bounds.stress.shape == (owned, 4, 6)
+    cells = bounds.problem.tagged_mesh.mesh.topology.index_map(3).size_global
+    assert cells == 4 * cube.mesh.topology.index_map(3).size_global
