@@ -103,7 +103,9 @@ def write_file(folder: Path, file: File, pictures: bool = True) -> None:
         if not place.search(old):
             raise LookupError(f"{name} has no table {table}")
         text = place.sub(lambda _: text, old)
-    if path.suffix == ".toml" and not pictures and NO_PICTURES not in text:
+    # a file that is only a part of a case has no title
+    whole = path.suffix == ".toml" and re.search(r"^title\b", text, re.M)
+    if whole and not pictures and NO_PICTURES not in text:
         text += NO_PICTURES
     path.write_text(text, encoding="utf-8")
 

@@ -19,9 +19,9 @@ EXAMPLES = sorted((ROOT / "demos").glob("ex[0-9][0-9]_*.py"))
 HEAD = """# Gallery
 
 Ten examples in Python. Each is one file of less than 100 lines and runs in seconds, on one process
-or on several. It draws the picture below, and ends with an error if a number is wrong. Case files
-of [things that are built](gallery/real_things.md) are on another page, and exact solutions are
-under [verification](verification.md).
+or on several. It states the exact solution, draws the picture below, and ends with an error if a
+number is wrong. See also the [notebook](../demos/limit_load.ipynb), case files of
+[things that are built](gallery/real_things.md), and [verification](verification.md).
 """
 
 
@@ -36,13 +36,13 @@ def stored(example: Path) -> Path:
 
 
 def page() -> str:
-    """Return the gallery: title, text, command and picture of each example."""
+    """Return the gallery: title, first paragraph, command and picture of each example."""
     text = HEAD
     for number, example in enumerate(EXAMPLES, 1):
         docstring = ast.get_docstring(ast.parse(example.read_text(encoding="utf-8"))) or ""
         title, _, body = docstring.partition("\n\n")
-        title = title.rstrip(".")
-        text += f"\n## {number}. {title}\n\n{body}\n\n"
+        title, first = title.rstrip("."), body.split("\n\n")[0]
+        text += f"\n## {number}. {title}\n\n{first}\n\n"
         text += f"    ./fenicsx python3 demos/{example.name}\n\n"
         text += f"![{title}](pictures/{stored(example).name})\n"
     return text
