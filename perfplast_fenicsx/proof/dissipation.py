@@ -23,7 +23,14 @@ from perfplast_fenicsx.proof.mechanism import Mechanism
 from perfplast_fenicsx.proof.parts import halved, mean_shares, parts_of
 from perfplast_fenicsx.proof.places import numbers_in_cell
 from perfplast_fenicsx.proof.remainder import Shapes
-from perfplast_fenicsx.proof.rings import ENDS, PAIRS, over_radius, radii_of, times_radius
+from perfplast_fenicsx.proof.rings import (
+    ENDS,
+    PAIRS,
+    coefficients_of_radius,
+    over_radius,
+    radii_of,
+    times_radius,
+)
 
 SUBDIVISIONS = 3
 """How often a cell's edges are halved to integrate the dissipation from above."""
@@ -133,7 +140,11 @@ def dissipated(body: Body, rates: Rates) -> Dissipated:
     sizes = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
     short = np.full(len(body.cells), -np.inf)
     grows = cones.grows[at]
-    lacks = cones.short(at[grows], values[grows]).max(axis=1, initial=-np.inf)
+    lacking = cones.short(at[grows], values[grows])
+    if body.is_revolved:  # a coefficient on the axis is exactly zero, and so admissible
+        rho = coefficients_of_radius(radii_of(body)[plastic][grows])
+        lacking = np.where(rho > 0, lacking, -np.inf)
+    lacks = lacking.max(axis=1, initial=-np.inf)
     off = (rates.errors[plastic] + cones.digits[at] * sizes) * cones.alertness[at]
     short[np.flatnonzero(plastic)[grows]] = lacks + off[grows]
     integral = _of_rings_in_all if body.is_revolved else _in_all

@@ -190,7 +190,6 @@ def test_no_strength_is_kept_where_none_is_divided(
         ("limit_tolerance = 0.01", "limit_tolerance = 1.5", "1.5"),
         ("limit_tolerance = 0.01", "design = 1.0", "design"),
         ("path = true", "path = 1", "path"),
-        ("[loading]", '[model]\nkind = "axisymmetric"\n[loading]', "bodies that dilate"),
         (
             'law = "drucker-prager"\nyoung = 1e4\npoisson = 0.3\ncohesion = 0.05\n'
             'friction_angle = 20.0\nmatch = "plane-strain"',

@@ -28,15 +28,20 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io import OutputFields
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
-from perfplast_fenicsx.limit_analysis.facets.ring_cells import (
+from perfplast_fenicsx.limit_analysis.discrete.ring_strains import nodes_of_cells
+from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, nodal_velocity
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import idle_pores
+from perfplast_fenicsx.mandel_arrays import matrices
+from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb, Tresca
+from perfplast_fenicsx.mesh.ring_polynomials import (
     EDGES,
     coefficients_of_radius,
     of_parts,
+    polynomials,
+    ring_rates,
+    weights_of_rates,
 )
-from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, nodal_velocity
-from perfplast_fenicsx.limit_analysis.statements.limit_checks import idle_pores
-from perfplast_fenicsx.limit_analysis.velocity.ring_dissipation import weights_of_rates
-from perfplast_fenicsx.materials.coulomb_ground import Tresca
+from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from tests.contact.blocks_apart import blocks_apart
 from tests.limit_analysis.test_static_bound import rectangle
 from tests.models import Read
@@ -45,31 +50,58 @@ STEEL = VonMises(young=1e3, poisson=0.3, yield_stress=math.sqrt(3.0))
 """Of the shear strength k = 1."""
 
 
-def disc(n: int, law: object = STEEL, **friction: float) -> Problem:
-    """A disc of the radius 1 and the height 1/2 on a plane, pressed from above."""
+ANGLE = 20.0
+"""Angle of friction of ground of the cohesion 1 (degrees)."""
+
+SOIL = MohrCoulomb(young=1e3, poisson=0.3, cohesion=1.0, friction_angle=ANGLE)
+
+ROUND_CONE = DruckerPrager(
+    young=1e3, poisson=0.3, cohesion=1.0, friction_angle=ANGLE, match="compression"
+)
+
+PASSIVE = math.tan(math.radians(45 + ANGLE / 2)) ** 2
+"""Pressure across over that along, at which ground without cohesion yields."""
+
+
+def disc(n: int, law: object = STEEL, around: float = 0.0, **friction: float) -> Problem:
+    """A disc of the radius 1 and the height 1/2 on a plane, pressed from above.
+
+    Args:
+        n: Cells of the height.
+        law: Of the disc.
+        around: Constant pressure on its side.
+        friction: Of the plane.
+    """
     mesh = rectangle(
         (2 * n, n),
         (1.0, 0.5),
         {"disc": lambda x: x[1] < 2},
-        {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > 0.5 - 1e-9},
+        {
+            "bottom": lambda x: x[1] < 1e-9,
+            "top": lambda x: x[1] > 0.5 - 1e-9,
+            "side": lambda x: x[0] > 1 - 1e-9,
+        },
         shake=0.1,
     )
+    loads = [Traction("top", [0.0, -1.0])]
+    loads += [Pressure("side", around, constant=True)] if around else []  # type: ignore[list-item]
     return Problem(
         mesh.turned(),
         {"disc": law},  # type: ignore[dict-item]
         [],
-        [Traction("top", [0.0, -1.0])],
+        loads,
         [],
         [Plane("bottom", [0.0, 0.0], [0.0, 1.0], name="floor", **friction)],  # type: ignore[arg-type]
         degree=2,
     )
 
 
-def tube(read: Read) -> Problem:
+def tube(read: Read, law: object = STEEL) -> Problem:
     """Between planes, under inner pressure."""
     mesh = read(write_ring, inner=1.0, outer=2.0, height=0.4, size=0.2).turned()
     held = [Support("bottom", "y"), Support("top", "y")]
-    return Problem(mesh, {"ring": STEEL}, held, [Pressure("inner", 1.0)], degree=2)
+    laws = {"ring": law}
+    return Problem(mesh, laws, held, [Pressure("inner", 1.0)], degree=2)  # type: ignore[arg-type]
 
 
 def tubes(read: Read, outward: float = 0.0) -> Problem:
@@ -163,6 +195,50 @@ def test_exact_limit_loads_lie_between(
     check(found, exact, width)
 
 
+@pytest.mark.mpi3("column")
+@pytest.mark.parametrize(
+    ("problem", "exact", "width"),
+    [
+        (lambda _: disc(2, SOIL), 2 * math.sqrt(PASSIVE), 2e-3),
+        (lambda _: disc(2, SOIL, around=0.5), 2 * math.sqrt(PASSIVE) + PASSIVE / 2, 2e-3),
+        (lambda _: disc(2, ROUND_CONE), 2 * math.sqrt(PASSIVE), 2e-3),
+        # (H + p)/H = (b/a)^(1 − 1/N) with H = c cot φ and N = PASSIVE
+        (
+            lambda read: tube(read, SOIL),
+            (2 ** (1 - 1 / PASSIVE) - 1) / math.tan(math.radians(ANGLE)),
+            4e-3,
+        ),
+    ],
+    ids=["column", "constant pressure around", "Drucker–Prager", "tube"],
+)
+def test_exact_limit_loads_of_ground_that_dilates(
+    read: Read, problem: Callable[[Read], Problem], exact: float, width: float
+) -> None:
+    check(limit_bounds(problem(read)), exact, width)
+
+
+def test_ground_dilates_by_enough_between_the_coefficients() -> None:
+    """At random points of cells, and the dissipation there adds up to the bound at most."""
+    found = limit_bounds(disc(2, SOIL))
+    vertices, points = corners(found.problem.tagged_mesh.mesh)
+    x = points[vertices]
+    nodes, _ = nodes_of_cells(found.flow.problem, len(x))
+    v = found.flow.velocity.x.array.reshape(-1, 2)[nodes]
+    sine, steepness = math.sin(math.radians(ANGLE)), 1 / math.tan(math.radians(ANGLE))
+    at = np.random.default_rng(2).dirichlet(np.ones(3), 400)
+    radii = x[..., 0] @ at.T
+    rates = np.einsum("pi,cim->cpm", polynomials(at), ring_rates(x, v)) / radii[..., None] ** 2
+    values = np.linalg.eigvalsh(matrices(rates.reshape(-1, 4))).reshape(*rates.shape[:2], 3)
+    growth, sizes = values.sum(axis=2), np.abs(values).sum(axis=2)
+    assert (growth >= (sine - 1e-9) * sizes).all()
+    _, areas = gradients(x)
+    power = 2 * math.pi * float(areas @ (radii * steepness * growth).mean(axis=1))
+    power = found.problem.comm.allreduce(power)
+    assert found.upper.value is not None
+    assert power <= found.upper.value * 1.01  # 400 points
+    assert power == pytest.approx(found.upper.value, rel=2e-2)
+
+
 def test_a_sphere_by_polygons(read: Read) -> None:
     """Bounds are of the polygons' body, whose corners are on both spheres."""
     mesh = read(write_thick_tube, outer=2.0, size=0.15).turned()
@@ -238,11 +314,16 @@ def test_blocks_that_meet_on_the_axis(lower: int, upper: int, tied: bool) -> Non
     check(limit_bounds(problem), math.sqrt(3.0), 4e-3)
 
 
+def wet(problem: Problem) -> Problem:
+    """A disc with pressures in its pores."""
+    pores = [PorePressure("disc", "0.3 + x*y"), PorePressure("disc", 0.2, constant=False)]
+    loads = [*problem.given.loads, *pores]
+    return Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
+
+
 def test_pores_do_no_work() -> None:
     problem = disc(2)
-    wet = [PorePressure("disc", "0.3 + x*y"), PorePressure("disc", 0.2, constant=False)]
-    loads = [*problem.given.loads, *wet]
-    pores = Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
+    pores = wet(problem)
     bounds, plain = limit_bounds(pores), limit_bounds(problem)
     assert bounds.strict
     assert bounds.lower.value == pytest.approx(plain.lower.value, rel=1e-9)
@@ -257,15 +338,7 @@ def test_pores_do_no_work() -> None:
     ("problem", "words"),
     [
         (lambda read: tubes(read, 0.02), ["apart across the axis", "close it"]),
-        (
-            lambda _: disc(
-                1,
-                DruckerPrager(
-                    young=1e3, poisson=0.3, cohesion=1.0, friction_angle=20.0, match="plane-strain"
-                ),
-            ),
-            ["dilate", "control = 'work'"],
-        ),
+        (lambda _: wet(disc(1, SOIL)), ["pores", "dilates", "control = 'work'"]),
     ],
 )
 def test_what_is_refused(

@@ -11,12 +11,15 @@ import pytest
 from perfplast_fenicsx import (
     BodyForce,
     Contact,
+    DruckerPrager,
+    MohrCoulomb,
     Plane,
     Pressure,
     Problem,
     Traction,
     limit_bounds,
 )
+from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.proof.checker import check_lower, check_upper
 from perfplast_fenicsx.proof.rings import ENDS, over_radius
@@ -37,11 +40,14 @@ from tests.proof.forging import (
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is serial")
 
 
-def discs(**friction: float) -> Problem:
+SOIL = MohrCoulomb(young=1e3, poisson=0.3, cohesion=1.0, friction_angle=20.0)
+
+
+def discs(law: Material = STEEL, **friction: float) -> Problem:
     """Two discs on each other and on a plane, with weight, pressed and pulled outwards."""
     return Problem(
         blocks_apart(MPI.COMM_WORLD, [3, 2], [3, 2], moved_by=0.0).turned(),
-        {"lower": STEEL, "upper": STEEL},
+        {"lower": law, "upper": law},
         [],
         [Pressure("top", 1.0), Traction("top", [0.05, 0.0]), BodyForce("upper", [0.0, -0.1])],
         [Contact("lower_top", "upper_bottom", **friction)],  # type: ignore[arg-type]
@@ -68,6 +74,18 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
 
 def test_proofs_with_friction(tmp_path: Path) -> None:
     proven(tmp_path, discs(tresca=20.0))
+
+
+@pytest.fixture(scope="module")
+def of_soil(tmp_path_factory: pytest.TempPathFactory) -> Halves:
+    return proven(tmp_path_factory.mktemp("soil"), discs(SOIL, coulomb=0.2))
+
+
+def test_proofs_of_round_cones(tmp_path: Path) -> None:
+    soil = DruckerPrager(
+        young=1e3, poisson=0.3, cohesion=1.0, friction_angle=20.0, match="compression"
+    )
+    proven(tmp_path, discs(soil))
 
 
 def test_resultants_are_those_of_the_full_turn(honest: Halves) -> None:
@@ -168,6 +186,29 @@ def swell(them: Arrays) -> None:
     x[them["nodes"][:, :3]] = them["vertices"][them["cells"]][..., 0]
     x[them["nodes"][:, 3:]] = them["vertices"][them["cells"]][:, ENDS][..., 0].mean(axis=2)
     them["velocity"][:, 0] += x**2 * np.abs(them["velocity"]).max()
+
+
+def shrink(them: Arrays) -> None:
+    """U_r grows with the distance from the axis, inwards."""
+    them["velocity"][:] *= -1.0
+    swell(them)
+    them["velocity"][:] *= -1.0
+
+
+FORGERIES_OF_SOIL: dict[str, tuple[Forgery, str]] = {
+    "a volume that grows too little": (high(shrink), "grow too little"),
+    "an angle of friction that is larger": (high(times("cone_sine", 1.2)), "grow too little"),
+    "an angle of friction that is smaller": (low(times("cone_sine", 0.8)), "weaker|cones"),
+    "a smaller upper bound": (high(times("bound", 0.9)), "only"),
+    "a larger lower bound": (low(times("bound", 1.01)), "outer tractions|left of load"),
+}
+
+
+@pytest.mark.parametrize("forgery", FORGERIES_OF_SOIL)
+def test_forgeries_of_ground_that_dilates(of_soil: Halves, forgery: str, tmp_path: Path) -> None:
+    forge, word = FORGERIES_OF_SOIL[forgery]
+    said = said_of_forged(of_soil, forge, tmp_path)
+    assert any(part in said for part in word.split("|")), said
 
 
 @pytest.mark.parametrize("forgery", FORGERIES)

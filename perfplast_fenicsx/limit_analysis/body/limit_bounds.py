@@ -33,6 +33,7 @@ from perfplast_fenicsx.limit_analysis.discrete.cohesion import check_cohesion
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import resisted
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import forces_of_pairs
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import check_profiles
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
@@ -68,7 +69,6 @@ from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import keep_apart,
 from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 from perfplast_fenicsx.problem.declared.loads import check_bounded
-from perfplast_fenicsx.problem.judged.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)
@@ -253,10 +253,10 @@ def _with_forces_of_pairs(problem: Problem, limit: LimitLoad) -> LimitLoad:
     """A limit load with contact forces of pairs, not of coefficients; None unknown. Collective."""
     forces = None
     if limit.stress is not None and np.isfinite(limit.lower):
-        forces = contact_forces(problem, limit.stress, limit.lower)
+        forces = forces_of_pairs(problem, limit.stress, limit.lower)
     elif limit.stress is not None and limit.standing is not None and not problem.loads.grows():
         if limit.standing.lower is not None:
-            forces = contact_forces(problem, limit.stress, 0.0, limit.standing.lower)
+            forces = forces_of_pairs(problem, limit.stress, 0.0, limit.standing.lower)
     return replace(limit, contact_forces=forces)
 
 

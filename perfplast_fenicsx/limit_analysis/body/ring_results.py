@@ -5,8 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from dolfinx import fem
 
+from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
+from perfplast_fenicsx.limit_analysis.discrete.ring_strains import has_coefficients
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import nodal_velocity
+from perfplast_fenicsx.mesh.ring_polynomials import coefficients_of_radius, polynomials
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -44,4 +48,29 @@ def of_displacements(
         pushed = np.zeros(len(ours))  # nothing on the axis, where v is held
         pushed[here] = problem.V.tabulate_dof_coordinates()[told.host[here], 0] * forces[there]
         forces = pushed
-    return velocity, replace(mesh, mechanism=velocity, contact_forces=forces)
+    stress = mesh.stress
+    if stress is not None and has_coefficients(flow.problem):
+        stress = _at_points(problem, flow.problem, stress)
+    return velocity, replace(mesh, mechanism=velocity, contact_forces=forces, stress=stress)
+
+
+def _at_points(problem: Problem, flow: Problem, stress: fem.Function) -> fem.Function:
+    """Return a stress at the points, where rσ is given by its coefficients. Collective.
+
+    Args:
+        problem: On whose points.
+        flow: On the same cells, with coefficients as its points.
+        stress: σ_i = S_i/ρ_i of each coefficient S_i of S = rσ, Mandel vectors.
+    """
+    vertices, places = corners(problem.tagged_mesh.mesh)
+    x, size = places[vertices], problem.S.dofmap.index_map_bs
+    at = interpolation_points(problem.S.element)
+    shares = np.hstack([1 - at.sum(axis=1, keepdims=True), at])
+    given = stress.x.array.reshape(-1, size)[flow.Q.dofmap.list[: len(x)]]
+    given = coefficients_of_radius(x)[..., None] * given
+    found = fem.Function(problem.S, name=stress.name)
+    values = np.einsum("pi,cim->cpm", polynomials(shares), given)
+    values /= (x[..., 0] @ shares.T)[..., None]
+    found.x.array.reshape(-1, size)[problem.Q.dofmap.list[: len(x)]] = values
+    found.x.scatter_forward()
+    return found

@@ -203,9 +203,9 @@ def body_cones(problem: Problem) -> BodyCones:
         cone = _cone_of(materials[name], size, flat, tagged_mesh.is_thin)
         if cone is None and getattr(materials[name], "cohesion", None) == 0:
             raise InputError(
-                f"cohesion = 0 in volume '{name}': in space the interior point method needs a"
-                " cohesion with Mohr and Coulomb's law; give one, such as a thousandth of the"
-                " constant pressures, or of the weight times the height."
+                f"cohesion = 0 in volume '{name}': in space and around an axis the interior point"
+                " method needs a cohesion with Mohr and Coulomb's law; give one, such as a"
+                " thousandth of the constant pressures, or of the weight times the height."
             )
         if cone is None:
             raise InputError(

@@ -10,15 +10,11 @@ import math
 from petsc4py import PETSc
 
 import numpy as np
-import ufl
-from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.compiled_kernels import aligned, compiled
 from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.discrete.body_source import source
-from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.problem.fields.stiffness import create_stiffness
 from perfplast_fenicsx.problem.problem import Problem
@@ -46,7 +42,7 @@ class BodyStiffness:
         self._dim = V.dofmap.index_map_bs
         self._points = problem.Q.dofmap.list[cells]
         self._weights = np.sqrt(points.weights)[:, None, None]
-        self._rates, self._shape = _rates(problem, points.coordinates, cells), nodes.shape
+        self._rates, self._shape = _rates(problem, points, cells), nodes.shape
         known = V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts
         pairs = known * nodes[:, :, None].astype(np.int64) + nodes[:, None]
         blocks, place = np.unique(pairs, return_inverse=True)
@@ -122,7 +118,7 @@ def _blocks(room: PETSc.Mat) -> tuple[Longs, Longs]:
     return firsts, columns[starts + dim * within].astype(np.int64) // dim
 
 
-def _rates(problem: Problem, at: PointCoordinates, cells: Ints) -> Floats:
+def _rates(problem: Problem, strains: PointStrains, cells: Ints) -> Floats:
     """Strain rates of nodal unknowns in the coordinates of the points' cones, none where held.
 
     Collective.
@@ -132,11 +128,9 @@ def _rates(problem: Problem, at: PointCoordinates, cells: Ints) -> Floats:
         (num_groups, num_points, n, 1 + m, 4).
     """
     at_once = 4
-    points = problem.Q.dofmap.list[cells]
+    points, at = problem.Q.dofmap.list[cells], strains.coordinates
     size, num_points = problem.S.dofmap.index_map_bs, points.shape[1]
-    strain = problem.kinematics.strain(ufl.TrialFunction(problem.V))
-    evaluated = fem.Expression(strain, interpolation_points(problem.S.element))
-    e = evaluated.eval(problem.V.mesh, cells).reshape(len(cells), num_points, size, -1)
+    e = strains.rates.of_unknowns()
     e *= ~problem.fixed[problem.V.dofmap.list[cells]].reshape(len(cells), 1, 1, -1)
     groups, unknowns = -(-len(cells) // at_once), e.shape[3]
     shape = (groups, num_points, unknowns, 1 + size, at_once)

@@ -5,36 +5,121 @@ the hydrostatic axis these are trace and deviator of Mandel vectors. In plane st
 components in the plane: the stress out of it is in no equation, and takes its best value.
 """
 
+from typing import Protocol
+
 from petsc4py import PETSc
 
 import numpy as np
 import ufl
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.compat import create_vector, evaluate, interpolation_points
 from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
+from perfplast_fenicsx.limit_analysis.discrete.ring_strains import (
+    RingCoefficients,
+    has_coefficients,
+)
 from perfplast_fenicsx.problem.assembled.integrals import assemble_force
+from perfplast_fenicsx.problem.judged.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
 
 
-class PointStrains:
-    """ε(v) of velocities in the contact basis; see :class:`discretisation.Strains`."""
+class Rates(Protocol):
+    """Strain rates of nodal velocities at the points of a problem, and their transpose.
+
+    Attributes:
+        weights: Volume that each point of this rank stands for, shape (count,).
+        on_axis: Points whose rates are zero whatever moves, shape (count,).
+    """
+
+    weights: Floats
+    on_axis: PairFlags
+
+    def of(self, v: fem.Function) -> Floats:
+        """Return ε of a velocity whose ghosts are up to date, Mandel vectors, shape (count, m).
+
+        They lie component by component in memory. Collective.
+        """
+        ...
+
+    def forces(self, stress: Floats, out: PETSc.Vec) -> None:
+        """Set ``out`` to Σ w σ:ε(v) for all nodal v, zero at supports. Collective.
+
+        Args:
+            stress: Mandel vectors, shape (count, m).
+            out: A vector of nodal unknowns.
+        """
+        ...
+
+    def of_unknowns(self) -> Floats:
+        """Return ε of the nodal unknowns of each cell that this rank owns. Collective.
+
+        Returns:
+            Shape (num_cells, num_points, m, num_unknowns).
+        """
+        ...
+
+
+class RatesAtPoints:
+    """Rates at quadrature points; see :class:`Rates` for the methods."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile what evaluates them. Collective."""
         self._problem = problem
         self._u, self._e = fem.Function(problem.V), fem.Function(problem.S)
         self._stress = fem.Function(problem.S)
-        points = interpolation_points(problem.S.element)
-        self._strain = fem.Expression(problem.kinematics.strain(self._u), points)
+        self._places = interpolation_points(problem.S.element)
+        self._strain = fem.Expression(problem.kinematics.strain(self._u), self._places)
         self._force_form = fem.form(problem.internal_form(self._stress))
+        self.weights: Floats = weights_of_points(problem)
+        self.on_axis: PairFlags = np.zeros(len(self.weights), dtype=np.bool_)
+
+    def of(self, v: fem.Function) -> Floats:
+        """See :meth:`Rates.of`."""
+        self._u.x.array[:] = v.x.array
+        evaluate(self._strain, self._e, self._problem.cells)
+        count, size = len(self.weights), self._problem.S.dofmap.index_map_bs
+        return self._e.x.array[: count * size].reshape(-1, size).copy(order="F")
+
+    def forces(self, stress: Floats, out: PETSc.Vec) -> None:
+        """See :meth:`Rates.forces`."""
+        self._stress.x.array[: stress.size] = stress.ravel()
+        assemble_force(out, self._force_form, self._problem.bcs)
+
+    def of_unknowns(self) -> Floats:
+        """See :meth:`Rates.of_unknowns`."""
+        problem = self._problem
+        topology = problem.tagged_mesh.mesh.topology
+        cells = np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
+        strain = problem.kinematics.strain(ufl.TrialFunction(problem.V))
+        e = fem.Expression(strain, self._places).eval(problem.V.mesh, cells)
+        shape = len(cells), len(self._places), problem.S.dofmap.index_map_bs, -1
+        return np.asarray(e).reshape(shape)
+
+
+class PointStrains:
+    """ε(v) of velocities in the contact basis; see :class:`discretisation.Strains`.
+
+    Attributes:
+        rates: Those of nodal velocities.
+        coordinates: Of stresses and rates at the points.
+        profile: See :class:`point_coordinates.PointCoordinates`.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Compile what evaluates them. Collective."""
+        self._problem, self._u = problem, fem.Function(problem.V)
         self._force = problem.create_vector()
+        self.rates: Rates
+        self.rates = (RingCoefficients if has_coefficients(problem) else RatesAtPoints)(problem)
         self.count = problem.Q.dofmap.index_map.size_local
         self.size = problem.S.dofmap.index_map_bs
-        self.weights = weights_of_points(problem)
+        self.weights = self.rates.weights
+        self._stress = np.zeros((self.count, self.size))
         self.coordinates = at = PointCoordinates(problem)
-        self.radii, self.slopes, self.tilts = at.radii, at.slopes, at.tilts
+        self.radii: Floats = np.where(self.rates.on_axis, np.inf, at.radii)
+        self.slopes, self.tilts = at.slopes, at.tilts
         self.sets, self.profile = at.sets, at.profile
         self.gdim = at.normal
 
@@ -50,12 +135,11 @@ class PointStrains:
         """
         self._problem.basis.T.mult(y, self._u.x.petsc_vec)
         self._u.x.scatter_forward()
-        return self._split()
+        return self.of_function(self._u)
 
     def of_function(self, v: fem.Function) -> tuple[Floats, Floats]:
         """Return the same of ε(v) for a function whose ghosts are up to date. Collective."""
-        self._u.x.array[:] = v.x.array
-        return self._split()
+        return self.coordinates.rates(self.rates.of(v))
 
     def power_rates(self, v: fem.Function) -> Floats:
         """ε(v) that does the work of stresses, Mandel vectors, shape (count, m). Collective.
@@ -66,27 +150,42 @@ class PointStrains:
         Args:
             v: Admissible, its ghosts up to date.
         """
-        sums, e = self.of_function(v)
         if not self.coordinates.isotropic:
-            return self._strains()
+            return self.rates.of(v)
+        sums, e = self.of_function(v)
         e[:, : self.gdim] += (np.where(self.slopes > 0, sums, 0.0) / self.gdim)[:, None]
         return e
 
-    def _split(self) -> tuple[Floats, Floats]:
-        return self.coordinates.rates(self._strains())
-
-    def _strains(self) -> Floats:
-        """ε of the velocity that is held, shape (count, m), component by component in memory."""
-        evaluate(self._strain, self._e, self._problem.cells)
-        e = self._e.x.array[: self.count * self.size].reshape(-1, self.size)
-        return e.copy(order="F")
-
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to ∫ σ:ε(v) for all v of the contact basis. Collective."""
-        array = self._stress.x.array[: self.count * self.size].reshape(-1, self.size)
-        self.coordinates.working(pressure, deviator, array)
-        assemble_force(self._force, self._force_form, self._problem.bcs)
+        self.coordinates.working(pressure, deviator, self._stress)
+        self.forces_of(self._stress, out)
+
+    def forces_of(self, stress: Floats, out: PETSc.Vec) -> None:
+        """Set ``out`` to the same of stresses as Mandel vectors, shape (count, m). Collective."""
+        self.rates.forces(stress, self._force)
         self._problem.basis.T.multTranspose(self._force, out)
+
+
+def forces_of_pairs(
+    problem: Problem, stress: fem.Function, zeta: float, times: float = 1.0
+) -> Floats:
+    """Return the contact forces that balance a stress and the loads. Collective.
+
+    See :func:`~perfplast_fenicsx.problem.judged.certificate.contact_forces`, which does not know
+    points that are coefficients.
+    """
+    if not has_coefficients(problem):
+        return contact_forces(problem, stress, zeta, times)
+    strains, loads = PointStrains(problem), problem.create_vector()
+    left, of_loads = problem.create_vector(), problem.create_vector()
+    strains.forces_of(stress.x.array[: strains.count * strains.size].reshape(-1, 4), left)
+    problem.loads.subtract_from(loads, zeta, times)
+    problem.basis.T.multTranspose(loads, of_loads)
+    found: Floats = -(left.array_r + of_loads.array_r)[problem.basis.index]
+    for thing in (strains, loads, left, of_loads):
+        thing.destroy()
+    return found
 
 
 def weights_of_points(problem: Problem) -> Floats:

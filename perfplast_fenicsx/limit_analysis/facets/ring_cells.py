@@ -22,25 +22,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import CellLayout
+from perfplast_fenicsx.mesh.ring_polynomials import COEFFICIENTS, EDGES, coefficients_of_radius
 from perfplast_fenicsx.mesh.straight_geometry import gradients
-
-EDGES = ((1, 2), (0, 2), (0, 1))
-"""Ends of the edge of each coefficient after those of vertices: edge a is the facet opposite a."""
-
-COEFFICIENTS = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-"""Number of the coefficient of each pair of vertices."""
 
 NODES = 3
 """Coefficients of a traction on a facet: at its ends in the order of the vertices, and between."""
-
-
-@lru_cache
-def means() -> Floats:
-    """Return means of products of Bernstein's polynomials with linear ones, shape (6, 3)."""
-    found: Floats = np.concatenate([1 + 2 * np.eye(3), 2 - np.eye(3)]) / 30
-    return found
 
 
 @lru_cache
@@ -55,17 +43,6 @@ def ring_layout() -> CellLayout:
         # an edge is of one facet, and the other one's multipliers have no part in it
         rows[0, 3 + v, 9:] = np.concatenate([of_facet[v, 2], of_facet[(v + 1) % 3, 2]])
     return CellLayout(np.array([[0, 1, 2]]), rows, outer, 9)
-
-
-def coefficients_of_radius(x: Floats) -> Floats:
-    """Return those of r, shape (num_cells, 6).
-
-    Args:
-        x: Vertices of cells, r and z, shape (num_cells, 3, 2).
-    """
-    radii = x[..., 0]
-    ends = np.array(EDGES)
-    return np.concatenate([radii, radii[:, ends].mean(axis=2)], axis=1)
 
 
 def ring_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
@@ -142,31 +119,6 @@ def on_facets(values: Floats, radii: Floats) -> Floats:
     return np.stack([r * first, s * last, (r * last + s * first) / 2], axis=-2)
 
 
-def coefficients_of_product(radii: Floats, values: Floats) -> Floats:
-    """Return those of r times what is linear in a cell, shape (num_cells, 6, k).
-
-    Args:
-        radii: At the vertices, shape (num_cells, 3).
-        values: The same, shape (num_cells, 3, k).
-    """
-    a, b = np.array(EDGES).T
-    between = radii[:, a, None] * values[:, b] + radii[:, b, None] * values[:, a]
-    return np.concatenate([radii[..., None] * values, between / 2], axis=1)
-
-
 def _ends_at(vertex: int) -> list[tuple[int, int]]:
     """Return the facets at a vertex, and its place among the ends of each."""
     return [(f, EDGES[f].index(vertex)) for f in range(3) if f != vertex]
-
-
-def of_parts(stress: Floats, corners: Floats) -> Floats:
-    """Return coefficients of the same polynomials on parts of cells.
-
-    Args:
-        stress: Coefficients on the cell of each part, shape (num_parts, 6, m).
-        corners: Barycentric coordinates of each part's vertices in it, shape (num_parts, 3, 3).
-    """
-    whole = stress[:, COEFFICIENTS]
-    polar = np.einsum("pua,pvb,pabm->puvm", corners, corners, whole, optimize=True)
-    ends: Longs = np.array([(a, a) for a in range(3)] + list(EDGES))
-    return np.asarray(polar[:, ends[:, 0], ends[:, 1]])

@@ -92,16 +92,17 @@ def without_pores(problem: Problem, dilates: bool) -> Problem:
         dilates: Whether any dilates.
 
     Raises:
-        InputError: If one does, for which no bounds are known.
+        InputError: If one does and there are such pressures.
     """
-    if dilates:
-        raise InputError(
-            "bodies that dilate have strict bounds in plane strain and space, but not around an"
-            " axis; give control = 'work' and until = 'limit', for the limit load of the mesh."
-        )
     loads = [load for load in problem.given.loads if not isinstance(load, PorePressure)]
     if len(loads) == len(problem.given.loads):
         return problem
+    if dilates:
+        raise InputError(
+            "strict bounds around an axis know no pressure in the pores of ground that dilates;"
+            " leave the pressure out, or give control = 'work' and until = 'limit', for the limit"
+            " load of the mesh."
+        )
     return Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
+from perfplast_fenicsx.limit_analysis.discrete.ring_strains import has_coefficients
 from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import MechanismRates
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -38,9 +39,12 @@ def at_vertices(problem: Problem, values: Floats) -> Floats:
         values: Shape (count, m).
 
     Returns:
-        Shape (num_cells, d + 1, m), for the cells that this rank owns.
+        Shape (num_cells, d + 1, m), for the cells that this rank owns. Where the points are
+        Bernstein coefficients (:mod:`ring_strains`) these, shape (num_cells, 6, m).
     """
     given = values[points_of_cells(problem)]
+    if has_coefficients(problem):
+        return given
     reference = interpolation_points(problem.S.element)
     if problem.degree == 1:
         return np.repeat(given, reference.shape[1] + 1, axis=1)
@@ -59,7 +63,8 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
         rates: Linear in each cell.
 
     Returns:
-        Shape (num_cells, d + 1), for the cells that this rank owns.
+        Shape (num_cells, d + 1), or of coefficients (num_cells, 6), for the cells that this rank
+        owns.
     """
     slopes = rates.slopes[points_of_cells(problem)][:, :1]
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))

@@ -14,7 +14,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.limit_analysis.facets.ring_cells import EDGES
+from perfplast_fenicsx.limit_analysis.discrete.ring_strains import has_coefficients
 from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     SUBDIVISIONS,
     at_vertices,
@@ -27,7 +27,8 @@ from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
 )
 from perfplast_fenicsx.limit_analysis.velocity.ring_dissipation import dissipation_of_rings
 from perfplast_fenicsx.limit_analysis.velocity.slip_work import slip_work
-from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.ring_polynomials import coefficients_of_radius, polynomials
+from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -68,14 +69,22 @@ def gap_shares(
 def _of_rings(
     problem: Problem, rates: MechanismRates, mechanism: fem.Function, stress: Floats
 ) -> Floats:
-    """Return the same around an axis, the work of the stress by the rule of the points."""
+    """Return the same around an axis, the work of the stress by a rule of points."""
     points = points_of_cells(problem)
-    at = interpolation_points(problem.S.element)
-    shares = np.hstack([1 - at.sum(axis=1, keepdims=True), at])
-    a, b = np.array(EDGES).T
-    bernstein = np.hstack([shares**2, 2 * shares[:, a] * shares[:, b]])
     vertices, places = corners(problem.tagged_mesh.mesh)
-    radii = places[vertices][..., 0] @ shares.T
-    work = np.einsum("pi,cim,cpm->cp", bernstein, stress, rates.powers[points]) / radii
-    power = np.einsum("cp,cp->c", rates.weights[points], work)
+    x = places[vertices]
+    if has_coefficients(problem):
+        shares = np.full((3, 3), 1 / 6) + np.eye(3) / 2
+        rho = coefficients_of_radius(x)[..., None]
+        powers = np.einsum("pi,cim->cpm", polynomials(shares), rho * rates.powers[points])
+        powers /= (x[..., 0] @ shares.T)[..., None]
+        _, areas = gradients(x)
+        weights = np.repeat(2 * np.pi / 3 * areas[:, None], 3, axis=1)
+    else:
+        at = interpolation_points(problem.S.element)
+        shares = np.hstack([1 - at.sum(axis=1, keepdims=True), at])
+        powers, weights = rates.powers[points], rates.weights[points]
+    radii = x[..., 0] @ shares.T
+    work = np.einsum("pi,cim,cpm->cp", polynomials(shares), stress, powers) / radii
+    power = np.einsum("cp,cp->c", weights, work)
     return np.asarray(dissipation_of_rings(problem, mechanism, SUBDIVISIONS) - power)
