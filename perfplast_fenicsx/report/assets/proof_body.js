@@ -58,6 +58,15 @@ function bodyOf(A) {
   body.radius = (c) => (body.cone[c] < 0 ? Infinity
     : body.cones[body.cone[c]].radius * Math.min(...body.strength.subarray(c * w, c * w + w)));
   for (const kind of body.loads) kind.some = LOADS.some((name) => kind[name].some((y) => y !== 0));
+  const named = range(pairs).map((k) => [...body.contacts.subarray(2 * k, 2 * k + 2)].sort().join());
+  if (new Set(named).size < pairs) refuse("contacts names two surfaces twice");
+  const { body_force: pull, traction: push, pore_pressure: pores } = body.loads[0];
+  const loose = range(f * d).some((i) => { // a traction that not only supports bear
+    const facet = Math.floor(i / d), free = range(d).map((k) => (body.held[facet * d + k] ? 0 : push[i * d + k]));
+    const guide = [...body.guided.subarray(facet * d, facet * d + d)];
+    return free.some((y) => y) && (!norm(guide) || norm(cross(free, guide)) > 1e-9 * norm(free));
+  });
+  if (![...pull, ...pores].some((y) => y) && !loose) refuse("nothing is loaded but supports");
   shape(body);
   glue(body);
   overlap(body);
@@ -175,17 +184,23 @@ function overlap(body) {
   }
 }
 
-/** Whether a plane parts two simplices: one of their faces, or along an edge of each. */
+/** Whether a plane parts two simplices: a facet of one of them, or along an edge of each. */
 function apart(a, b) {
   const minus = (p, q) => p.map((y, i) => y - q[i]);
-  const edges = [a, b].map((of) => of.flatMap((p, i) => of.slice(i + 1).map((q) => minus(q, p))));
-  const axes = a[0].length === 2 ? edges.flat().map(([u, v]) => [v, -u])
-    : [edges[0], edges[1]].flatMap((of) => of.flatMap((p, i) => of.slice(i + 1).map((q) => cross(p, q))))
-      .concat(edges[0].flatMap((p) => edges[1].map((q) => cross(p, q))));
-  return axes.some((axis) => {
-    const [s, t] = [a, b].map((of) => of.map((p) => minus(p, a[0]).reduce((z, y, i) => z + y * axis[i], 0)));
-    const [low, high] = [Math.min, Math.max].map((of) => [of(...s), of(...t)]);
+  const from = (of) => of.slice(1).map((p) => minus(p, of[0]));
+  const parts = (axis) => {
+    const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
+    [a, b].forEach((of, k) => of.forEach((p) => {
+      let y = 0;
+      for (let i = 0; i < axis.length; i++) y += (p[i] - a[0][i]) * axis[i];
+      low[k] = Math.min(low[k], y); high[k] = Math.max(high[k], y);
+    }));
     const width = Math.min(high[0] - low[0], high[1] - low[1]); // of which a millionth only touches
     return width > 0 && Math.min(...high) - Math.max(...low) <= 1e-6 * width;
-  });
+  };
+  const ends = [from(a), from(b)].map((of) => [...of, ...range(of.length).flatMap(
+    (i) => range(i).map((j) => minus(of[i], of[j])))]);
+  if (a[0].length === 2) return ends.flat().some(([u, v]) => parts([v, -u]));
+  return ends.some(([p, q, r, u, v]) => [[p, q], [q, r], [p, r], [u, v]].some((of) => parts(cross(...of))))
+    || ends[0].some((p) => ends[1].some((q) => parts(cross(p, q))));
 }

@@ -17,7 +17,10 @@ function principal(v, out) {
   return eigen([[v[0], c, b], [c, v[1], a], [b, a, v[2]]]).values.sort((y, z) => y - z);
 }
 
-/** Cones of a half, with functions: `ratio` of a stress, `power` and `short` of a rate. */
+/**
+ * Cones of a half, with functions: `ratio` of a stress, `short` of a rate, and `power` of its
+ * `image`, which is linear.
+ */
 function conesOf(A, m) {
   const rows = (name) => A[name]?.data ?? refuse(`${name} is missing`);
   const bound = rows("cone_bound"), sine = rows("cone_sine"), cut = A.cone_tension?.data;
@@ -57,7 +60,7 @@ function principalCone(c, s, f) {
       const e = principal(v), found = ((1 + s) * e[2] - (1 - s) * e[0]) / c;
       return cut ? Math.max(found, e[2] / f) : found;
     },
-    short: (v) => { const [trace, size] = sums(v); return s * size - trace; },
+    image: (v) => v, short: (v) => { const [trace, size] = sums(v); return s * size - trace; },
     power: (v) => {
       const [trace, size] = sums(v), lacks = Math.max(s * size - trace, 0);
       if (s && !cut) return mean * (trace + lacks);
@@ -98,9 +101,10 @@ function roundCone(c, q, M, m) {
     steep: c * (grows ? alert : (size * (1 + norm(r))) / rest) * UP * (1 + digits),
     ratio: (v) => (norm(times(M, v)) + dots(q, v)) / c,
     short: (v) => { const z = head(v); return lacks(v, z) - z; },
-    power: (v) => {
-      if (grows) { const z = head(v); return c * Math.max(z, lacks(v, z)); }
-      const y = times(back, v), a = dots(y, r);
+    image: (v) => (grows ? v : times(back, v)),
+    power: (y) => {
+      if (grows) { const z = head(y); return c * Math.max(z, lacks(y, z)); }
+      const a = dots(y, r);
       return (c * (Math.sqrt(a * a + rest * dots(y, y)) - a)) / rest;
     },
   };

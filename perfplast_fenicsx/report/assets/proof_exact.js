@@ -73,7 +73,8 @@ const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0n);
 const cross = (a, b) => (a.length === 2 ? [a[0] * b[1] - a[1] * b[0]]
   : [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]);
 const norm = (a) => Math.hypot(...a);
-const range = (n) => Array.from({ length: n }, (_, i) => i);
+const count = (n) => Array.from({ length: n }, (_, i) => i), few = [];
+const range = (n) => (n < 16 ? (few[n] ??= Object.freeze(count(n))) : count(n));
 
 /** Eigenvalues of a symmetric matrix, and vectors in columns, by Jacobi's rotations. */
 function eigen(matrix) {

@@ -80,9 +80,26 @@ function lowerBound(body, { stress, factors }) {
     const grid = e - ea, whole = BigInt(Math.round(q * 2 ** -grid));
     rest[i][j] = rest[i][j].map((y, k) => y + whole * along[k]);
   };
+  /** Contact that rubs exerts what the stress has, as far as c + μp lets it. */
+  const rub = (a, o, j, p, normal, c, mu) => {
+    const unit = normal.map((y) => y / norm(normal)), area = norm(body.area[body.outer[a]]) * s * (1 - 8 * U);
+    const from = o < 0 || frees(a).every((is) => is) ? rest[a][j] : rest[o][p].map((y) => -y);
+    const v = from.map((y) => num(y, e)), along = v.reduce((sum, y, k) => sum + y * unit[k], 0);
+    const off = 32 * U * norm(v), across = v.map((y, k) => y - along * unit[k]), slip = norm(across);
+    const most = Math.max(0, (c * area + mu * Math.max(-along, 0)) * (1 - 64 * U) - off);
+    const share = slip > most ? most / slip : 1, pressed = Math.max(-along, 0) + off;
+    const whole = across.map((y, k) => BigInt(Math.round((share * y - pressed * unit[k]) * 2 ** -e)));
+    rest[a][j] = rest[a][j].map((y, k) => y - whole[k]);
+    if (o >= 0) rest[o][p] = rest[o][p].map((y, k) => y + whole[k]);
+    // Of what presses, and of what friction has left, a part each, so that all together neither pull nor slip.
+    const room = Math.min(pressed - off, (most - share * slip) / (1 + mu)) / s / (2 * w);
+    for (const way of [unit, ...range(d).map((i) => range(d).map((k) => (i === k ? 1 : 0)))]) {
+      if (room > 0) anchors.push({ i: a, j, o, p: p ?? 0, along: way, most: room });
+    }
+  };
   for (const { a, b: other, order, normal, e: ea, c, mu } of contactOf(body)) {
-    if (c > 0 || mu > 0) refuse("this checker does not know stresses beside contact that rubs");
     for (let j = 0; j < d; j++) {
+      if (c > 0 || mu > 0) { rub(a, other, j, order?.[j], normal.map((y) => num(y, ea)), c, mu); continue; }
       let q = press(a, j, normal, frees(a), ea);
       const back = normal.map((y) => -y);
       if (q === null && other >= 0) q = press(other, order[j], back, frees(other), ea);
@@ -256,7 +273,7 @@ function reactions(body, anchors, F, M, loose, e, push) {
 function passOn(body, F, M, loose, onSides, e) {
   const { d, w, n, cells, across } = body, towards = new Int32Array(n).fill(-1), order = [];
   const factorial = d === 2 ? 2 : 6, seen = new Uint8Array(n);
-  const roots = range(n).sort((a, b) => body.volume[b] - body.volume[a]);
+  const roots = [...range(n)].sort((a, b) => body.volume[b] - body.volume[a]);
   for (const root of roots) {
     if (seen[root]) continue;
     seen[root] = 1;

@@ -5,7 +5,6 @@ const OF_FLOW = { 2: [2.67, 16.3], 3: [4.51, 79.0] }; // docs/proof.md, an upper
 
 /** The upper bound that a velocity proves: the smaller of two ways to bend it. */
 function upperBound(body, flow) {
-  if (body.loads[2].some) refuse("this checker does not know upper bounds beside loads of any factor");
   const rows = contactOf(body), found = [];
   let why = null;
   for (const resting of flow.resting.length ? [true, false] : [false]) {
@@ -170,12 +169,13 @@ function bent(body, flow, rows, resting) {
       unit: normal.map((y) => num(y, e) / size), square: dot(normal, normal) };
   }));
   const jumpOf = ({ p, q }) => Q[p].map((y, i) => y - (q < 0 ? 0n : Q[q][i]));
-  /** How far a jump enters, or parts too little for its slip: zero only if it does neither. */
+  /** How far a jump enters, or parts too little for its slip: positive unless it does neither. */
   const enters = (row) => {
     const w = jumpOf(row), along = dot(w, row.normal), m = row.factor.v[0], one = 1n << BigInt(-2 * row.factor.e);
-    if (along <= 0n && along * along * (one + m * m) >= m * m * dot(w, w) * row.square) return 0;
+    const fine = along <= 0n && along * along * (one + m * m) >= m * m * dot(w, w) * row.square;
     const v = w.map((y) => num(y, ev)), height = v.reduce((sum, y, i) => sum + y * row.unit[i], 0);
-    return Math.max(height + row.mu * norm(v.map((y, i) => y - height * row.unit[i])), 1e-30 * flow.top);
+    const depth = height + row.mu * norm(v.map((y, i) => y - height * row.unit[i]));
+    return fine ? Math.min(depth, 0) : Math.max(depth, 1e-30 * flow.top);
   };
   // Whole bodies give way first, then rigid ones, then places one by one.
   const bodyOf_ = new Array(Q.length).fill(-1);
@@ -196,31 +196,33 @@ function bent(body, flow, rows, resting) {
     return [key, movers.get(key)];
   };
   for (let round = 0; round < 14; round++) {
-    const depth = jumps.map(enters), whole = round < 2, ways = new Map();
-    if (!depth.some((y) => y > 0)) break;
-    const worst = Math.max(...depth);
-    const add = (p, sign, row, deep) => {
-      const [key, mover] = moverOf(p, whole), at = ways.get(key) ?? { mover, way: new Array(d).fill(0), steps: [] };
-      ways.set(key, at);
-      row.unit.forEach((y, i) => { at.way[i] += sign * y * mover.free[i]; });
-      at.steps.push([sign, row, deep]);
-    };
-    jumps.forEach((row, k) => {
-      if (!(depth[k] > 0)) return;
-      const share = (p) => (p < 0 ? 0 : norm(row.unit.map((y, i) => y * moverOf(p, whole)[1].free[i])));
-      const [here, there] = [share(row.p), share(row.q)];
-      if (Math.max(here, there) < 0.1) return;
-      if (here >= there) add(row.p, -1, row, depth[k]); else add(row.q, 1, row, depth[k]);
+    const depth = jumps.map(enters), worst = Math.max(0, ...depth), moves = new Map();
+    if (!(worst > 0)) break;
+    const whole = round < 2; // all bodies part where any enter, by twice as much
+    const near = jumps.flatMap((row, k) => {
+      if (!(depth[k] > -1e3 * worst)) return [];
+      const sides = [row.p, row.q].map((p) => (p < 0 ? null : moverOf(p, whole)));
+      if (sides[0][0] === sides[1]?.[0]) return [];
+      const ways = sides.map((of) => of && row.unit.map((y, i) => y * of[1].free[i]));
+      const gain = ways.reduce((sum, way) => sum + (way ? norm(way) ** 2 : 0), 0);
+      return gain > 0.01 ? [{ row, sides, ways, gain, depth: depth[k] }] : [];
     });
-    for (const { mover, way, steps } of ways.values()) {
-      const long = norm(way), unit = way.map((y) => y / (long || 1));
-      let step = 0;
-      for (const [sign, row, deep] of steps) {
-        const along = unit.reduce((sum, y, i) => sum + y * row.unit[i], 0);
-        const gain = sign * along - row.mu * norm(unit.map((y, i) => y - along * row.unit[i]));
-        if (gain > 1e-3) step = Math.max(step, (2 * deep) / gain);
+    let more = true;
+    for (let sweep = 0; sweep < 100 && more; sweep++) {
+      more = false;
+      for (const { row, sides, ways, gain, depth: deep } of near) {
+        const own = sides.map((of) => (of && moves.get(of[0])?.way) ?? row.unit.map(() => 0));
+        const m = own[0].map((y, i) => y - own[1][i]), along = m.reduce((sum, y, i) => sum + y * row.unit[i], 0);
+        const now = deep + along + row.mu * norm(m.map((y, i) => y - along * row.unit[i]));
+        const wanted = whole ? deep - 2 * worst : deep > 0 ? -deep : Math.min(0, deep);
+        if (now <= wanted + 0.25 * (whole ? worst : Math.max(deep, 0))) continue;
+        more = true;
+        sides.forEach((of, k) => { if (of) moves.set(of[0], { mover: of[1], way: own[k].map(
+          (y, i) => y + (k ? 1 : -1) * ((now - wanted) / gain) * ways[k][i]) }); });
       }
-      const move = unit.map((y) => 2n * BigInt(Math.round(y * Math.max(step, 1e-28 * worst) * 2 ** -(ev + 1))));
+    }
+    for (const { mover, way } of whole && more ? [] : moves.values()) {
+      const move = way.map((y) => 2n * BigInt(Math.round(y * 2 ** -(ev + 1))));
       for (const p of mover.places) Q[p] = Q[p].map((y, i) => y + move[i]);
     }
   }
@@ -282,8 +284,15 @@ function boundOf(body, { Q, still, slip, flow, rows }) {
     if (own.linear) {
       const powers = rates.map(own.power), sum = powers.reduce((a, b) => a + b, 0);
       total += powers.reduce((y, p, k) => y + (p + sum) * strength[k], 0) / (w * (w + 1));
-    } else if (most > 0) for (const { point, share } of points) {
-      total += own.power(rates[0].map((_, i) => point.reduce((y, p, k) => y + p * rates[k][i], 0))) * at(share);
+    } else if (most > 0) {
+      const images = rates.map(own.image), y = new Array(images[0].length);
+      for (const { point, share } of points) {
+        for (let i = 0; i < y.length; i++) {
+          y[i] = 0;
+          for (let k = 0; k < w; k++) y[i] += point[k] * images[k][i];
+        }
+        total += own.power(y) * at(share);
+      }
     }
     const steep = own.steep * Math.max(...strength);
     size += most * steep;
@@ -302,18 +311,24 @@ function boundOf(body, { Q, still, slip, flow, rows }) {
   }
   // Sums of n numbers in a row are rounded by n U at most.
   const dissipation = total + (errors + cost) * UP + slip + (n * (w + 2) + points.length + 64) * U * (size + slip);
-  const works = body.loads.map((loads) => workOf(body, { Q, flow, changes, eg }, loads, left));
-  const [work, off] = works[0], [dead, deadOff] = works[1], excess = dissipation - dead + deadOff;
+  const usual = () => works[0][0] / works[0][3]; // the mean velocity with which loads do their work
+  const works = [];
+  for (const loads of body.loads) works.push(workOf(body, { Q, flow, changes, eg }, loads, left, works.length === 2 ? usual() : 0));
+  const [work, off] = works[0], [dead, deadOff] = works[1], [other, otherOff, most] = works[2], excess = dissipation - dead + deadOff;
   if (!(work - off > 0) || !Number.isFinite(excess)) refuse("the loads do no work beyond rounding");
+  // Loads of any factor may do as much work as rounding of the velocity makes of them.
+  if (body.loads[2].some && !(Math.abs(other) <= 1e-6 * most)) refuse("loads of any factor do work");
   const proven = excess === 0 ? 0 : excess / (excess > 0 ? work - off : work + off);
-  return { proven: proven + Math.abs(proven) * 4 * U, power: Math.max(dissipation, Math.abs(excess)) / (work - off) };
+  return { proven: proven + Math.abs(proven) * 4 * U, power: Math.max(dissipation, Math.abs(excess)) / (work - off),
+    others: body.loads[2].some ? (1e-3 * Math.abs(proven) * (work - off)) / (Math.abs(other) + otherOff) : null };
 }
 
 /** The work of loads, exact but for what is returned beside it. */
-function workOf(body, { Q, flow, changes, eg }, loads, left) {
+function workOf(body, { Q, flow, changes, eg }, loads, left, usual) {
   const { d, w, n, f, D, N, e, x, cells } = body, { P, wide, facet, ev } = flow, factorial = d === 2 ? 2 : 6;
-  if (!loads.some) return [0, 0];
-  let found = 0, off = 0;
+  if (!loads.some) return [0, 0, 0, 0];
+  let found = 0, off = 0, most = 0, forces = 0; // the work, its error, and what loads could do where they are
+  const speed = (places) => Math.max(usual, ...places.map((p) => norm(Q[p].map((y) => num(y, ev)))));
   const b = exact(loads.body_force), t = exact(loads.traction), u = exact(loads.pore_pressure);
   let sum = 0n;
   for (let c = 0; c < n; c++) {
@@ -322,6 +337,8 @@ function workOf(body, { Q, flow, changes, eg }, loads, left) {
     const all = range(d).map((i) => range(wide).reduce((y, k) => y + Q[P[c * wide + k]][i], 0n));
     sum += dot(force, all) * D[c];
     const reach = norm(range(d).map((i) => range(w).reduce((y, k) => Math.max(y, Math.abs(x[cells[c * w + k] * d + i] - x[cells[c * w] * d + i])), 0))) * 2;
+    forces += norm(force.map((y) => num(y, b.e))) * body.volume[c];
+    most += norm(force.map((y) => num(y, b.e))) * body.volume[c] * speed([...P.subarray(c * wide, (c + 1) * wide)]);
     off += norm(force.map((y) => num(y, b.e))) * reach * left.gradients[c];
   }
   found += num(sum, b.e + ev + e * d) / (factorial * wide);
@@ -335,6 +352,8 @@ function workOf(body, { Q, flow, changes, eg }, loads, left) {
       return z + own * (alike === 1 ? 6n : alike === 2 ? 2n : 1n) * dot(of, Q[facet[i][m]]);
     }, 0n), 0n);
     sum += part * rootOf(dot(N[body.outer[i]], N[body.outer[i]]));
+    forces += norm(body.area[body.outer[i]]) * Math.max(...force.map((of) => norm(of.map((y, k) => (body.held[i * d + k] ? 0 : num(y, t.e))))));
+    most += Math.max(...force.map((of) => norm(of.map((y) => num(y, t.e))))) * norm(body.area[body.outer[i]]) * speed(facet[i]);
     off += sizeOf(part, t.e + ev + e * (d - 1)) + Math.max(...force.map((of) => norm(of.map((y) => num(y, t.e))))) * left.through[i];
   }
   found += num(sum, t.e + ev + e * (d - 1)) / ((d - 1) * (d === 2 ? 24 : 60));
@@ -343,10 +362,12 @@ function workOf(body, { Q, flow, changes, eg }, loads, left) {
     const own = range(w).map((k) => u.v[c * w + k]), grow = range(w).map((k) => changes[c * w + k]);
     if (!own.some((y) => y)) continue;
     sum += own.reduce((y, z) => y + z, 0n) * grow.reduce((y, z) => y + z, 0n) + dot(own, grow);
-    off += Math.max(...own.map((y) => Math.abs(num(y, u.e)))) * left.change[c];
+    const worst = Math.max(...own.map((y) => Math.abs(num(y, u.e))));
+    most += (worst * Math.max(...grow.map((y) => sizeOf(y, eg)))) / factorial;
+    off += worst * left.change[c];
   }
   found += num(sum, u.e + eg) / (factorial * w * (w + 1));
-  return [found, (off + 8 * U * Math.abs(found)) * UP];
+  return [found, (off + 8 * U * Math.abs(found)) * UP, most, forces];
 }
 
 /** The size of a velocity that undoes changes of volume, by cell and outer facet. */

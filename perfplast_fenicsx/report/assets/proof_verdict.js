@@ -66,10 +66,11 @@ async function verdictOn(halves) {
     for (const kind of kinds) ready[kind].fine = true;
   });
   for (const kind of kinds) if (ready[kind]?.fine) caught([kind], () => {
-    const { body, half } = ready[kind], { proven, power } = judge[kind](body, half), { claimed } = found[kind];
+    const { body, half } = ready[kind], { proven, power, others } = judge[kind](body, half), { claimed } = found[kind];
     const off = kind === "lower" ? claimed - proven : proven - claimed;
     if (!(off <= 1e-8 * Math.abs(proven) + 1e-12 * power)) refuse(`only ${proven} is proven, and ${claimed} is claimed`);
     found[kind].proven = proven;
+    if (others < Infinity && others !== null) found[kind].note = ` With loads of any factor up to ${shown(others)} it holds but for a thousandth.`;
   });
   const [low, high] = ["lower", "upper"].map((kind) => found[kind]?.proven);
   if (low > high + 1e-8 * Math.abs(high)) caught(kinds, () => refuse(`the lower bound ${low} is above the upper one ${high}`));
@@ -80,5 +81,6 @@ async function verdictOn(halves) {
   } else found.sentence = kinds.map((kind) => (found[kind].fault
     ? `The ${kind} bound is not proven in this browser: ${found[kind].fault}.`
     : `The ${kind} bound ${shown(found[kind].proven, kind === "upper")} is proven again in this browser.`)).join(" ");
+  if (high !== undefined) found.sentence += found.upper.note ?? "";
   return found;
 }
