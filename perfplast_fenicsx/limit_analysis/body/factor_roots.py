@@ -118,8 +118,9 @@ class FactorRoots:
         Args:
             kind: "lower" or "upper".
             known_elsewhere: A factor on the safe side that another mesh has shown.
-            other_side: One that is not, by a bound of the other kind. It is what counts where only
-                a part of a stress was left by rounding, whose load says nothing of the root.
+            other_side: One that is not, by a bound of the other kind. No root is beyond it. It is
+                what counts where only a part of a stress was left by rounding, whose load says
+                nothing of the root.
         """
         sign, found = 1 if kind == "lower" else -1, self.found[kind]
         first, last = (max, min) if kind == "lower" else (min, max)
@@ -149,6 +150,8 @@ class FactorRoots:
                 factor = _within(aimed, best, other, self.tolerance / 2)
             elif known:
                 factor = _next(known, sign * aim * room, self.steepness)
+                if other_side and sign * (factor - other_side) >= 0:  # no root is beyond it
+                    factor = math.sqrt(other_side * min(known, key=lambda it: abs(known[it])))
             else:  # confined bodies fall with less strength, coarse meshes carry more with more
                 factor = (max if sign < 0 else min)(found) * STEP**-sign
             while known and factor in found and factor not in known:  # nothing came of it
@@ -177,6 +180,10 @@ class FactorRoots:
         known, strict = _known(self.found[kind], kind)
         sign = 1 if kind == "lower" else -1
         return {F: self.found[kind][F] for F in strict if sign * known[F] >= 0}
+
+    def is_strict(self, kind: str) -> bool:
+        """Return whether a bound of a kind is strict at any F so far."""
+        return bool(_known(self.found[kind], kind)[1])
 
     def keep(self, factor: float, bounds: BodyBounds, *kinds: str) -> None:
         """Take bounds at some F, of all kinds that they have."""

@@ -140,7 +140,7 @@ def factor_of_safety(
     problem = with_matching_facets(problem)
     curves = _curves(problem, tolerance, monitor, steps, adaptation)
     for kind, other in (("upper", "lower"), ("lower", "upper")):
-        curves[-1].root(kind, _best(curves, kind)[0], _best(curves, other)[0])
+        _root_of_finest(curves, kind, other)
     (lower, stands), (upper, falls) = (_best(curves, kind) for kind in ("lower", "upper"))
     rows: dict[float, tuple[float | None, float | None]] = {}
     for curve in curves:
@@ -246,6 +246,20 @@ def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:
     """Return both bounds, as far as they hold for the body."""
     lower, upper = (it.value if it.strict else None for it in (bounds.lower, bounds.upper))
     return lower, upper
+
+
+def _root_of_finest(curves: Sequence[FactorRoots], kind: str, other: str) -> None:
+    """Seek the root of one kind of bound on the last mesh, or on one before it. Collective.
+
+    The last mesh may have none at any F. Rounding leaves forces of 1e-16 of the weight without
+    balance. Where the cohesion is all but zero, small cells hardly bear that.
+    """
+    for curve in reversed(curves):
+        if curve is not curves[-1] and not curve.is_strict(kind):
+            continue
+        curve.root(kind, _best(curves, kind)[0], _best(curves, other)[0])
+        if curve.shown(kind):
+            return
 
 
 def _better_of(
