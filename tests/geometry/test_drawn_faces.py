@@ -287,6 +287,17 @@ PLATES = {
         "BooleanDifference{ Surface{1}; Delete; }{ Surface{2}; Delete; }",
         {"part_x_low": (2, 6.0)},
     ),
+    "three feet": (
+        'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 9, 4}; Rectangle(2) = {2, 0, 0, 2, 2};'
+        "Rectangle(3) = {6, 0, 0, 2, 2};"
+        "BooleanDifference{ Surface{1}; Delete; }{ Surface{2, 3}; Delete; }",
+        {"part_y_low": (3, 5.0)},
+    ),
+    "half bore": (
+        'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 8, 4}; Disk(2) = {4, 4, 0, 1};'
+        "BooleanDifference{ Surface{1}; Delete; }{ Surface{2}; Delete; }",
+        {"part_y_high": (2, 6.0)},
+    ),
 }
 """Scripts of plane bodies, and the sides that several lines make."""
 
@@ -414,6 +425,22 @@ def test_faces_of_drawings_in_the_documentation(tmp_path: Path, name: str) -> No
     areas = sum(drawn_areas(ROOT / "docs" / name, 2))
     free = sum(face.cad or 0.0 for face in survey.faces)
     assert free + 2 * joints == pytest.approx(areas, rel=0.02)
+    check_areas(survey, tmp_path / "a.msh")
+
+
+OPENCASCADE = Path("/usr/share/opencascade/data")
+"""Drawings that Debian has beside OpenCASCADE."""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["step/screw.step", "occ/CrankArm.brep"])
+def test_faces_of_drawings_of_others(tmp_path: Path, name: str) -> None:
+    if not (OPENCASCADE / name).exists():
+        pytest.skip("OpenCASCADE's drawings are not installed")
+    survey = surveyed(OPENCASCADE / name, tmp_path / "a.msh", curvature=6.0)
+    areas = sorted(face.cad or 0.0 for face in survey.faces)
+    if not survey.joints:
+        assert areas == pytest.approx(drawn_areas(OPENCASCADE / name, 2), rel=EXACT)
     check_areas(survey, tmp_path / "a.msh")
 
 
