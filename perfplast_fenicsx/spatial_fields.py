@@ -6,6 +6,7 @@ linear functions in each cell, one that is nowhere above the field and one that 
 """
 
 import csv
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import combinations
@@ -223,6 +224,7 @@ class Triangulation:
     Attributes:
         name: Of the file, for messages.
         values: Shape (num_points,).
+        digest: SHA-256 of points and values.
     """
 
     def __init__(self, name: str, points: Floats, values: Floats) -> None:
@@ -239,6 +241,7 @@ class Triangulation:
         from scipy.spatial import Delaunay, QhullError  # takes a while, and few cases need it
 
         self.name, self.values = name, values
+        self.digest = hashlib.sha256(points.tobytes() + values.tobytes()).hexdigest()
         try:
             self._net = Delaunay(points)
         except (QhullError, ValueError) as error:

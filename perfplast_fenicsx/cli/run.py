@@ -27,6 +27,7 @@ from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.case.units_table import odd_magnitudes
 from perfplast_fenicsx.io.results.checkpoint_header import check_case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
+from perfplast_fenicsx.io.results.fingerprint import with_contents
 from perfplast_fenicsx.io.results.proven_directions import read_proven
 from perfplast_fenicsx.io.results.result_files import KNOWN
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
@@ -95,14 +96,15 @@ def run(
                 " one of them."
             )
         folder = ResultFolder(comm, output, force, restart)
+        content = with_contents(case.table, case.materials)
         if restart:
-            check_case(folder, case.table, case.path.name)
+            check_case(folder, content, case.path.name)
         terminal.status("setting up the problem")
         problem = case.problem(comm) if bodies is None else on_bodies(bodies, case)
         if finer:
             with at(f"{case.path.name}, --refine"):
                 problem = halved(problem)
-        checkpoints = Checkpoints(folder, problem, case.table, __version__)
+        checkpoints = Checkpoints(folder, problem, content, __version__)
         stages = case.history(problem)
         saved = checkpoints.read(stages) if restart else Saved()
         method = case.method if saved.reports else case.method_on(problem)

@@ -546,3 +546,51 @@ def test_a_crash_while_writing(
     assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
     assert [float(row["zeta"]) for row in path_of(folder)] == [200.0, 350.0, 380.0]
     assert [level["time"] for level in fields_of(folder)] == [200.0, 350.0, 380.0]
+
+
+CHANGING = """
+title = "A strength on file"
+output.pictures = false
+[mesh]
+builder = "two_blocks"
+n = 1
+[material.lower]
+law = "von-mises"
+young = 2e5
+poisson = 0.3
+yield_stress = { file = "strength.csv", column = "k" }
+[material.upper]
+law = "elastic"
+young = 2e5
+poisson = 0.3
+[[support]]
+on = "left"
+[[load]]
+on = "top"
+pressure = 1.0
+[[tie]]
+primary = "upper_bottom"
+secondary = "lower_top"
+[loading]
+values = [1.0]
+"""
+
+
+def test_a_file_of_strengths_that_has_changed(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    strengths, results = shared_tmp_path / "strength.csv", shared_tmp_path / "r"
+    corners = [f"{x},{y},{z}" for x in (-9, 9) for y in (-9, 9) for z in (-9, 9)]
+    text = "x,y,z,k\n" + "\n".join(f"{corner},200" for corner in corners)
+    if comm.rank == 0:
+        strengths.write_text(text, encoding="utf-8")
+    case = write_case(comm, shared_tmp_path / "case.toml", CHANGING)
+    assert main(["run", str(case), "-o", str(results)]) == SOLVED
+    assert main(["run", str(case), "--restart", str(results)]) == SOLVED
+    if comm.rank == 0:
+        strengths.write_text(text.replace("200", "201", 1), encoding="utf-8")
+    comm.barrier()
+    capsys.readouterr()
+    assert main(["run", str(case), "--restart", str(results)]) == BAD_INPUT
+    said = comm.bcast(capsys.readouterr().err)
+    assert "the content of 'strength.csv' is another one than in the run whose checkpoint" in said

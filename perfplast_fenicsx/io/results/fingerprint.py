@@ -1,8 +1,9 @@
 """Is it the same case and the same mesh? What a restart asks before it goes on."""
 
+import copy
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import zip_longest
 from typing import Any
 
@@ -13,14 +14,33 @@ from perfplast_fenicsx.io.case.schema import Table, shown
 from perfplast_fenicsx.io.results.global_ordering import Ordering, node_ordering, with_ghosts
 from perfplast_fenicsx.io.results.parallel_hdf5 import block, checksum, set_checksum
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.spatial_fields import PointValues, varying
 
 NOTHING = object()
+
+CONTENT = "content"
+"""The key of the hash of a file's content, beside its name as ``file``."""
 
 
 def case_hash(table: Table) -> str:
     """SHA-256 of what a case file says, whatever its layout and comments."""
     text = json.dumps(table, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def with_contents(table: Table, materials: Mapping[str, object]) -> Table:
+    """Return a case with the hash of each file of values beside its name.
+
+    Args:
+        table: The case file's content.
+        materials: Its materials, by the names of the bodies.
+    """
+    found = copy.deepcopy(table)
+    for body, material in materials.items():
+        for key, field in varying(material).items():
+            if isinstance(field, PointValues):
+                found["material"][body][key][CONTENT] = field.net.digest
+    return found
 
 
 def first_difference(now: Table, then: Table) -> str | None:
@@ -32,6 +52,9 @@ def first_difference(now: Table, then: Table) -> str | None:
     levels = ("loading.values",)  # lists to which a restart may append
     for key in (*entries, *earlier):
         new, old = entries.get(key, NOTHING), earlier.get(key, NOTHING)
+        if key.endswith(f".{CONTENT}") and new != old:
+            file = entries[key.removesuffix(CONTENT) + "file"]
+            return f"the content of '{file}' is another one than"
         if new is NOTHING:
             return f"{key} is not given, but was {shown(old)}"
         if old is NOTHING:
