@@ -23,7 +23,7 @@ from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import support_tables, tables
 from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile
-from perfplast_fenicsx.io.case.gravity_table import GravityTable
+from perfplast_fenicsx.io.case.gravity_table import EarthquakeTable, GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.case.schema import described, shown
 from perfplast_fenicsx.io.case.water_table import WaterTable
@@ -189,6 +189,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "support": ("[[support]]", _single(support_tables.SupportTable)),
     "load": ("[[load]]", _single(load_table())),
     "gravity": ("[gravity]", _single(GravityTable)),
+    "earthquake": ("[earthquake]", _single(EarthquakeTable)),
     "water": ("[water]", _single(WaterTable)),
     "seepage": ("[seepage]", _seepage),
     "combination": ("[[combination]]", _single(Combination)),

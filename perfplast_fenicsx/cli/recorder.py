@@ -204,6 +204,9 @@ class Recorder:
         design = designed(case.loading.design, case.combination, limit, body)
         if design is not None:
             self._run.terminal.say(design.in_words())
+        answer = "" if body is None else case.loading.answer(lower, upper)
+        if answer:
+            self._run.terminal.say(answer)
         steps = []
         if body is not None:
             mesh, ended = self.results.summary.mesh, adaptive.reason if adaptive else ""
@@ -215,7 +218,7 @@ class Recorder:
         self._run.journal.limit(limit, body)
         if not self.results.reports:  # without levels nothing else has counted it
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
-        self._writer.write_limit(limit, body, adaptive, steps, design)
+        self._writer.write_limit(limit, body, adaptive, steps, design, answer)
         summary = self.results.summary
         forces = (summary.limit or {}).get("forces")
         axes, units = summary.model["axes"], summary.units

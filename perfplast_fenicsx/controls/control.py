@@ -178,6 +178,14 @@ class Control(Protocol):
             InputError: Naming what does not fit.
         """
 
+    def answer(self, lower: float | None, upper: float | None) -> str:
+        """Return what bounds of ζ mean, in a sentence; empty where they are a load factor.
+
+        Args:
+            lower: Strict lower bound; None without one.
+            upper: Strict upper bound; None without one.
+        """
+
     def find(self, run: Run) -> LimitLoad | None:
         """Find the answer, and hand it on. Collective.
 
@@ -211,6 +219,10 @@ class OfLevels:
     def admit(self, problem: Problem, solver: Any) -> None:
         """Refuse nothing: what levels need is seen when the solver is made."""
 
+    def answer(self, lower: float | None, upper: float | None) -> str:
+        """None."""
+        return ""
+
 
 class OfBody:
     """Base of controls that ask for bounds of the bodies."""
@@ -235,6 +247,10 @@ class OfBody:
     def remarks(self, problem: Problem) -> Sequence[str]:
         """Return remarks on what does not change the limit load. Collective."""
         return [*ignored(problem), *idle_pores(problem)]
+
+    def answer(self, lower: float | None, upper: float | None) -> str:
+        """None."""
+        return ""
 
 
 def none_moved(name: str, on: str) -> bool:

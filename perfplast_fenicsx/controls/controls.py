@@ -5,6 +5,7 @@ from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.controls.displacement_control import DisplacementControl
 from perfplast_fenicsx.controls.envelope_control import EnvelopeControl
 from perfplast_fenicsx.controls.load_control import LoadControl
+from perfplast_fenicsx.controls.seismic_control import SeismicControl
 from perfplast_fenicsx.controls.shakedown_control import ShakedownControl
 from perfplast_fenicsx.controls.strength_control import StrengthControl
 from perfplast_fenicsx.controls.work_control import WorkControl
@@ -15,6 +16,7 @@ CONTROLS: dict[str, type[Control]] = {
     "work": WorkControl,
     "bounds": BoundsControl,
     "strength": StrengthControl,
+    "seismic": SeismicControl,
     "envelope": EnvelopeControl,
     "shakedown": ShakedownControl,
 }

@@ -193,6 +193,7 @@ class _Limit(TypedDict):
     next_steps: NotRequired[list[str]]
     forces: NotRequired[_Forces | None]
     design: NotRequired[_Design | None]
+    answer: NotRequired[str]
     strength: NotRequired[_Strength | None]
     envelope: NotRequired[_Envelope | None]
     shakedown: NotRequired[_Shakedown | None]

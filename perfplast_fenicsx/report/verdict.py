@@ -46,6 +46,8 @@ def verdict_on(reader: ResultReader) -> Verdict:
             words = design["in_words"].replace("zeta", "ζ")
             mark: Mark = "proven" if decided else "open"
             found = Verdict(mark, words, [found.sentence, *found.details])
+        if answer := table.get("answer"):
+            found = replace(found, sentence=answer, details=[found.sentence, *found.details])
         solved = [report.zeta for report in reader.reports if report.converged]
         if not solved:
             return found

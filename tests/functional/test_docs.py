@@ -24,7 +24,7 @@ from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case import support_tables
 from perfplast_fenicsx.io.case import tables as schemas
 from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
-from perfplast_fenicsx.io.case.gravity_table import GravityTable
+from perfplast_fenicsx.io.case.gravity_table import EarthquakeTable, GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.case.water_table import WaterTable
 from perfplast_fenicsx.io.results import field_series
@@ -59,6 +59,7 @@ TABLES = {
     "[[support]]": [support_tables.SupportTable],
     "[[load]]": [load_table()],
     "[gravity]": [GravityTable],
+    "[earthquake]": [EarthquakeTable],
     "[seepage]": [Seepage, Head],
     "[[temperature]]": [Temperature],
     "[[initial_stress]]": [InitialStress],

@@ -2,10 +2,11 @@
 
 A case file holds the bodies: ``[mesh]``, ``[geometry]``, or ``[[region]]``, ``[[stratum]]`` and
 ``[[line]]`` of drawn ground. Other tables are ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[gravity]``, ``[water]``, ``[[combination]]``, ``[design]``, ``[[contact]]``, ``[[obstacle]]``,
-``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``, ``[[initial_stress]]``, ``[[bolt]]``,
-``[model]``, ``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``, ``[output]``, ``[report]``
-and ``[units]``; see ``demos/two_blocks.toml``. What may be in a table is the dataclass it becomes.
+``[gravity]``, ``[earthquake]``, ``[water]``, ``[[combination]]``, ``[design]``, ``[[contact]]``,
+``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``, ``[[initial_stress]]``,
+``[[bolt]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``, ``[output]``,
+``[report]`` and ``[units]``; see ``demos/two_blocks.toml``. What may be in a table is the dataclass
+it becomes.
 """
 
 from collections.abc import Sequence

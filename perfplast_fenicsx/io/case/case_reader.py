@@ -17,7 +17,7 @@ from perfplast_fenicsx.io.case.combinations import (
     reduced,
 )
 from perfplast_fenicsx.io.case.geometry_table import read_ground
-from perfplast_fenicsx.io.case.gravity_table import GravityTable
+from perfplast_fenicsx.io.case.gravity_table import GravityTable, earthquake_loads
 from perfplast_fenicsx.io.case.load_table import read_load
 from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
 from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
@@ -45,7 +45,7 @@ from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import Initial, InitialStress, Temperature
-from perfplast_fenicsx.problem.declared.loads import Load
+from perfplast_fenicsx.problem.declared.loads import BodyForce, ForceBelow, Load
 from perfplast_fenicsx.problem.declared.stage import check_stages
 from perfplast_fenicsx.spatial_fields import SpatialField, spatial_field
 
@@ -93,12 +93,13 @@ def case_of(path: Path, text: str, table: Table) -> Case:
     loads: list[Load] = []
     for place, load in _numbered(top.load, f"{name}, [[load]]"):
         loads.append(read_load(load, place))
-    weight = None
+    weight, weights = None, list[BodyForce]()
     if top.gravity is not None:
         place = f"{name}, [gravity]"
         weight = convert(top.gravity, GravityTable, place)
         with at(place):
-            loads += weight.loads(materials)
+            weights = weight.loads(materials)
+    loads += weights
     ground = read_ground(top.region, top.stratum, top.line, name)
     water = read_water(top, ground, materials, units, name)
     loads += water.loads
@@ -115,6 +116,9 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         _, shape, rest = choose(obstacle, "shape", OBSTACLES, place)
         obstacles.append(convert(rest, shape, place))
     loading = read_loading(top, name)
+    weights += [load for load in water.loads if isinstance(load, ForceBelow)]
+    place = f"{name}, [earthquake]"
+    loads += earthquake_loads(top.earthquake, weight, weights, loads, loading, place)
     combinations = read_combinations(_numbered(top.combination, f"{name}, [[combination]]"))
     if combinations:
         loading = designed_for(loading, f"{name}, [[combination]]")

@@ -22,7 +22,7 @@ from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region, Stratum
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
-from perfplast_fenicsx.io.case.gravity_table import GravityTable
+from perfplast_fenicsx.io.case.gravity_table import EarthquakeTable, GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.case.support_tables import RigidSurfaceTable, SupportTable
 from perfplast_fenicsx.io.case.tables import (
@@ -111,6 +111,7 @@ def _tables() -> dict[str, Schema]:
         "support": _table(SupportTable),
         "load": _table(load_table()),
         "gravity": _table(GravityTable),
+        "earthquake": _table(EarthquakeTable),
         "water": _table(WaterTable),
         "seepage": _seepage(),
         "combination": _table(Combination),

@@ -1,11 +1,16 @@
-"""``[gravity]``: the weight of bodies, by their densities."""
+"""``[gravity]`` and ``[earthquake]``: the weight of bodies, and a share of it across."""
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from perfplast_fenicsx.controls.control import Control
+from perfplast_fenicsx.controls.seismic_control import SeismicControl
 from perfplast_fenicsx.errors import InputError, nearest
-from perfplast_fenicsx.problem.declared.loads import BodyForce
+from perfplast_fenicsx.io.case.schema import Table, at, convert
+from perfplast_fenicsx.problem.declared.loads import BodyForce, Load
 
 
 @dataclass(frozen=True)
@@ -50,3 +55,114 @@ class GravityTable:
             force = tuple(density * g for g in self.acceleration)
             found.append(BodyForce(body, force, name=self.name, constant=self.constant))
         return found
+
+
+@dataclass(frozen=True)
+class EarthquakeTable:
+    """The force of an earthquake: the weight of each body times a coefficient, across the weight.
+
+    Water in the pores and on the surface stays as it is at rest.
+
+    Args:
+        direction: Of the force, a number a direction, at right angles to the acceleration of
+            [gravity]; its length does not matter. [-1.0, 0.0] pushes to the left.
+        coefficient: The force over the weight, k_h, at any load factor. Leave it out with control =
+            "seismic", which bounds the largest one that is carried.
+    """
+
+    direction: list[float]
+    coefficient: float | None = None
+
+    def loads(self, weights: Sequence[BodyForce], acceleration: Sequence[float]) -> list[Load]:
+        """Return a load for each weight; without a coefficient the load factor multiplies it.
+
+        Args:
+            weights: Loads of [gravity], and those of water in the weight.
+            acceleration: That of [gravity].
+
+        Raises:
+            InputError: If the direction or the coefficient is not valid, or there is no weight.
+        """
+        across, down = np.array(self.direction, dtype=np.float64), np.array(acceleration)
+        if len(across) != len(down) or not np.isfinite(across).all() or not across.any():
+            raise InputError(
+                f"direction = {self.direction} is no direction; give {len(down)} numbers of which"
+                " one is not 0, as the acceleration of [gravity] has."
+            )
+        across /= np.linalg.norm(across)
+        if abs(across @ down) > 1e-9 * np.linalg.norm(down):
+            raise InputError(
+                f"direction = {self.direction} is not at right angles to the acceleration of"
+                f" [gravity], {list(acceleration)}; correct one of them."
+            )
+        k = self.coefficient
+        if k is not None and not (k > 0 and math.isfinite(k)):
+            raise InputError(
+                f"coefficient = {k:g} is not positive; turn the direction round, or leave"
+                " [earthquake] out."
+            )
+        found: list[Load] = []
+        for weight in weights:
+            size = float(np.linalg.norm(np.array(weight.value, dtype=np.float64)))
+            force = tuple(float(x) for x in size * (1.0 if k is None else k) * across)
+            constant = k is not None
+            found.append(replace(weight, value=force, name="earthquake", constant=constant))
+        return found
+
+
+def earthquake_loads(
+    table: Table | None,
+    gravity: GravityTable | None,
+    weights: Sequence[BodyForce],
+    loads: Iterable[Load],
+    loading: Control,
+    place: str,
+) -> list[Load]:
+    """Return the loads of ``[earthquake]``; none without it.
+
+    Args:
+        table: The table, as TOML has read it.
+        gravity: ``[gravity]``, if there is one.
+        weights: Loads of the weight, that of water included.
+        loads: All other loads.
+        loading: The control.
+        place: Place of the table in the input, for messages.
+
+    Raises:
+        InputError: If keys or values are wrong, the coefficient is neither given nor sought or
+            both, or something else grows with the one that is sought.
+    """
+    sought = isinstance(loading, SeismicControl)
+    if table is None:
+        if sought:
+            raise InputError(
+                f"{place} is missing, and control = 'seismic' seeks its coefficient; give it, with"
+                " the direction of the force."
+            )
+        return []
+    found = convert(table, EarthquakeTable, place)
+    with at(place):
+        if gravity is None:
+            raise InputError("there is no [gravity], whose share the force is; give it.")
+        _check_coefficient(found.coefficient, sought, loads)
+        return found.loads(weights, gravity.acceleration)
+
+
+def _check_coefficient(k: float | None, sought: bool, loads: Iterable[Load]) -> None:
+    """Refuse a coefficient that is neither given nor sought, or both, and other growing loads."""
+    if sought and k is not None:
+        raise InputError(
+            f"coefficient = {k:g} is given, and control = 'seismic' seeks it; leave it out, or give"
+            " control = 'strength' for the factor of safety with it."
+        )
+    if not sought and k is None:
+        raise InputError(
+            "coefficient is missing; give it, or control = 'seismic' under [loading], which seeks"
+            " the largest one that is carried."
+        )
+    for load in loads if sought else ():
+        if not load.constant:
+            raise InputError(
+                f"the load '{load.name or load.on}' would grow with the coefficient that is sought;"
+                " give it constant = true."
+            )

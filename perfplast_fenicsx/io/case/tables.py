@@ -31,6 +31,7 @@ class Document:
         model: Meaning of the coordinates of a plane mesh.
         title: For people; the name of the file where it is missing.
         gravity: The weight of bodies, by their densities.
+        earthquake: A horizontal force on all that has a weight.
         water: Water in the pores of ground and above it, by its table.
         seepage: Water that flows through the ground.
         combination: Loads that act together with factors, each solved by itself; a table of
@@ -63,6 +64,7 @@ class Document:
     title: str = ""
     load: list[Table] = field(default_factory=list)
     gravity: Table | None = None
+    earthquake: Table | None = None
     water: Table | None = None
     seepage: Table | None = None
     combination: list[Table] = field(default_factory=list)

@@ -129,6 +129,7 @@ class ResultWriter:
         adaptive: AdaptiveBounds | None = None,
         steps: Sequence[str] = (),
         design: DesignFactor | None = None,
+        answer: str = "",
         fields: bool = True,
         proven: bool = True,
     ) -> None:
@@ -140,6 +141,7 @@ class ResultWriter:
             adaptive: The meshes on which that was sought, where there are several.
             steps: Next steps for the user, a sentence each without a full stop.
             design: The limit load against the design load.
+            answer: What the bounds mean, where they are not of a load factor.
             fields: Whether to write the mechanism; where it is one on another mesh, the fields of
                 levels are lost.
             proven: Whether to write what proves the bounds.
@@ -178,6 +180,7 @@ class ResultWriter:
             best = adaptive.low if adaptive else body
             table["forces"] = self._resultants.at_limit(found_on, limit, best if proven else None)
             table["design"] = design and asdict(design) | {"in_words": design.in_words()}
+            table["answer"] = answer
             self.results.summary.limit = table | {"next_steps": list(steps)}
             self.results.write()
 

@@ -1,0 +1,63 @@
+"""Bounds of the critical seismic coefficient."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from perfplast_fenicsx.controls.bounds_control import BoundsControl
+from perfplast_fenicsx.controls.control import OfBody, Run
+from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+
+@dataclass(frozen=True)
+class SeismicControl(OfBody):
+    """No loading: bounds of the critical seismic coefficient k_c.
+
+    The force of [earthquake] is k times the weight; k_c is the largest k that the ground carries.
+    All other loads are constant.
+
+    Args:
+        limit_tolerance: How near each bound comes to the best of its kind on this mesh, relative,
+            between 0 and 1.
+
+    Raises:
+        InputError: A tolerance that is not valid.
+    """
+
+    design: ClassVar[None] = None
+
+    limit_tolerance: float = 1e-4
+
+    def __post_init__(self) -> None:
+        check_tolerance(self.limit_tolerance)
+
+    @property
+    def _bounds(self) -> BoundsControl:
+        return BoundsControl(self.limit_tolerance)
+
+    def check(self, given: Given) -> None:
+        """Refuse what bounds of the load factor refuse."""
+        self._bounds.check(given)
+
+    def admit(self, problem: Problem, solver: Any) -> None:
+        """Refuse what bounds of the body do not know. Collective."""
+        self._bounds.admit(problem, solver)
+
+    def find(self, run: Run) -> LimitLoad:
+        """Find the bounds. Collective."""
+        return self._bounds.find(run)
+
+    def answer(self, lower: float | None, upper: float | None) -> str:
+        """Return the bounds of k_c in a sentence."""
+        if upper is not None and upper <= 0:
+            return "The bodies fall without an earthquake: there is no critical coefficient."
+        sides = []
+        if lower is not None and lower > 0:
+            sides.append(f"stand with k = {rounded_down(lower)} for certain")
+        if upper is not None:
+            sides.append(f"fall at k = {rounded_up(upper)} at the latest")
+        force = "under a horizontal force of k times their weight"
+        return f"The bodies {', and '.join(sides)}, {force}." if sides else ""
