@@ -101,6 +101,10 @@ class WorkControl:
         if self.limit_tolerance is not None:
             check_limit_load(problem, self.limit_tolerance, solver)
 
+    def answer(self, lower: float | None, upper: float | None) -> str:
+        """None."""
+        return ""
+
     def find(self, run: Run) -> LimitLoad | None:
         """Solve for each work, or find the limit load of the mesh. Collective."""
         record, rtol = run.record, self.limit_tolerance

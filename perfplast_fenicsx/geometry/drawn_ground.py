@@ -74,10 +74,15 @@ class DrawnLine:
     Args:
         name: Of the surface; small letters, digits and _.
         points: Its corners in turn, [x, y] each (length).
+        crack: Whether it is an open crack between two regions, whose sides carry water alone.
+            Regions that meet along a longer line are glued beside it.
+        water: Level of water in the crack (length), which presses on both sides.
     """
 
     name: str
     points: list[list[float]]
+    crack: bool = False
+    water: float | None = None
 
 
 @dataclass(frozen=True)
@@ -131,6 +136,16 @@ class DrawnGround:
     def outline(self) -> "Outline":
         """Return the ground divided by all its lines."""
         return Outline.of(self._shapes(), self._all_chains())
+
+    def cracks(self) -> list[tuple[DrawnLine, list[str]]]:
+        """Return the lines that are cracks, with the names of their sides."""
+        outline, found = self.outline(), []
+        for number, line in enumerate(self.lines):
+            if line.crack:
+                edges = outline.plan.owners[:, outline.first_line + number]
+                bodies = np.unique(outline.body[edges])
+                found.append((line, [f"{outline.names[k]}_{line.name}" for k in bodies]))
+        return found
 
     def script(self) -> str:
         """Return gmsh's script of the ground: what is drawn, and nothing that could do harm."""
@@ -488,6 +503,11 @@ def _check_lines(ground: DrawnGround, shapes: Sequence[_Shape]) -> None:
             raise InputError(
                 f"the line '{line.name}' is {kinds[kind[a]]} at {place_of(middles[a])} and"
                 f" {kinds[kind[b]]} at {place_of(middles[b])}; draw one line for each."
+            )
+        if line.crack and (kind != 2).any():
+            raise InputError(
+                f"the crack '{line.name}' is not between two regions; divide the region along the"
+                " crack and on from its tip, which is glued again."
             )
 
 

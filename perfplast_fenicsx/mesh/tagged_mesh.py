@@ -217,14 +217,43 @@ class TaggedMesh:
         tags = [_tag("surface", name, self.surfaces, self.volumes) for name in names]
         return tuple(int(tag) for tag in np.unique(np.concatenate([[], *map(np.atleast_1d, tags)])))
 
-    def left_glued(self, named: Iterable[str]) -> list[tuple[str, str]]:
-        """Return the glued pairs of which contacts and ties name no facet.
+    def left_glued(
+        self, named: Iterable[str], cracks: Iterable[str] = ()
+    ) -> tuple["TaggedMesh", list[tuple[str, str]]]:
+        """Return the glued pairs that contacts and ties do not name, without cracks.
 
         Args:
             named: The surfaces of contacts and ties; names that are not there are left out.
+            cracks: Surfaces that are not glued.
+
+        Returns:
+            The mesh, with the names ``A_rest`` and ``B_rest`` for what cracks leave of a pair A and
+            B; and the pairs.
+
+        Raises:
+            InputError: If a contact or tie names a part of a pair.
         """
-        used = set(self.tags_of(name for name in named if name in self.surfaces))
-        return [pair for pair in self.glued if not used & {*self.tags_of(pair)}]
+        used = {*self.tags_of(name for name in named if name in self.surfaces)}
+        open_ = {*self.tags_of(cracks)}
+        surfaces, pairs = dict(self.surfaces), list[tuple[str, str]]()
+        for pair in self.glued:
+            own = [{*self.tags_of([name])} - open_ for name in pair]
+            taken = [tags & used for tags in own]
+            if any(taken) and taken != own:
+                raise InputError(
+                    f"a contact or tie names a part of '{pair[0]}' or '{pair[1]}', and the rest is"
+                    " glued, so that the nodes between both would be in two; name all of both"
+                    " sides, or give crack = true in the [[line]] of an open crack."
+                )
+            if any(taken) or not all(own):
+                continue
+            names = list(pair)
+            for k, (name, tags) in enumerate(zip(pair, own, strict=True)):
+                if tags != {*self.tags_of([name])}:
+                    names[k] = f"{name}_rest"
+                    surfaces[names[k]] = tuple(sorted(tags))
+            pairs.append((names[0], names[1]))
+        return replace(self, surfaces=surfaces), pairs
 
     def check_tagged(self) -> None:
         """Make sure that cells are simplices, each of a named volume. Collective.

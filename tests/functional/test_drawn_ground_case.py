@@ -19,6 +19,7 @@ from perfplast_fenicsx.io.case.geometry_table import GroundInCase
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.total_loads import area_of
+from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
 from perfplast_fenicsx.problem.variant import variant
 
 SOIL = '{{ law = "mohr-coulomb", young = 1e4, poisson = 0.3, cohesion = {}, friction_angle = {} }}'
@@ -123,6 +124,73 @@ def test_a_contact_by_the_name_of_a_line_parts_the_ground(tmp_path: Path) -> Non
     contact = '[[contact]]\nprimary = "clay_seam"\nsecondary = "fill_seam"\n'
     problem = case(tmp_path, REGIONS + LOADED + contact).problem(MPI.COMM_WORLD)
     assert not problem.given.ties and len(problem.given.contacts) == 1
+
+
+CRACKED = """
+[[region]]
+name = "a"
+points = [[20, 20], [54, 20], [54, 35], [50, 35], [30, 25], [20, 25]]
+
+[[region]]
+name = "b"
+points = [[54, 20], [70, 20], [70, 35], [54, 35]]
+
+[[line]]
+name = "crack"
+points = [[54, 31], [54, 35]]
+"""
+WATER_IN_IT = 'crack = true\nwater = 35\n[units]\nsystem = "m-kN-kPa"\n'
+OF_TWO = {"a": (40.0, 10.0), "b": (40.0, 10.0)}
+
+
+@pytest.mark.mpi2
+def test_a_crack_is_open_and_its_water_presses_on_both_sides(shared_tmp_path: Path) -> None:
+    """On one mesh: a crack opens the mechanisms and takes stresses away, and water pushes."""
+    found = []
+    for more in ("", "crack = true\n", WATER_IN_IT):
+        read = case(shared_tmp_path, CRACKED + more, **OF_TWO)
+        found.append(bounds_at_one(read))
+    whole, dry, wet = found
+    print(found)
+    assert dry[0] < whole[0] and dry[1] < whole[1] * (1 + 1e-6)
+    assert wet[0] < wet[1] < whole[1]
+    problem = read.problem(MPI.COMM_WORLD)
+    (tie,) = problem.given.ties
+    assert {tie.primary, tie.secondary} == {"a_joint_1_rest", "b_joint_1_rest"}
+    assert area_of(problem.tagged_mesh, "a_joint_1_rest") == pytest.approx(11)
+    forces = {it.on: it.force for it in load_resultants(problem) if it.on.endswith("crack")}
+    assert forces["a_crack"] == pytest.approx([-8 * 9.81, 0.0])  # 4 m deep
+    assert forces["b_crack"] == pytest.approx([8 * 9.81, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("water = 33", r"the line 'crack' has water, and is no crack; give crack = true"),
+        ("crack = true\nwater = 33", r"is at 33, at none of its points; give the line a point"),
+        ("crack = true\nwater = 35", r"unit_weight is missing"),
+    ],
+)
+@pytest.mark.serial
+def test_cracks_that_cannot_be(tmp_path: Path, more: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        case(tmp_path, f"{CRACKED}{more}\n", **OF_TWO)
+
+
+@pytest.mark.serial
+def test_a_crack_inside_of_one_region_is_refused(tmp_path: Path) -> None:
+    inside = CRACKED.replace("[54, 31], [54, 35]", "[60, 31], [60, 35]") + "crack = true\n"
+    with pytest.raises(InputError, match="is not between two regions; divide the region along"):
+        case(tmp_path, inside, **OF_TWO)
+
+
+@pytest.mark.serial
+def test_a_contact_on_a_part_of_a_glued_joint_is_refused(tmp_path: Path) -> None:
+    """It parted the rest as well, without a word."""
+    contact = '[[contact]]\nprimary = "a_crack"\nsecondary = "b_crack"\n'
+    read = case(tmp_path, CRACKED + contact, **OF_TWO)
+    with pytest.raises(InputError, match="names a part of 'a_joint_1' or 'b_joint_1', and the"):
+        read.problem(MPI.COMM_SELF)
 
 
 @pytest.mark.serial

@@ -60,7 +60,7 @@ class Case:
     """A case file, read and checked as far as it can be without its mesh.
 
     ``text`` is what it says, ``table`` the same as TOML; with ``trust`` scripts may be run. The
-    loads of ``water`` are among all ``loads``.
+    loads of ``water`` are among all ``loads``. ``cracks`` are the names of their sides.
     """
 
     path: Path
@@ -91,6 +91,7 @@ class Case:
     combination: str = ""
     trust: bool = False
     water: Water = field(default_factory=Water)
+    cracks: tuple[str, ...] = ()
 
     @property
     def scene(self) -> Scene:
@@ -170,7 +171,8 @@ class Case:
         tagged_mesh = self.tagged_mesh(comm)
         pairs: list[Contact | Tie] = [*self.contacts, *self.ties]
         named = [name for pair in pairs for name in (pair.primary, pair.secondary)]
-        glued = [Tie(*pair) for pair in tagged_mesh.left_glued(named)]
+        tagged_mesh, left = tagged_mesh.left_glued(named, self.cracks)
+        glued = [Tie(*pair) for pair in left]
         with at(self.path.name):
             return Problem(
                 tagged_mesh,

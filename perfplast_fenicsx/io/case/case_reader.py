@@ -38,7 +38,7 @@ from perfplast_fenicsx.io.case.tables import (
 )
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
-from perfplast_fenicsx.io.case.water_table import read_water
+from perfplast_fenicsx.io.case.water_table import read_water, water_in_cracks
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_all_divided
 from perfplast_fenicsx.materials.elastic import check_deforms
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
@@ -102,7 +102,9 @@ def case_of(path: Path, text: str, table: Table) -> Case:
     loads += weights
     ground = read_ground(top.region, top.stratum, top.line, name)
     water = read_water(top, ground, materials, units, name)
-    loads += water.loads
+    given = (top.water or top.seepage or {}).get("unit_weight")
+    in_cracks, cracks = water_in_cracks(ground, given, units, weight)
+    loads += [*water.loads, *in_cracks]
     seepage = None
     if top.seepage is not None:
         place = f"{name}, [seepage]"
@@ -189,6 +191,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         combinations=combinations,
         remarks=(weaker,) if weaker else (),
         water=water,
+        cracks=cracks,
     )
 
 

@@ -106,6 +106,45 @@ def read_water(
         return water_of(table, ground, gravity, list(bodies), units)
 
 
+def water_in_cracks(
+    ground: DrawnGround | None, given: float | None, units: Units, gravity: GravityTable | None
+) -> tuple[list[Load], tuple[str, ...]]:
+    """Return the loads of water in cracks, and the names of the sides of all cracks.
+
+    Args:
+        ground: What the case draws, if it does.
+        given: The unit weight of water, if the case gives it.
+        units: Of the numbers.
+        gravity: The weight of the bodies, if they have any.
+
+    Raises:
+        InputError: If the unit weight is not known, or water is in no crack, or is at none of the
+            points of its crack.
+    """
+    for line in () if ground is None else ground.lines:
+        heights = [point[1] for point in line.points]
+        if line.water is not None and not line.crack:
+            raise InputError(
+                f"the line '{line.name}' has water, and is no crack; give crack = true, or leave"
+                " water out."
+            )
+        if line.water is not None and line.water < max(heights) and line.water not in heights:
+            raise InputError(
+                f"the water in the crack '{line.name}' is at {line.water:g}, at none of its points;"
+                " give the line a point at that height, at which the mesh then has a vertex."
+            )
+    cracks = [] if ground is None else ground.cracks()
+    loads = list[Load]()
+    for line, sides in cracks:
+        if line.water is not None:
+            weight = unit_weight_of_water(given, units, gravity)
+            value = f"{_number(weight)}*maximum({_number(line.water)} - y, 0)"
+            words = f"{weight:g} times the depth of water in the crack"
+            pressure = WordedFormula(value, words)
+            loads += [Pressure(side, pressure, NAME, constant=True) for side in sides]
+    return loads, tuple(side for _, sides in cracks for side in sides)
+
+
 def water_of(
     table: WaterTable,
     ground: DrawnGround | None,
