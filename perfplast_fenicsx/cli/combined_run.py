@@ -82,7 +82,8 @@ def run_combined(
         found = {name: _limit(where) for name, where in folders.items()}
         rows = write_table(Path(output), found)
         worst = rows[0]["combination"]
-        words = ((found[worst] or {}).get("design") or {}).get("in_words", "")
+        known = found[worst] or {}
+        words = (known.get("design") or known.get("strength") or {}).get("in_words", "")
         said = f"The worst of {len(rows)}: {words}" if words else f"The worst is '{worst}'."
         return [*shown(rows), said]
 

@@ -191,7 +191,7 @@ def admitted_solver(case: Case, problem: Problem, method: str) -> Any:
 def on_bodies(bodies: Problem, case: Case) -> Problem:
     """Return the problem of a case on bodies that are there already. Collective."""
     with at(f"{case.path.name}, {case.remarks[-1]}"):
-        return variant(bodies, loads=case.loads_on(bodies))
+        return variant(bodies, materials=case.materials, loads=case.loads_on(bodies))
 
 
 def run_command(path: str, output: str, report: bool, trust: bool) -> str:

@@ -44,7 +44,9 @@ COMBINED = {
     "G + 1.5 Q": {"weight": 1.0, "live": 1.5},
     "1.35 G": {"weight": 1.35, "live": 0.0},
     "3.3 Q": {"live": 3.3},
+    "Q, weaker": {"live": 1.0, "strength": 1.25},
 }
+"""Factors of loads, and of strengths."""
 BOUNDS = '[loading]\ncontrol = "bounds"\n'
 NEAR = 1e-7
 
@@ -66,8 +68,10 @@ def tables(combined: dict[str, dict[str, float]]) -> str:
     """Combinations as tables of a case file."""
     text = ""
     for name, factors in combined.items():
-        inside = ", ".join(f"{load} = {factor}" for load, factor in factors.items())
+        of_loads = {load: factor for load, factor in factors.items() if load != "strength"}
+        inside = ", ".join(f"{load} = {factor}" for load, factor in of_loads.items())
         text += f'[[combination]]\nname = "{name}"\nfactors = {{ {inside} }}\n'
+        text += f"strength = {factors.get('strength', 1.0)}\n"
     return text
 
 
@@ -76,7 +80,7 @@ def alone(comm: MPI.Intracomm, factors: dict[str, float], divided: float) -> Any
     weight, live = factors.get("weight", 0.0), factors.get("live", 0.0)
     loads: list[Any] = [Pressure("top", live * LIVE)] if live else []
     loads += [BodyForce("upper", tuple(weight * g for g in WEIGHT))] if weight else []
-    strengths = {"lower": 330.0, "upper": 440.0}
+    strengths, divided = {"lower": 330.0, "upper": 440.0}, divided * factors.get("strength", 1.0)
     steels = {body: VonMises(2e5, 0.3, given / divided) for body, given in strengths.items()}
     problem = Problem(stacked_blocks(comm, 1), steels, ROLLERS, loads, TOUCHING, degree=2)
     return limit_bounds(problem, NEAR)
@@ -116,8 +120,8 @@ def test_each_is_as_if_it_were_alone(
         assert [row["combination"] for row in rows[:2]] == ["3.3 Q", "1.35 G + 1.5 Q"]
         lowers = [float(row["lower"]) for row in rows]
         assert lowers == sorted(lowers)
-        assert [row["design load"] for row in rows] == ["not carried", *["carried"] * 4]
-        assert "The worst of 5: '3.3 Q' (zeta = 1) is not carried" in out
+        assert [row["design load"] for row in rows] == ["not carried", *["carried"] * 5]
+        assert "The worst of 6: '3.3 Q' (zeta = 1) is not carried" in out
         assert "'1.35 G + 1.5 Q' (zeta = 1) is carried for certain, 1.47" in out
     assert main(["run", str(case), "--restart", str(results)]) == SOLVED
     again = comm.bcast(capsys.readouterr().out)
@@ -125,6 +129,7 @@ def test_each_is_as_if_it_were_alone(
     assert out.splitlines()[-1] == again.splitlines()[-1]
 
 
+ENVELOPE = '[loading]\ncontrol = "envelope"\nfirst = ["live"]\nsecond = ["weight"]\n'
 GOOD = tables({"A": {"weight": 1.0}})
 HEATED = '[[temperature]]\nname = "heat"\non = "lower"\nchange = 1.0\n'
 
@@ -146,7 +151,9 @@ HEATED = '[[temperature]]\nname = "heat"\non = "lower"\nchange = 1.0\n'
         '[design]\nstrength = "fill in: B.8"\n' + BOUNDS: "strength is still to be filled in (B.8)",
         GOOD + GOOD + BOUNDS: "number 2: there are two combinations 'A'",
         GOOD + "[loading]\nvalues = [1.0]\n": "combinations are for limit loads and bounds",
-        GOOD + '[loading]\ncontrol = "strength"\n': "this control seeks no load factor",
+        GOOD + '[loading]\ncontrol = "strength"\n': "constant",
+        GOOD + ENVELOPE: "this control seeks no load factor",
+        GOOD.replace("strength = 1.0", "strength = { uper = 1.1 }") + BOUNDS: "names 'uper', no",
         "[design]\nstrength = 0.0\n" + BOUNDS: "strength = 0 is not positive",
         "[design]\nstrength = { uper = 1.1 }\n" + BOUNDS: "strength names 'uper', no body",
     }.items(),
@@ -193,3 +200,55 @@ def test_loads_that_are_scaled() -> None:
     found = scaled(force, 2.0)
     assert isinstance(found, Force)
     assert (found.value, found.moment, found.point) == ([2.0, 4.0], 6.0, (1.0, 1.0))
+
+
+SLOPE = """
+title = "Slope by EN 1997"
+units.system = "m-kN-kPa"
+geometry.size = 14.0
+loading.control = "strength"
+output.pictures = false
+gravity = { acceleration = [0.0, -1.0], density = { ground = 20.0 } }
+support = [{ on = "base" }, { on = "left", components = "x" },
+           { on = "right", components = "x" }]
+stratum = [{ name = "ground", top = [[-50, 0], [0, 0], [75, 25], [150, 25]], bottom = -25 }]
+[material.ground]
+law = "mohr-coulomb"
+young = 1e4
+poisson = 0.3
+cohesion = 25.0
+friction_angle = 30.0
+[[combination]]
+name = "given"
+factors = { gravity = 1.0 }
+[[combination]]
+name = "DA1-2"
+factors = { gravity = 1.0 }
+strength = 1.25
+[[combination]]
+name = "too weak"
+factors = { gravity = 1.0 }
+strength = { ground = 3.5 }
+"""
+
+
+def test_each_combination_has_its_factor_of_safety(
+    comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """F times the partial factor of strengths is the same, to the tolerance of F."""
+    case = write_case(comm, shared_tmp_path / "case.toml", SLOPE)
+    results = shared_tmp_path / "results"
+    assert main(["run", str(case), "-o", str(results)]) == SOLVED
+    out = comm.bcast(capsys.readouterr().out)
+    assert "combination 'DA1-2': 1 × gravity; strengths divided by 1.25." in out
+    if comm.rank:
+        return
+    with (results / "combinations.csv").open(encoding="utf-8", newline="") as file:
+        rows = {row["combination"]: row for row in csv.DictReader(file)}
+    assert list(rows) == ["too weak", "DA1-2", "given"]
+    verdicts = ["not carried", "carried", "carried"]
+    assert [row["design load"] for row in rows.values()] == verdicts
+    for side in ("lower", "upper"):
+        given = float(rows["given"][side])
+        assert 1.25 * float(rows["DA1-2"][side]) == pytest.approx(given, rel=3e-3)
+        assert 3.5 * float(rows["too weak"][side]) == pytest.approx(given, rel=3e-3)

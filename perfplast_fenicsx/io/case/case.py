@@ -21,9 +21,7 @@ from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.controls.given import Given
-from perfplast_fenicsx.io.case.combinations import (
-    Combination,
-)
+from perfplast_fenicsx.io.case.combinations import Combination, weakened
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile, GroundInCase
 from perfplast_fenicsx.io.case.mesh_table import CaseMesh, load_mesh
 from perfplast_fenicsx.io.case.scene import Scene
@@ -124,12 +122,14 @@ class Case:
             moving = [called(one) for one in (*held, *self.obstacles) if _moves(one)]
             strains = [getattr(one, "name", "") or one.on for one in self.initial]
             loads = combination.of(self.loads, [*moving, *strains])
-            given = Given(loads, held, *movers, strained, self.initial, self.materials)
+            materials, _ = weakened(self.materials, combination.strength)
+            given = Given(loads, held, *movers, strained, self.initial, materials)
             self.loading.check(given)
             return replace(
                 self,
                 title=f"{self.title}: {combination.name}",
                 loads=loads,
+                materials=materials,
                 combinations=[],
                 combination=combination.name,
                 remarks=(*self.remarks, combination.in_words()),

@@ -26,6 +26,19 @@ _TRESCA = """\
 # itself is one by Tresca's.
 """
 
+_EC7 = """\
+# Values are those recommended by EN 1997-1:2004, Annex A: actions by Table A.3 (A.3.1; for
+# buildings, of EN 1990:2002), soil parameters by Table A.4 (A.3.2), the resistance of slopes by
+# Table A.14 (A.3.3.6), as geotechnicaldesign.info quotes them. National annexes may have others.
+# A1: 1.35 permanent, 1.5 variable; A2: 1.0 and 1.3. M1: 1.0; M2: 1.25. R1 and R3: 1.0; R2: 1.1.
+# gravity is the weight, water that of [water]; leave out what the case has not. Loads called
+# permanent and variable are unfavourable ones. A variable load that is favourable has the factor 0.
+# With control = "strength" the factor of safety of each combination has to be 1 or more. With
+# control = "bounds" and loads that grow, their design load has to be carried.
+# 1.25 is for drained ground (the tangent of the angle of shearing resistance, and the effective
+# cohesion). Undrained shear strength has 1.4 in M2: strength = { clay = 1.4, sand = 1.25 }.
+"""
+
 TEMPLATES: Mapping[str, str] = {
     "en-13445-3-gpd": f"""\
 # EN 13445-3, Annex B (direct route): design check against global plastic deformation.
@@ -76,6 +89,47 @@ factors = {{ permanent = 1.35, variable = 1.5 }}
 [[combination]]
 name = "1.0 G + 1.5 Q"
 factors = {{ permanent = 1.0, variable = 1.5 }}
+""",
+    "en-1997-1-da1": f"""\
+# EN 1997-1, 2.4.7.3.4.2: Design Approach 1, GEO: A1 + M1 + R1, and A2 + M2 + R1.
+{_HEAD}{_EC7}
+[design]
+code = "EN 1997-1:2004, 2.4.7.3.4.2, Design Approach 1, Annex A (template)"
+
+[[combination]]
+name = "DA1-1 (A1 + M1 + R1)"
+factors = {{ gravity = 1.35, water = 1.35, permanent = 1.35, variable = 1.5 }}
+
+[[combination]]
+name = "DA1-2 (A2 + M2 + R1)"
+factors = {{ gravity = 1.0, water = 1.0, permanent = 1.0, variable = 1.3 }}
+strength = 1.25
+""",
+    "en-1997-1-da2": f"""\
+# EN 1997-1, 2.4.7.3.4.3: Design Approach 2, GEO: A1 + M1 + R2, for slopes.
+{_HEAD}{_EC7}# R2: 1.1 divides the strength of the ground, which is the resistance of a slope.
+# Footings and walls have other values of R2 (Tables A.5 and A.13), which divide what they carry.
+
+[design]
+code = "EN 1997-1:2004, 2.4.7.3.4.3, Design Approach 2, Annex A (template)"
+
+[[combination]]
+name = "DA2 (A1 + M1 + R2)"
+factors = {{ gravity = 1.35, water = 1.35, permanent = 1.35, variable = 1.5 }}
+strength = 1.1
+""",
+    "en-1997-1-da3": f"""\
+# EN 1997-1, 2.4.7.3.4.4: Design Approach 3, GEO: A1 or A2 + M2 + R3.
+{_HEAD}{_EC7}# permanent and variable come from structures here (A1); those on the ground, such as
+# traffic on a slope, have 1.0 and 1.3 (A2).
+
+[design]
+code = "EN 1997-1:2004, 2.4.7.3.4.4, Design Approach 3, Annex A (template)"
+
+[[combination]]
+name = "DA3 (A1 or A2 + M2 + R3)"
+factors = {{ gravity = 1.0, water = 1.0, permanent = 1.35, variable = 1.5 }}
+strength = 1.25
 """,
 }
 """By name, as TOML to be put into a case."""

@@ -21,16 +21,20 @@ class Combination:
 
     It is solved by itself, on the mesh and with the contact of all. Loads that it does not name do
     not act in it, and ζ multiplies those that are not constant. Without ``design`` under [loading]
-    the combination itself is the design load, ζ = 1.
+    the combination itself is the design load, ζ = 1. With control = "strength" each has its own
+    factor of safety, and is verified if that is 1 or more.
 
     Args:
         name: Name of the combination, and of the folder of its results.
         factors: Factors of loads, by their names, or by their surfaces or volumes where they have
             none.
+        strength: Partial factor on strengths in this combination, beside that of [design]: a number
+            for all bodies, or one for each, by its name.
     """
 
     name: str
     factors: dict[str, float]
+    strength: float | dict[str, float] = 1.0
 
     def __post_init__(self) -> None:
         outside = self.name.strip(" .") != self.name  # ".." is another folder
@@ -76,7 +80,11 @@ class Combination:
     def in_words(self) -> str:
         """Return the combination in words."""
         parts = [f"{factor:g} × {name}" for name, factor in self.factors.items() if factor > 0]
-        return f"combination '{self.name}': {' + '.join(parts)}"
+        told = f"combination '{self.name}': {' + '.join(parts)}"
+        if isinstance(self.strength, dict):
+            by_body = (f"of '{body}' by {factor:g}" for body, factor in self.strength.items())
+            return f"{told}; strengths divided {', '.join(by_body)}"
+        return told if self.strength == 1 else f"{told}; strengths divided by {self.strength:g}"
 
 
 @dataclass(frozen=True)
@@ -119,6 +127,8 @@ def designed_for(loading: Control, place: str) -> Control:
         InputError: If no limit load is sought, or none by the interior point method.
     """
     known: Any = loading
+    if loading.divides:
+        return loading
     if not hasattr(known, "design") or loading.limit_tolerance is None or loading.in_turn():
         raise InputError(
             f"{place}: combinations are for limit loads and bounds; give control = 'bounds', or"
@@ -144,31 +154,46 @@ def reduced(
     """
     check_filled_in(table, place)
     design = convert(table, DesignTable, place)
-    strength = design.strength
-    factors = strength if isinstance(strength, dict) else dict.fromkeys(materials, strength)
-    found: dict[str, Material] = dict(materials)
     with at(place):
-        for body, factor in factors.items():
-            if body not in materials:
-                raise InputError(f"strength names '{body}', no body; {nearest(body, materials)}")
-            if not (factor > 0 and math.isfinite(factor)):
-                raise InputError(f"strength = {factor:g} is not positive; give one above 0.")
-            if factor == 1:
-                continue
-            weaker = getattr(materials[body], "divided_by", None)
-            if weaker is None:
-                raise InputError(
-                    f"the material of '{body}' has no reduced strength; leave it out of strength."
-                )
-            found[body] = weaker(factor)
-    changed = {body: factor for body, factor in factors.items() if factor != 1}
-    told = [_source(design.code)] if design.code else []
-    if len(set(changed.values())) == 1 and len(changed) == len(materials):
-        told.insert(0, f"all strengths are divided by {next(iter(changed.values())):g}")
-    elif changed:
-        parts = [f"of '{body}' by {factor:g}" for body, factor in changed.items()]
-        told.insert(0, f"strengths are divided: {', '.join(parts)}")
+        found, words = weakened(materials, design.strength)
+    told = [words] if words else []
+    if design.code:
+        told.append(_source(design.code))
     return found, "; ".join(told)
+
+
+def weakened(
+    materials: Mapping[str, Material], strength: float | Mapping[str, float]
+) -> tuple[dict[str, Material], str]:
+    """Return materials with strengths that are divided by partial factors, and this in words.
+
+    Args:
+        materials: By the names of their bodies.
+        strength: A factor for all bodies, or one for each, by its name.
+
+    Raises:
+        InputError: If a body is unknown, a factor none, or a material has no reduced strength.
+    """
+    factors = dict.fromkeys(materials, strength) if isinstance(strength, float | int) else strength
+    found: dict[str, Material] = dict(materials)
+    for body, factor in factors.items():
+        if body not in materials:
+            raise InputError(f"strength names '{body}', no body; {nearest(body, materials)}")
+        if not (factor > 0 and math.isfinite(factor)):
+            raise InputError(f"strength = {factor:g} is not positive; give one above 0.")
+        if factor == 1:
+            continue
+        weaker = getattr(materials[body], "divided_by", None)
+        if weaker is None:
+            raise InputError(
+                f"the material of '{body}' has no reduced strength; leave it out of strength."
+            )
+        found[body] = weaker(factor)
+    changed = {body: factor for body, factor in factors.items() if factor != 1}
+    if len(set(changed.values())) == 1 and len(changed) == len(materials):
+        return found, f"all strengths are divided by {next(iter(changed.values())):g}"
+    parts = [f"of '{body}' by {factor:g}" for body, factor in changed.items()]
+    return found, f"strengths are divided: {', '.join(parts)}" if parts else ""
 
 
 def _source(code: str) -> str:

@@ -74,6 +74,8 @@ def _row(name: str, limit: Mapping[str, Any] | None) -> dict[str, Any]:
     """Return the row of a combination: strict bounds of the bodies, and the estimate."""
     known = limit or {}
     body, design = known.get("body") or {}, known.get("design") or {}
+    if strength := known.get("strength"):  # the factor of safety, of which 1 is enough
+        body = design = strength
     low, high = design.get("lower"), design.get("upper")
     carried = low is not None and low >= 1
     refused = high is not None and high < 1
