@@ -40,7 +40,6 @@ STRENGTH = 'loading.control = "strength"'
 LEFT = "direction = [-2.0, 0.0]"
 
 
-@pytest.mark.mpi2
 def test_at_the_critical_coefficient_the_factor_of_safety_is_one(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
