@@ -11,6 +11,10 @@
 # - The rough one is a rigid surface: its tractions are any that have the force, and it moves along
 #   the axis and no otherwise.
 #
+# The last two are smooth footings on Mohr–Coulomb ground of the cohesion 1: a strong punch in
+# contact. Their N_c is that of characteristics (A. D. Cox, G. Eason, H. G. Hopkins, Phil. Trans. R.
+# Soc. A 254, 1961).
+#
 #     ./fenicsx python3 demos/verification/ring_bounds.py
 
 # %%
@@ -29,7 +33,10 @@ from meshes.strip_footing import write_strip_footing
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
     Adaptation,
+    Contact,
+    Elastic,
     Force,
+    MohrCoulomb,
     Pressure,
     Problem,
     RigidSurface,
@@ -44,6 +51,10 @@ SMOOTH, ROUGH = (5.69 / 2, 5.69 / math.sqrt(3)), (6.05 / 2, 6.05 / math.sqrt(3))
 BELOW, ABOVE, GAP, QUICK = 0.005, 0.01, 0.01, 0.1
 """How far bounds may be from exact loads and from each other, and that for a quick look."""
 CELLS = 4000
+N_C = {10.0: 9.987, 20.0: 20.077}
+"""Of smooth circular footings, by the angle of friction in degrees."""
+DILATING = 0.02
+"""Gap of the bounds of these."""
 
 
 # %%
@@ -72,6 +83,20 @@ def problems(folder: ResultFolder, coarse: bool) -> dict[str, tuple[Problem, flo
     }
 
 
+def punched(folder: ResultFolder, angle: float) -> Problem:
+    """A smooth footing on ground that dilates. Collective."""
+    section = mesh(folder, write_strip_footing, size=0.2, punch=True).turned()
+    ground = MohrCoulomb(young=1e4, poisson=0.3, cohesion=1.0, friction_angle=angle)
+    return Problem(
+        section,
+        {"ground": ground, "punch": Elastic(1e7, 0.3)},
+        [Support("side", "x"), Support("bottom")],
+        [Pressure("top", 1.0)],
+        [Contact("ground_footing", "punch_footing")],
+        degree=2,
+    )
+
+
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     """Strict brackets on adapted meshes. Collective."""
     gap, rows = QUICK if coarse else GAP, list[Row]()
@@ -88,6 +113,16 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         rows += at_most(name, bounds, time.perf_counter() - began, told)
         if exact is None:
             show_bounds(subfolder(folder, name.replace(" ", "_")), name.capitalize(), bounds)
+    for angle, exact in N_C.items():
+        began, wide = time.perf_counter(), QUICK if coarse else DILATING
+        bounds = adaptive_bounds(punched(folder, angle), Adaptation(wide, CELLS))
+        low, high = ends(bounds)
+        told = [
+            ("gap in %", 100 * (high / low - 1), 100 * wide),
+            ("lower, N_c", low, exact),
+            ("N_c, upper", exact, high),
+        ]
+        rows += at_most(f"smooth footing, φ {angle:g}°", bounds, time.perf_counter() - began, told)
     return rows
 
 

@@ -11,7 +11,7 @@
 #   N = (1 + sin φ)/(1 − sin φ); and two blocks in space.
 # - **Circular footings**, smooth, under a strong punch, c = 1: Tresca, and Mohr and Coulomb of 10°
 #   and 20°, by characteristics (A. D. Cox, G. Eason, H. G. Hopkins, Phil. Trans. R. Soc. A 254,
-#   1961). These are of the mesh alone; bounds of the others hold for the body.
+#   1961).
 #
 #     ./fenicsx python3 demos/verification/yield_laws.py
 

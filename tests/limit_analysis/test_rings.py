@@ -10,11 +10,13 @@ import pytest
 from dolfinx import fem
 
 from meshes.ring import write_ring
+from meshes.strip_footing import write_strip_footing
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
     BodyForce,
     Contact,
     DruckerPrager,
+    Elastic,
     InputError,
     Plane,
     PorePressure,
@@ -118,7 +120,7 @@ def tubes(read: Read, outward: float = 0.0) -> Problem:
 SEAM = Contact("inner_ring_seam", "outer_ring_seam")
 
 
-def column(dead: float = 0.0) -> Problem:
+def column(dead: float = 0.0, law: object = STEEL) -> Problem:
     """A column of the radius 1 that stands on its end, by its weight."""
     mesh = rectangle(
         (3, 6),
@@ -132,7 +134,7 @@ def column(dead: float = 0.0) -> Problem:
     loads = [BodyForce("column", [0.0, -1.0])]
     loads += [Pressure("side", dead, constant=True)] if dead else []  # type: ignore[list-item]
     held = [Plane("bottom", [0.0, 0.0], [0.0, 1.0])]
-    return Problem(mesh, {"column": STEEL}, [], loads, [], held, degree=2)
+    return Problem(mesh, {"column": law}, [], loads, [], held, degree=2)  # type: ignore[dict-item]
 
 
 def check(bounds: BodyBounds, exact: float, width: float) -> None:
@@ -178,8 +180,9 @@ def test_pressure_of_shells_that_touch_on_the_axis(read: Read) -> None:
         (lambda _: disc(2, Tresca(young=1e3, poisson=0.3, cohesion=1.0)), 2.0, 2e-3),
         # σ_z = −λ(2 − z) at the foot, where nothing else acts: the foot of 2 yields at k√3
         (lambda _: column(), math.sqrt(3.0) / 2, 0.25),
+        (lambda _: column(law=SOIL), math.sqrt(PASSIVE), 0.25),
     ],
-    ids=["disc", "tube", "tubes meshed apart", "Tresca", "weight"],
+    ids=["disc", "tube", "tubes meshed apart", "Tresca", "weight", "weight of ground"],
 )
 def test_exact_limit_loads_lie_between(
     read: Read, problem: Callable[[Read], Problem], exact: float, width: float
@@ -215,6 +218,38 @@ def test_exact_limit_loads_of_ground_that_dilates(
     read: Read, problem: Callable[[Read], Problem], exact: float, width: float
 ) -> None:
     check(limit_bounds(problem(read)), exact, width)
+
+
+def test_a_smooth_circular_footing_beside_a_surcharge(read: Read) -> None:
+    """Stresses less cot φ times what c gains, so that N_q = 1 + N_c tan φ holds for both bounds."""
+    mesh = read(write_strip_footing, size=0.5, punch=True, width=3.0, depth=3.0).turned()
+
+    def found(surcharge: float) -> BodyBounds:
+        loads = [Pressure("top", 1.0)]
+        loads += [Pressure("free", surcharge, constant=True)] if surcharge else []
+        return limit_bounds(
+            Problem(
+                mesh,
+                {"ground": SOIL, "punch": Elastic(1e7, 0.3)},
+                [Support("side", "x"), Support("bottom")],
+                loads,
+                [Contact("ground_footing", "punch_footing")],
+                degree=2,
+            ),
+            1e-5,
+        )
+
+    alone, beside, q = found(0.0), found(0.7), 0.7
+    exact = 20.077
+    assert alone.strict
+    assert beside.strict
+    assert alone.lower.value is not None
+    assert alone.upper.value is not None
+    assert alone.lower.value < exact < alone.upper.value < 1.25 * alone.lower.value
+    gain = math.tan(math.radians(ANGLE))
+    for one, other in ((alone.lower, beside.lower), (alone.upper, beside.upper)):
+        assert one.value is not None
+        assert other.value == pytest.approx(q + (1 + q * gain) * one.value, rel=1e-3)
 
 
 def test_ground_dilates_by_enough_between_the_coefficients() -> None:
