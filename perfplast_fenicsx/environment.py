@@ -51,7 +51,7 @@ class Surroundings:
     petsc4py: Path | None
 
     def fault(self) -> str | None:
-        """Return what keeps the program from starting, in one sentence; None if nothing does."""
+        """Return why the program cannot start, in one sentence; None if it can."""
         if {WHEEL, COMPLEX} <= self.distributions:
             return (
                 f"{WHEEL} and {COMPLEX} are both installed and overwrite each other's files;"
@@ -130,7 +130,7 @@ def forms_folder() -> Path:
 
 
 def forms_fault() -> str | None:
-    """Return what keeps forms from being compiled and kept, in one sentence; else None."""
+    """Return why forms cannot be compiled and cached, in one sentence; else None."""
     folder = forms_folder()
     existing = folder
     while not existing.exists() and existing != existing.parent:
@@ -150,7 +150,7 @@ def forms_fault() -> str | None:
 
 
 def compiler_fault() -> str | None:
-    """Return what keeps C from being compiled, in one sentence; None if nothing does."""
+    """Return why C cannot be compiled, in one sentence; None if it can."""
     compiler = c_compiler()
     if shutil.which(compiler) is None:
         return (

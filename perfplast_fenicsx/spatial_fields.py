@@ -84,7 +84,7 @@ class SpatialField:
         return both if self.scale >= 0 else (both[1], both[0])
 
     def in_words(self) -> str:
-        """Return what the field is, in a few words."""
+        """Return a description of the field in a few words."""
         raise NotImplementedError
 
     def _at(self, x: Floats, place: str) -> Floats:

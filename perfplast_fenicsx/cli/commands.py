@@ -129,7 +129,7 @@ def check(comm: MPI.Intracomm, path: str, trust: bool = False, picture: str | No
 
 
 def info(comm: MPI.Intracomm) -> int:
-    """Show what the program runs on. Collective."""
+    """Print versions and the machine. Collective."""
     found = versions() | surroundings(comm)
     width = max(map(len, found))
     Terminal(comm).say("\n".join(f"{name:{width}}  {text}" for name, text in found.items()))

@@ -96,7 +96,7 @@ def cache() -> Finding:
 
 
 def libraries() -> Finding:
-    """Return the versions of what solves, or why it cannot be loaded."""
+    """Return the versions of the solver's libraries, or why they cannot be loaded."""
     fault = environment.surroundings().fault()
     if fault is not None:
         return Finding("FAULT", fault)
@@ -283,7 +283,7 @@ APART: dict[str, Callable[[], Finding]] = {
 
 
 def _apart(trial: str) -> Finding:
-    """Return what comes of a trial of :data:`APART` in a process of its own."""
+    """Return the result of a trial of :data:`APART` in a separate process."""
     program = [sys.executable, "-P", "-m", "perfplast_fenicsx.cli.doctor", trial]
     done = _run(program)
     if done is None:
@@ -298,7 +298,7 @@ def _apart(trial: str) -> Finding:
 def _run(
     command: list[str], variables: dict[str, str] | None = None
 ) -> subprocess.CompletedProcess[str] | None:
-    """Run a command that is no rank; return None where it does not end in time."""
+    """Run a command outside of MPI; return None if it does not end in time."""
     variables = environment_with_package(environment_apart() if variables is None else variables)
     try:
         return subprocess.run(

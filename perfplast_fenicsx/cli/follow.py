@@ -119,7 +119,7 @@ class Follower:
                 log.warning("%s", error)
 
     def _waiting(self, summary: dict[str, Any]) -> str:
-        """Return what the run does now, from its results and the last line of its log."""
+        """Return the current state of the run, from its results and the last line of its log."""
         level = next_level(summary["planned"], [one["seconds"] for one in summary["steps"]])
         return f"{level}: {self._log()[-1].partition('INFO')[2].strip()}"
 

@@ -146,7 +146,7 @@ def launched_ranks(environ: Mapping[str, str]) -> tuple[str, int, int] | None:
 
 
 def _launcher(program: str) -> Launcher | None:
-    """Return what a program says of itself; None if it is no launcher that is known."""
+    """Return the kind and version of a launcher; None if it is not known."""
     try:
         done = subprocess.run(
             [program, "--version"],

@@ -78,7 +78,7 @@ class Recorder:
     """
 
     def __init__(self, run: RunContext) -> None:
-        """Write and show what there is before the first level. Collective."""
+        """Write and show the data of the run before the first level. Collective."""
         self._run, case, saved = run, run.case, run.saved
         self._began = run.began - saved.timings.get("total", 0.0)
         self.last, self._before = saved.level, saved.before

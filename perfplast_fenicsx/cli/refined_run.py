@@ -110,7 +110,7 @@ def _of_levels(summary: Mapping[str, Any]) -> dict[str, str]:
 def _told(
     limits: Sequence[Mapping[str, Any] | None], coarse: Mapping[str, Any], fine: Mapping[str, Any]
 ) -> list[str]:
-    """By how much the finer mesh changes the result, and what both prove together."""
+    """Return how much the finer mesh changes the result, and the best bounds of both."""
     if limits[0] is None or limits[1] is None:
         ends = [[s for s in one["steps"] if s["converged"]] for one in (coarse, fine)]
         if not all(ends) or abs(ends[0][-1]["zeta"] - ends[1][-1]["zeta"]) > 1e-9:

@@ -1,4 +1,4 @@
-"""A run: a case is solved level by level, and what comes out is written and shown."""
+"""A run: solve a case level by level, and write and show the results."""
 
 import logging
 import shlex

@@ -169,7 +169,7 @@ class RunLog:
         self._number += 1
 
     def limit(self, limit: LimitLoad, body: BodyBounds | None) -> None:
-        """Log what is known of the limit load."""
+        """Log the result of the search for the limit load."""
         log.info("%s", limit)
         if body is not None:
             log.info("%s", body)

@@ -167,7 +167,7 @@ def _found(folder: str) -> dict[str, Any]:
 def _written(
     rows: Sequence[Mapping[str, Any]], keys: Sequence[str], title: str, output: Path
 ) -> str | None:
-    """Write table and picture; what the system refused, if anything."""
+    """Write table and picture; return the error of the system, if any."""
     try:
         replace(output / TABLE, csv_table(rows))
         # Matplotlib takes a fifth of the time in which other commands start.

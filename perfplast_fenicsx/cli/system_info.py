@@ -74,7 +74,7 @@ def blas() -> str:
 
 
 def threads() -> str:
-    """Return the number of cores that this process may use, and what limits its threads."""
+    """Return the number of cores that this process may use, and the limit of its threads."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     # What sets the number of threads.
     variables = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")

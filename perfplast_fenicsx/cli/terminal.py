@@ -78,7 +78,7 @@ class Terminal:
             self._write(f"{visible(text, lines=True)}\n")
 
     def status(self, text: str) -> None:
-        """Say on the live line what is being done."""
+        """Show the current activity on the live line."""
         if self._live:
             text = f"{clock(time.monotonic() - self._began)}  {visible(text)}"
             text = text[: shutil.get_terminal_size().columns - 1]
@@ -103,7 +103,7 @@ class Terminal:
                 os.dup2(nowhere.fileno(), self._stream.fileno())
 
     def header(self, title: str, method: str, problem: Problem, options: object = None) -> None:
-        """Say what is solved, and head the table if there are levels to come. Collective."""
+        """Print the problem, and the head of the table if levels follow. Collective."""
         self.say(describe(title, method, problem, options))
         for remark in problem.constraints.remarks:
             self.say(remark)
@@ -200,7 +200,7 @@ class Terminal:
         )
 
     def _path_bracket(self, limit: LimitLoad) -> None:
-        """Say where a path loses equilibrium, and what theorems there are beside it."""
+        """Print where a path loses equilibrium, and Drucker's bounds."""
         found = PathBracket(limit.lower, limit.upper).in_words()
         self.say(f"This path {found} ({effort(limit)}).")
         self.say(f"How the search ended: {limit.reason}.")
@@ -227,7 +227,7 @@ class Terminal:
             self.say(f"  {name:<{width}}  {cells}")
 
     def body(self, bounds: BodyBounds, steps: Sequence[str] = ()) -> None:
-        """Say what is proven of the body, and what would narrow it."""
+        """Print the bounds of the body, and how to narrow them."""
         self.say(bounds.in_words())
         for step in steps:
             self.say(f"{sentence(step)}.")

@@ -74,7 +74,7 @@ class Understood:
 
 
 def understood(case: Case, problem: Problem) -> Understood | None:
-    """Return on rank 0 what a case was taken to say, None on the others. Collective."""
+    """Return the interpretation of a case on rank 0, None on the others. Collective."""
     resultants = sized_resultants(problem)
     single, together = left_motions(problem)
     volumes = _volumes(problem)
@@ -94,7 +94,7 @@ def understood(case: Case, problem: Problem) -> Understood | None:
 
 
 class _Told:
-    """Puts what was understood into lines."""
+    """Describes a case in lines."""
 
     def __init__(self, case: Case, problem: Problem, sides: Sides) -> None:
         self.case, self.problem, self.sides = case, problem, sides
@@ -108,7 +108,7 @@ class _Told:
     def loads(
         self, resultants: Sequence[tuple[LoadResultant, float]], volumes: dict[str, float]
     ) -> None:
-        """Print each load: where, how large, and what it comes to."""
+        """Print each load: surface, size and resultant."""
         if not self.case.loads:
             self.lines.append("Loads: none")
             return
@@ -231,7 +231,7 @@ class _Told:
             self.lines.append(f"F does not divide (reduced = false): {_few(kept)}")
 
     def rest(self, volumes: dict[str, float]) -> None:
-        """Print what the case does not name, and which bodies have no load or support."""
+        """Print surfaces that the case does not name, and bodies without load or support."""
         areas, of_tags = self.sides.area_of_tags(), self.sides.names_of_tags()
         used = self.problem.tagged_mesh.tags_of([*self.marked, *self.glued])
         free: dict[str, float] = {}
@@ -261,7 +261,7 @@ class _Told:
         return found
 
     def _told(self, line: str, name: str, role: str, words: str) -> None:
-        """Add a line on a surface, and what it covers of which sides."""
+        """Add a line on a surface, and the sides that it covers."""
         parts, all_of = [], dict[str, list[str]]()
         for cover in self.sides.covers(name):
             body = self.problem.free.names[cover.side.body]
@@ -290,7 +290,7 @@ class _Told:
             mark.words.append(words)
 
     def _shared(self, load: Load, others: Sequence[Load]) -> str:
-        """Return on what a load acts together with others of its kind, in words."""
+        """Return the surfaces on which a load acts together with others of its kind, in words."""
         own, found = set(self.problem.tagged_mesh.tags_of([load.on])), []
         for other in others:
             alike = kind_of(other) == kind_of(load) and other.constant == load.constant
@@ -473,7 +473,7 @@ def save_arrays(
 
 
 def _part(cover: Cover, where: str) -> str:
-    """Return what of a side is covered, in words."""
+    """Return the covered part of a side, in words."""
     side = cover.side
     share = cover.area / side.area
     rest = [
@@ -494,7 +494,7 @@ def _few(words: Sequence[str]) -> str:
 
 
 def _held(one: HeldAgainst) -> str:
-    """Return where supports hold what another body pushes on, with a remedy."""
+    """Return supports on surfaces that another body pushes on, with a remedy."""
     return (
         f"{_few(one.by)} holds {one.held} of the {one.nodes} nodes of"
         f" '{one.surface}' along the normal, and not '{one.other}': an elastic or rigid body"

@@ -53,7 +53,7 @@ class BoundsControl(OfBody):
             check_turns(given.loads)
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse what bounds of the body do not know. Collective."""
+        """Refuse problems for which bounds of the body are not available. Collective."""
         check_bounds(problem, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:

@@ -75,7 +75,7 @@ class Record(Protocol):
     def direction(
         self, angles: Angles, low: BodyBounds, high: BodyBounds, prove: Proving
     ) -> Proven:
-        """Return what the bounds in a direction of an envelope prove."""
+        """Return the bounds that are proven in a direction of an envelope."""
 
     def envelope(self, found: Envelope, names: Sequence[str]) -> None:
         """Which multiples of loads, with these names, are carried."""
@@ -217,7 +217,7 @@ class OfLevels:
         return ()
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse nothing: what levels need is seen when the solver is made."""
+        """Refuse nothing: the solver checks what levels need."""
 
     def answer(self, lower: float | None, upper: float | None) -> str:
         """None."""
@@ -245,7 +245,7 @@ class OfBody:
         return none_moved
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """Return remarks on what does not change the limit load. Collective."""
+        """Return remarks on data that do not change the limit load. Collective."""
         return [*ignored(problem), *idle_pores(problem)]
 
     def answer(self, lower: float | None, upper: float | None) -> str:

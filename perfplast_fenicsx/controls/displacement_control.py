@@ -49,7 +49,7 @@ class DisplacementControl(OfLevels):
         return all_moved
 
     def check(self, given: Given) -> None:
-        """Refuse loads that grow, and motions of which there are none."""
+        """Refuse loads that grow, and cases without motions."""
         for load in given.loads:
             if not load.constant:
                 raise InputError(

@@ -74,7 +74,7 @@ class ShakedownControl(OfBody):
         return LoadDomain.of_corners(self.corners or [])
 
     def check(self, given: Given) -> None:
-        """Refuse names of nothing, loads without a range, and what may open or slide."""
+        """Refuse unknown names, loads without a range, and contacts that may open or slide."""
         given.require_load(enough=given.strained)
         given.refuse_moves()
         warmed = [called(a) for a in given.initial if isinstance(a, Temperature)]
@@ -100,11 +100,11 @@ class ShakedownControl(OfBody):
         ]
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse laws without a cone, and what does not stay closed. Collective."""
+        """Refuse laws without a cone, and contacts that may open. Collective."""
         check_shakedown(problem, self.domain, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
-        """Find the load, and those of a diagram. Collective."""
+        """Find the shakedown load, or the loads of a diagram. Collective."""
         rtol, steps = self.limit_tolerance, run.record.interior
         found = shakedown_load(run.problem, self.domain, rtol, steps)
         diagram = []

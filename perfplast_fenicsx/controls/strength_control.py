@@ -49,7 +49,7 @@ class StrengthControl(OfBody):
         check_stands(given.loads, given.materials, [*given.contacts, *given.obstacles])
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse what has no reduced strength, and what bounds do not know. Collective."""
+        """Refuse problems without a strength to reduce or without bounds. Collective."""
         if self.path:
             check_curve(problem)
         check_bounds(weakened(problem, 1.0), self.limit_tolerance)

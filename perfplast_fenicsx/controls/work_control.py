@@ -80,7 +80,7 @@ class WorkControl:
         return none_moved
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """Return remarks on what does not change the limit load. Collective."""
+        """Return remarks on data that do not change the limit load. Collective."""
         return ignored(problem)
 
     def check(self, given: Given) -> None:
@@ -97,7 +97,7 @@ class WorkControl:
             )
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse what has no limit load, or none that the method can find. Collective."""
+        """Refuse problems without a limit load that the method can find. Collective."""
         if self.limit_tolerance is not None:
             check_limit_load(problem, self.limit_tolerance, solver)
 

@@ -1,4 +1,4 @@
-"""A run in a notebook: its tables as data frames, its report as what a cell shows."""
+"""A run in a notebook: its tables are data frames, and a cell shows its report."""
 
 from html import escape
 from pathlib import Path

@@ -17,7 +17,7 @@ from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
 
 
 def main(argv: Sequence[str]) -> int:
-    """Mesh, and write what has been found."""
+    """Mesh, and write the survey of the geometry."""
     source, target, options, survey = argv
     try:
         with gmsh_session() as gmsh:

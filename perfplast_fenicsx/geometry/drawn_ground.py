@@ -148,7 +148,7 @@ class DrawnGround:
         return found
 
     def script(self) -> str:
-        """Return gmsh's script of the ground: what is drawn, and nothing that could do harm."""
+        """Return gmsh's script of the ground, which contains only geometry."""
         return _script(self.outline(), [line.name for line in self.lines])
 
     def remarks(self) -> list[str]:

@@ -25,7 +25,7 @@ IMPORTED = {
 
 
 def is_script(path: Path) -> bool:
-    """Return whether gmsh would run what is in a file, by its name."""
+    """Return whether gmsh would run a file as a script, by its name."""
     return path.suffix.lower() in SCRIPTS
 
 

@@ -33,7 +33,7 @@ first, and on either side of it where a level there has neither converged nor a 
 
 
 OnLevel = Callable[[Level, Search], None]
-"""Called on every rank after each level that carries its load, with what is known by then."""
+"""Called on every rank after each level that carries its load, with the bracket so far."""
 
 log = logging.getLogger(__name__)
 

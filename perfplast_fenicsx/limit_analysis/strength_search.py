@@ -178,7 +178,7 @@ class _Search:
         return None
 
     def _next(self, known: dict[float, float]) -> float:
-        """Return where ln ζ may be 0: by a secant, within what is known to be on either side."""
+        """Return an estimate of the root of ln ζ by a secant, within the known bracket."""
         nearest = sorted(known, key=lambda factor: abs(known[factor]))
         best = nearest[0]
         if len(nearest) > 1:

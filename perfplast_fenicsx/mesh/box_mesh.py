@@ -164,7 +164,7 @@ def structured_mesh(
 
 
 def _check_size(comm: MPI.Intracomm, boxes: Sequence[Box]) -> None:
-    """Refuse what no memory can hold, before it is asked for. Collective."""
+    """Refuse meshes that are too large for memory, before allocating them. Collective."""
     cubes = sum(box.num_cubes for box in boxes)
     # Bytes that a tetrahedron needs at the very least, while the mesh is made.
     least_memory = 200

@@ -1,4 +1,4 @@
-"""Which cells are near points: candidates for what overlaps or lies on each other."""
+"""Find the cells near points: candidates for overlap or contact."""
 
 from collections.abc import Iterator
 from itertools import chain

@@ -17,7 +17,7 @@ import numpy as np
 
 
 def limit(size: int) -> None:
-    """Bound what this process may take, for a file of ``size`` bytes."""
+    """Limit the memory and time of this process, for a file of ``size`` bytes."""
     # Processor time that gmsh may take; good files need less than a tenth.
     least_seconds, seconds_per_mb = 30, 5
     seconds = least_seconds + seconds_per_mb * (size >> 20)
@@ -30,7 +30,7 @@ def limit(size: int) -> None:
 
 
 def dump(source: str, target: str) -> None:
-    """Read one file, write the other; what gmsh complains of is in there too."""
+    """Read a gmsh file, and write its arrays, groups and first error to another file."""
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.logger.start()

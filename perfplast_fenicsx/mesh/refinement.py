@@ -216,7 +216,7 @@ def _pairs(opposite: Longs | None) -> Longs:
 def _cut(
     tagged_mesh: TaggedMesh, edges: GluedEdges, marks: npt.NDArray[np.bool_], order: Longs
 ) -> Refined:
-    """Cut the owned cells at marked edges, and distribute what comes of it. Collective."""
+    """Cut the owned cells at marked edges, and distribute the new cells. Collective."""
     mesh = tagged_mesh.mesh
     topology, comm = mesh.topology, mesh.comm
     dim, owned = topology.dim, len(edges.of_cell)

@@ -13,7 +13,7 @@ from perfplast_fenicsx.pictures.result_figures import animate, case, parts, plot
 
 
 def main(argv: Sequence[str]) -> int:
-    """Draw, and say what has been drawn, a line each."""
+    """Draw, and print the name of each picture on a line."""
     command, source, *output = argv
     commands: dict[str, Callable[..., Iterator[str]]] = {
         "plot": plot,

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from perfplast_fenicsx.io.results.result_folder import ResultFolder
 
 PATIENCE = {"plot": 900.0, "animate": 2400.0, "parts": 600.0, "case": 600.0}
-"""Longest time for what a command draws (s)."""
+"""Time limit of a drawing command (s)."""
 
 log = logging.getLogger(__name__)
 
@@ -126,7 +126,7 @@ def draw_case(arrays: str | Path, picture: str | Path) -> None:
 def _run(
     command: str, folder: str | Path, output: str | Path | None, say: Callable[[str], None]
 ) -> None:
-    """Run :mod:`perfplast_fenicsx.pictures.__main__`, and pass on what it says."""
+    """Run :mod:`perfplast_fenicsx.pictures.__main__`, and pass on its output."""
     program = [sys.executable, "-P", "-m", "perfplast_fenicsx.pictures", command, str(folder)]
     program += [str(output)] if output else []
     with display() as environment, tempfile.TemporaryFile("w+", encoding="utf-8") as complaints:

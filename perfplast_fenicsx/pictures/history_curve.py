@@ -1,4 +1,4 @@
-"""The curves of a loading history: each factor with what answers to it. Single-process."""
+"""The curves of a loading history: each factor with its response. Single-process."""
 
 from collections.abc import Sequence
 

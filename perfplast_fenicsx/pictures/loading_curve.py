@@ -81,7 +81,7 @@ def draw_curve(
     unit: str = "",
     now: LevelReport | None = None,
 ) -> None:
-    """Draw ζ over α of the converged levels; the last one that failed as a line.
+    """Draw ζ over α of the converged levels, and a line for the last one that failed.
 
     Of a history the factors of loads are drawn (:func:`history_curve.draw_history`).
 

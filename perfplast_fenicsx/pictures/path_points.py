@@ -1,4 +1,4 @@
-"""The points of a loading curve: where it begins, and what lies between levels."""
+"""The points of a loading curve: its start, its levels, and points between them."""
 
 from collections.abc import Sequence
 from itertools import pairwise

@@ -47,7 +47,7 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
 
 
 def path(reader: ResultReader) -> Drawing | None:
-    """Return what draws ``path.png``: load factor and work of all levels."""
+    """Return a function that draws ``path.png``: load factor and work of all levels."""
     if not reader.reports:
         return None
 
@@ -65,7 +65,7 @@ def path(reader: ResultReader) -> Drawing | None:
 
 
 def seepage(reader: ResultReader) -> Drawing | str | None:
-    """Return what draws ``seepage.png``: heads and flow lines in the plane."""
+    """Return a function that draws ``seepage.png``: heads and flow lines in the plane."""
     flow = reader.flow
     if flow is None:
         return None
@@ -83,7 +83,7 @@ def seepage(reader: ResultReader) -> Drawing | str | None:
 
 
 def fields(reader: ResultReader) -> Drawing | str | None:
-    """Return what draws ``fields.png``: the bodies after the last level."""
+    """Return a function that draws ``fields.png``: the bodies after the last level."""
     if not reader.reports:
         return None
     if not any(report.converged for report in reader.reports):
@@ -103,7 +103,7 @@ def fields(reader: ResultReader) -> Drawing | str | None:
 
 
 def strength(reader: ResultReader) -> Drawing | None:
-    """Return what draws ``strength.png``: load factors over the divisor of strengths."""
+    """Return a function that draws ``strength.png``: load factors over the divisor of strengths."""
     table = _asked(reader, "strength")
     if not table:
         return None
@@ -117,7 +117,7 @@ def strength(reader: ResultReader) -> Drawing | None:
 
 
 def envelope(reader: ResultReader) -> Drawing | None:
-    """Return what draws ``envelope.png``: the pairs of loads that are carried."""
+    """Return a function that draws ``envelope.png``: the pairs of loads that are carried."""
     pairs = _asked(reader, "envelope")
     if not pairs:
         return None
@@ -132,7 +132,7 @@ def envelope(reader: ResultReader) -> Drawing | None:
 
 
 def shakedown(reader: ResultReader) -> Drawing | None:
-    """Return what draws ``shakedown.png``: the loads of each ratio that bodies shake down under."""
+    """Return a function that draws ``shakedown.png``: shakedown loads for each ratio of loads."""
     table = _asked(reader, "shakedown")
     if not table or not table["diagram"]:
         return None
@@ -146,7 +146,7 @@ def shakedown(reader: ResultReader) -> Drawing | None:
 
 
 def mechanism(reader: ResultReader) -> Drawing | str | None:
-    """Return what draws ``mechanism.png``: the bodies as they collapse."""
+    """Return a function that draws ``mechanism.png``: the bodies as they collapse."""
     surface = _last(reader) if reader.levels else None
     found = _mechanism(reader, surface) if surface or not reader.reports else None
     if found is None:

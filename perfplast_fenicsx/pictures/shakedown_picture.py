@@ -1,4 +1,4 @@
-"""Bree's diagram: to which pairs of two of what varies bodies shake down. Single-process."""
+"""Bree's diagram: the pairs of varying loads to which bodies shake down. Single-process."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The discrete problem, its states and what they are judged by."""
+"""The discrete problem, its states and their checks."""
 
 import lazy_loader
 

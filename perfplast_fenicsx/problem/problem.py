@@ -169,7 +169,7 @@ class Problem:
         )
 
     def _repr_html_(self) -> str:
-        """Return what was declared as a table."""
+        """Return the declared data as a table."""
         given = self.given
         declared = {
             "support": given.supports,
@@ -239,7 +239,7 @@ class Problem:
             function.x.array[:] = history[name].x.array if history else 0.0
 
     def move_to(self, zeta: float) -> None:
-        """Put supports and obstacles where they are at ζ, and with them what depends on that."""
+        """Move supports and obstacles to their positions at ζ, and update dependent data."""
         self.moved_to = zeta
         if self.motion.moves_supports or self.motion.driven:
             self.prescribed = self.motion.displacement_at(zeta)

@@ -138,7 +138,7 @@ class SteadyFlow:
         return float(abs(each.sum()) / np.abs(each).max(initial=np.finfo(float).tiny))
 
     def table(self) -> dict[str, Any]:
-        """Return what ``summary.json`` says of the flow."""
+        """Return the data of the flow for ``summary.json``."""
         return {
             "discharges": self.discharges,
             "imbalance": self.imbalance,

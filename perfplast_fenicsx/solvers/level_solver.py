@@ -253,5 +253,5 @@ class LevelSolver(Stepper, ABC):
         return forces
 
     def at_rest(self, monitor: Monitor | None = None) -> Level:
-        """The level ζ = 0: what constant loads and supports that move do alone. Collective."""
+        """Return the level ζ = 0, under constant loads and supports that move. Collective."""
         return self.solve(0.0, None, monitor)

@@ -148,7 +148,7 @@ def work_path(
 def _with_all(
     level: Level, solver: LevelSolver, seconds: float, before: Mapping[str, Any]
 ) -> Level:
-    """A level with what led to it: the state near first yield, and steps that were too long."""
+    """A level with its history: the state near first yield, and steps that were too long."""
     now = counts(solver.linear, solver.program)
     counted = {name: count - before[name] for name, count in now.items()}
     report = dataclasses.replace(level.report, seconds=seconds, **counted)

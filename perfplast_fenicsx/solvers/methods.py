@@ -14,7 +14,7 @@ from perfplast_fenicsx.solvers.work_newton import BorderedNewton, WorkNewton
 
 @dataclass(frozen=True)
 class SolveMethod:
-    """An algorithm of ``[solve]``: the dataclass of its options and what makes the solver."""
+    """An algorithm of ``[solve]``: the dataclass of its options and its solver's constructor."""
 
     options: type[Any]
     solver: type[Any]

@@ -1,4 +1,4 @@
-"""Choices of the Newton methods ALG1, ALG3 and ALG4, and what follows from them in each step."""
+"""Options of the Newton methods ALG1, ALG3 and ALG4, and their effect in each step."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

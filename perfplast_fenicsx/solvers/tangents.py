@@ -1,4 +1,4 @@
-"""The tangent of an iterate as what its contact programs solve with."""
+"""The tangent of an iterate as the operator of its contact programs."""
 
 from collections.abc import Callable
 from typing import Any, Protocol, TypeAlias

@@ -133,7 +133,7 @@ def _chunks(first: Longs) -> list[slice]:
 
 
 _Sums = tuple[Longs, Floats]
-"""Keys of pairs of facets, and what each pair has."""
+"""Keys of pairs of facets, and the data of each pair."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Which of two surfaces carries the multipliers of mortar contact, and what comes of it."""
+"""Choose which of two surfaces carries the multipliers of mortar contact."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

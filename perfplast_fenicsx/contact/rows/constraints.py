@@ -1,4 +1,4 @@
-"""Contact as rows B u ≤ g: what every formulation makes of surfaces, and all else is made of."""
+"""Contact as rows B u ≤ g, which every formulation makes from surfaces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

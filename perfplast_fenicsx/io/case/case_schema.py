@@ -181,7 +181,7 @@ def _object(properties: Schema, required: Sequence[str]) -> Schema:
 
 
 def _told(schema: Schema, text: str) -> Schema:
-    """Return a schema with what it means, in plain words."""
+    """Return a schema with its description in plain words."""
     plain = re.sub(r":\w+:`[~.]?([^`]+)`", r"\1", text).replace("``", "'")
     plain = re.sub(r"\s+", " ", plain).replace(" Collective.", "").strip()
     return schema | ({"description": plain} if plain else {})

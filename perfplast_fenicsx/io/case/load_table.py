@@ -1,4 +1,4 @@
-"""``[[load]]``: its keys are the kinds of loads, and what these have besides."""
+"""``[[load]]``: its keys are the kinds of loads, and their further fields."""
 
 import dataclasses
 import math

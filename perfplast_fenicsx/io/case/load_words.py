@@ -1,4 +1,4 @@
-"""Loads in words, with their units: what the load factor ζ multiplies, and what stays."""
+"""Loads in words, with their units: those that the load factor ζ multiplies, and constant ones."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -23,7 +23,7 @@ from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 
 CaseMesh = MeshFile | MeshBuilder | GeometryFile | GroundInCase
-"""The mesh of a case, or what it is made of."""
+"""The mesh of a case, or the data from which it is made."""
 
 
 def read_mesh(

@@ -1,4 +1,4 @@
-"""TOML files as tables; what is no file, no text or no TOML is refused."""
+"""Read TOML files as tables; refuse other files, binary files and invalid TOML."""
 
 import errno
 import re

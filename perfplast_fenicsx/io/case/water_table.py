@@ -278,7 +278,7 @@ class _Given:
         return [Pressure(self.said.on or "surface", self.pressure(weight), NAME, constant=True)]
 
     def extra_weight(self) -> list[Load]:
-        """Return what saturated ground weighs more below the table."""
+        """Return the additional weight of saturated ground below the table."""
         found = list[Load]()
         for body, density in self.said.saturated.items():
             if self.gravity is None or body not in self.gravity.density:

@@ -1,4 +1,4 @@
-"""Compare what a result folder claims with what its proof files prove, checked again."""
+"""Compare the claims of a result folder with what its proof files prove when checked again."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path

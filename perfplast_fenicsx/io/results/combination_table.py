@@ -1,4 +1,4 @@
-"""``combinations.csv``: what is known of each combination of loads, the worst first."""
+"""``combinations.csv``: the results of each combination of loads, the worst first."""
 
 import csv
 from collections.abc import Mapping, Sequence

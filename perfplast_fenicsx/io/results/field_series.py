@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 
 
 class FieldSeries:
-    """Writes fields of load levels, with what is prescribed, ζ or α, as the time."""
+    """Writes fields of load levels; the time is ζ or α, whichever is prescribed."""
 
     def __init__(
         self,

@@ -23,7 +23,7 @@ CONTENT = "content"
 
 
 def case_hash(table: Table) -> str:
-    """SHA-256 of what a case file says, whatever its layout and comments."""
+    """SHA-256 of the data of a case file, whatever its layout and comments."""
     text = json.dumps(table, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 

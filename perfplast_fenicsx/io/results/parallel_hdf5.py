@@ -24,7 +24,7 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.proof.stored_file import stored_file
 
 LAYOUT = 1 << 16
-"""Room for what HDF5 writes beside the arrays, at the most (bytes)."""
+"""Largest size of what HDF5 writes in addition to the arrays (bytes)."""
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
@@ -50,7 +50,7 @@ class Block:
 
 
 def block(ordering: Ordering, values: npt.NDArray) -> Block:
-    """Return values of owned things as a block of the array of all. Collective."""
+    """Return values of owned entities as this rank's block of the whole array. Collective."""
     values = np.ascontiguousarray(ordering.to_blocks(values))
     return Block(values, ordering.first, ordering.total)
 

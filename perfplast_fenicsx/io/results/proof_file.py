@@ -256,7 +256,7 @@ def _refused(path: Path) -> tuple[dict[str, str], dict[str, float | None]]:
 
 
 def _check(problem: Problem) -> None:
-    """Refuse what the file cannot say. Collective."""
+    """Refuse problems that the file format cannot describe. Collective."""
     if has_curved_cells(problem.tagged_mesh.mesh):
         raise InputError("cells are curved, and no bound is strict then; use first-order cells.")
     for obstacle in problem.given.obstacles:

@@ -1,4 +1,4 @@
-"""``directions.json``: what the directions of an envelope have proven, for runs that go on."""
+"""``directions.json``: proven bounds of an envelope's directions, for runs that continue."""
 
 import json
 from collections.abc import Sequence

@@ -15,7 +15,7 @@ FLOW = "seepage.vtkhdf"
 """Water that flows through the ground."""
 
 EXPORTED = "export"
-"""The folder with what other programs read."""
+"""The folder with files for other programs."""
 
 PROOF, LEAST = "bounds.h5", "least.h5"
 """Proof files of the bounds of the limit load, and of that of the reversed loads."""

@@ -196,7 +196,7 @@ class ResultFolder:
         return None
 
     def _links(self) -> list[Path]:
-        """Return links in the places of what a run writes; the folder itself may be one."""
+        """Return links where a run would write files; the folder itself may be a link."""
         ours = [self.file(name) for name in (*result_files(), FIELDS)]
         fields = self.file(FIELDS)
         inside = [*fields.glob("*.vtkhdf"), *fields.glob("*.h5")]

@@ -18,7 +18,7 @@ from perfplast_fenicsx.units import Units
 
 
 class ResultantTables:
-    """Tables of what loads and supports exert."""
+    """Tables of the forces of loads and supports."""
 
     def __init__(self, units: Units, whole: bool) -> None:
         """Take the units.

@@ -1,4 +1,4 @@
-"""``summary.json``: what a run says of itself."""
+"""``summary.json``: data and results of a run."""
 
 import json
 import math

@@ -28,7 +28,7 @@ NOTHING = 1e-9
 """Load factors, in units in which loads are one, that are those of no forces at all."""
 
 ENOUGH = 2.0
-"""How many times forces are to carry loads that all stay. Joints without adhesion that carry them
+"""Multiple of the loads that is required, if all stay. Joints without adhesion that carry them
 at all carry any multiple of them."""
 
 
@@ -230,7 +230,7 @@ def _across(count: int, d: int) -> Longs:
 
 
 def _reactions(gram: Floats, forces: Floats) -> Floats:
-    """Return motions of blocks whose products with what supports hold balance forces."""
+    """Return motions of blocks whose products with held components balance forces."""
     count, modes = gram.shape[:2]
     inverse = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
     return -np.einsum("bij,bj->bi", inverse, forces.reshape(count, modes)).ravel()

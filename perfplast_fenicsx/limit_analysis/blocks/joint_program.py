@@ -345,7 +345,7 @@ class _Solved:
         return JointForces(self.outcome, self.value, self.aside, *self.parts(every))
 
     def block_motion(self, every: tuple[Places, ...]) -> BlockMotion:
-        """Return the motion of a program around cones, with what it dissipates in round ones."""
+        """Return the motion of a program around cones, with its dissipation in round cones."""
         if self.outcome is not Outcome.FOUND:
             return BlockMotion(self.outcome, np.nan, self.motion)
         motion, program = self._admissible(every), self.program

@@ -96,7 +96,7 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
 def _told(
     problem: Problem, blocks: RigidBlocks, found: BlockLimit, question: Question
 ) -> BodyBounds:
-    """Return what was found as bounds of the body. Collective."""
+    """Return the results as bounds of the body. Collective."""
     lower = _bound("lower", *found.lower)
     upper = _bound("upper", *found.upper)
     mechanism = _velocity(problem, blocks, found.motion)

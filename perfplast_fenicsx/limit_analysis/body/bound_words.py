@@ -1,4 +1,4 @@
-"""Sentences on what bounds prove of a body."""
+"""Sentences on the bounds of a body."""
 
 from collections.abc import Iterable, Sequence
 

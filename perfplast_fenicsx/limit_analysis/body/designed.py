@@ -1,4 +1,4 @@
-"""The design load against what is proven of the bodies."""
+"""Compare the design load with the proven bounds of the bodies."""
 
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words

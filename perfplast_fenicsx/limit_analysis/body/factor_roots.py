@@ -272,7 +272,7 @@ def _steepness(known: dict[float, float], guess: float) -> float:
 
 
 def _next(known: dict[float, float], aim: float, guess: float) -> float:
-    """Return where ln μ is what is aimed at, by the secant of the two values next to that."""
+    """Return where ln μ has the target value, by the secant of the two nearest values."""
     nearest = min(known, key=lambda factor: abs(known[factor] - aim))
     change = (known[nearest] - aim) / _steepness(known, guess)
     most = 3 * math.log(STEP)

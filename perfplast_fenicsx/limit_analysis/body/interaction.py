@@ -218,7 +218,7 @@ def _proven(
     low: BodyBounds,
     high: BodyBounds,
 ) -> Proven:
-    """Return what the bounds along a ray prove. Collective."""
+    """Return the bounds that are proven along a ray. Collective."""
     carried = side = None
     if low.lower.strict and low.question is Question.LIMIT and low.lower.value is not None:
         carried = tuple(map(float, low.lower.value * ray))

@@ -1,4 +1,4 @@
-"""Which cells have most of what is to become smaller."""
+"""Mark the cells with the largest shares of a quantity."""
 
 from mpi4py import MPI
 

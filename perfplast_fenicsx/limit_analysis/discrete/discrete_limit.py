@@ -117,7 +117,7 @@ def _of_dead_loads(stands: LimitLoad) -> LimitLoad:
 
 
 def _together(before: LimitLoad, after: LimitLoad) -> LimitLoad:
-    """Return the better one of two searches, with what both have taken."""
+    """Return the better one of two searches, with the iterations of both."""
     worse = after.verdict is not Verdict.FOUND and after.upper is None
     return _of_both(before if worse and before.upper is not None else after, before, after)
 

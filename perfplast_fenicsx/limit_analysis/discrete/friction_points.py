@@ -165,7 +165,7 @@ class FrictionStrains:
         self._places.add(share[:, None] * stress, out.array)
 
     def springs(self, moduli: Moduli) -> Springs:
-        """Return unknowns of the places, and what the moduli of their points are as springs."""
+        """Return the unknowns of friction points, and the springs that their moduli make."""
         of_places, rows = moduli.beyond(self._points.count).matrices(), self._places.rows
         of_places = of_places[:, : rows.shape[1], : rows.shape[1]]
         share = self.weights[self._points.count :] / self.length**2

@@ -71,7 +71,7 @@ def _radii(problem: Problem) -> dict[str, float]:
 
 
 def _told(ratios: dict[str, float]) -> str:
-    """Return bodies with what they are times as strong."""
+    """Return very strong bodies with their strength ratio."""
     return ", ".join(f"'{name}', {ratio:.0e} times" for name, ratio in ratios.items())
 
 

@@ -128,7 +128,7 @@ def check_profiles(problem: Problem) -> None:
 
 
 def profiles_in_words(problem: Problem) -> tuple[str, ...]:
-    """Return what strengths that are not linear in each cell are taken as. Collective."""
+    """Return sentences on how bounds approximate strengths that are not linear. Collective."""
     if not body_cones(problem).varies or has_curved_cells(problem.tagged_mesh.mesh):
         return ()
     low, high = profiles_of_cells(problem, "below"), profiles_of_cells(problem, "above")

@@ -1,4 +1,4 @@
-"""Bodies with strengths that are divided by a factor, and what such a factor can be sought of."""
+"""Bodies with strengths that are divided by a factor, and which problems have such a factor."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -63,7 +63,7 @@ class BoundBody:
         rigid: Facets of surfaces that move as rigid ones.
         interfaces: Contacts, and then obstacles.
         facets: Supports and interfaces of the facets, also of rigid surfaces.
-        why_not: Why what is found does not hold for the body.
+        why_not: Why results do not hold for the body.
         prevents: Why nothing can be found.
         turned: Whether the bodies are of revolution.
     """

@@ -54,7 +54,7 @@ def with_enclosed_pores(problem: Problem, side: str) -> Problem:
 
 
 def pores_in_words(problem: Problem) -> tuple[str, ...]:
-    """Return what such pressures are taken as, in clauses. Collective."""
+    """Return clauses on how bounds approximate such pressures. Collective."""
     return tuple(
         f"the pore pressure in '{load.on}', which is not linear in each cell, is taken from above"
         " for the lower bound and from below for the upper one; so both are strict"

@@ -65,7 +65,7 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
 
 
 class KinematicBound:
-    """Upper bounds from velocities; what they need is made once."""
+    """Upper bounds from velocities; the forms are compiled once."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile the forms, where the laws have bounds. Collective."""

@@ -1,1 +1,1 @@
-"""Loads that vary again and again: what of them bodies adapt to."""
+"""Shakedown: the largest range of varying loads to which bodies adapt."""

@@ -123,7 +123,7 @@ class MelanIteration:
         return min(stress, flow)
 
     def _at(self) -> Here:
-        """Return the iterate, and what is not matched there. Collective."""
+        """Return the iterate and its residuals. Collective."""
         flows = self.cones.flows(self.multipliers)
         missing = -1.0 - self._work()
         outside = self.cones.members(self.load, self.residual) - self.members

@@ -99,7 +99,7 @@ def _check(problem: Problem, domain: LoadDomain, rtol: float) -> None:
 
 
 def _check_bonds(problem: Problem) -> None:
-    """Refuse what makes elastic stresses no sum of those of single loads, and motions."""
+    """Refuse given motions, and problems in which elastic stresses do not superpose."""
     if problem.num_pairs or problem.friction.count:
         raise InputError(
             "shakedown is for bodies that do not part and do not slide, since elastic stresses of"

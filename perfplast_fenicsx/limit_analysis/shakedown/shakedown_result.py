@@ -87,7 +87,7 @@ class ShakedownLoad:
         return f"{words}."
 
     def as_limit(self) -> LimitLoad:
-        """Return the same as what is known of a limit load, for files and pictures."""
+        """Return the result as that of a limit load, for files and pictures."""
         return LimitLoad(
             method=LimitMethod.INTERIOR_POINT,
             lower=self.load if self.converged and self.load is not None else -math.inf,

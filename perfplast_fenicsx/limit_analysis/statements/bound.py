@@ -1,4 +1,4 @@
-"""One bound of a limit load: its value, what it is one of, and why it is not strict."""
+"""One bound of a limit load: its value, its scope, and why it is not strict."""
 
 from dataclasses import dataclass
 from enum import StrEnum

@@ -117,7 +117,7 @@ def strict_lower_bound(
 
 
 def _together(before: StaticBound, after: StaticBound) -> StaticBound:
-    """Return the better one of two searches, with what both have taken."""
+    """Return the better one of two searches, with the iterations of both."""
     values = [-np.inf if it.bound.value is None else it.bound.value for it in (before, after)]
     return replace(
         after if values[1] >= values[0] or after.reason == UNLIMITED else before,

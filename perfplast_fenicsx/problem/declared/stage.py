@@ -1,4 +1,4 @@
-"""Stages of a loading history, and whether they name what there is."""
+"""Stages of a loading history, and a check of the names in them."""
 
 import math
 from collections.abc import Iterable, Sequence

@@ -45,7 +45,7 @@ class QuadratureFields:
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Create fields that are zero, and compile what evaluates them. Collective."""
+        """Create fields of zeros, and compile the expressions that evaluate them. Collective."""
         self.problem, laws, comm = problem, problem.laws, problem.comm
         mesh, V, S, Q = problem.tagged_mesh.mesh, problem.V, problem.S, problem.Q
         self.u = fem.Function(V, name="displacement")

@@ -42,7 +42,7 @@ class TangentForm:
             expression.interpolate(function)
 
     def _store(self, on: LawOnCells, e: fem.Function) -> dict[str, fem.Function]:
-        """Return functions for what a law's tangent needs, of the shapes that the law gives it."""
+        """Return functions for the fields of a law's tangent, with the law's shapes."""
         problem, stored = self._problem, {}
         for name, value in on.law.tangent_fields(e, on.old, self._rho).items():
             space = problem.space_at_points(value.ufl_shape)

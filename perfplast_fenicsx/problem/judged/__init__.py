@@ -1,1 +1,1 @@
-"""States, resultants and what judges them."""
+"""States, resultants and their checks."""

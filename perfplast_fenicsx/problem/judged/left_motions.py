@@ -1,4 +1,4 @@
-"""Which rigid motions supports leave to bodies, and where they hold what others push on."""
+"""Rigid motions that supports leave to bodies, and supports on surfaces that others push on."""
 
 from collections.abc import Collection
 from dataclasses import dataclass

@@ -115,7 +115,7 @@ class Sides:
         return {int(tag): name for name in widest_first for tag in np.ravel(self.surfaces[name])}
 
     def covers(self, name: str) -> list[Cover]:
-        """Return what a surface covers of each side that it lies on, the largest part first."""
+        """Return the share of each side that a surface covers, the largest one first."""
         facets, own = self.facets, self.on(name)
         named = self.names_of_tags()
         found = []

@@ -59,5 +59,5 @@ class Level:
         return f"Level({self.report.summary()})"
 
     def _repr_html_(self) -> str:
-        """Return what is known of the level as a table."""
+        """Return the report of the level as a table."""
         return notebook_table("Load level", [*vars(self.report).items()])

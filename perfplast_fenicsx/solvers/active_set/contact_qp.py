@@ -68,7 +68,7 @@ class ContactProgram:
     """
 
     def __init__(self, problem: Problem, linear: LinearSolver) -> None:
-        """Keep what all steps share. Collective."""
+        """Store the data that all steps share. Collective."""
         self._comm = problem.comm
         self.equality = EqualityProgram(problem, linear)
         self._inequality = VariationalInequality(problem, self.equality)

@@ -95,7 +95,7 @@ class EqualityProgram:
     """
 
     def __init__(self, problem: Problem, linear: LinearSolver) -> None:
-        """Keep what all systems share. Collective."""
+        """Store the data that all systems share. Collective."""
         self.comm, self.index = problem.comm, problem.basis.index
         self._linear = linear
         self._A: ContactOperator | None = None
@@ -187,7 +187,7 @@ class EqualityProgram:
     def _set_rhs(
         self, model: QuadraticModel, held: PairFlags, delta: PETSc.Vec, multiplier: float
     ) -> None:
-        """Give held unknowns their values in δ; what that leaves is the right-hand side."""
+        """Set held unknowns in δ, and the right-hand side that then remains."""
         delta.array[self.index[held]] = model.jumps[held]
         delta.array[model.given.index] = model.given.values
         self._set_gradient(model, delta, multiplier, self._rhs)

@@ -67,7 +67,7 @@ class FrictionProgram:
     """Solver of the contact QPs of a problem with friction."""
 
     def __init__(self, problem: Problem, program: ContactProgram) -> None:
-        """Keep what all steps share. Collective."""
+        """Store the data that all steps share. Collective."""
         self._problem, self._program = problem, program
         self._r = problem.create_vector()
         self._stiffness: Floats | None = None

@@ -47,7 +47,7 @@ class Aggregates:
 
     @classmethod
     def of(cls, tentative: PETSc.Mat) -> Self:
-        """Read what a tentative interpolation of GAMG says. Collective."""
+        """Read the aggregates from a tentative interpolation of GAMG. Collective."""
         rows, columns = tentative.getBlockSizes()
         pointer, column, value = tentative.getValuesCSR()
         begin = pointer[:-1:rows]

@@ -82,7 +82,7 @@ class Krylov:
         self.preconditioner.setReusePreconditioner(True)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
-        """Solve for x, to ``rtol`` relative to b or to what the user asks if less. Collective."""
+        """Solve for x, to ``rtol`` relative to b or the user's smaller tolerance. Collective."""
         self._ksp.setTolerances(rtol=min(rtol, self._least_rtol))
         return run(self._ksp, b, x)
 

@@ -104,7 +104,7 @@ class Multigrid:
         self._krylov.keep()
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
-        """Solve for x, to ``rtol`` relative to b or to what the user asks if less. Collective."""
+        """Solve for x, to ``rtol`` relative to b or the user's smaller tolerance. Collective."""
         return self._krylov.solve(b, x, rtol)
 
     def destroy(self) -> None:

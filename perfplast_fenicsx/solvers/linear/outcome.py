@@ -26,7 +26,7 @@ class Outcome:
 
 
 def run(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> Outcome:
-    """Set up what is due and solve, each as a phase of its own. Collective."""
+    """Renew the set-up if it is due, and solve, as two phases. Collective."""
     _set_up(ksp)
     _iterate(ksp, b, x)
     reason = int(ksp.getConvergedReason())
