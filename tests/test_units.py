@@ -65,7 +65,7 @@ def test_units_of_no_system() -> None:
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"length": "m"}, "length = 'm' contradicts system = 'mm-N-MPa', whose length is in mm"),
+        ({"length": "m"}, "length = 'm' contradicts system = 'mm-N-MPa',"),
         ({"stress": "kPa"}, "stress = 'kPa' contradicts"),
     ],
 )
@@ -75,5 +75,5 @@ def test_contradictions(given: dict[str, str], says: str) -> None:
 
 
 def test_no_such_system() -> None:
-    with pytest.raises(InputError, match="system = 'mm-t-s' is unknown; give one of mm-N-MPa, "):
+    with pytest.raises(InputError, match="system = 'mm-t-s' is unknown;"):
         Units(system="mm-t-s")  # type: ignore[arg-type]

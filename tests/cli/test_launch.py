@@ -87,7 +87,7 @@ def test_the_launcher_is_that_of_the_mpi_in_use(
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python3"))
     monkeypatch.setattr(launch, "mpi_family", lambda: "MPICH")
-    with pytest.raises(LookupError, match=r"no mpirun of MPICH.*mpirun is Open MPI's; install"):
+    with pytest.raises(LookupError, match="no mpirun of MPICH"):
         launch.find_launcher()
     program(tmp_path / "mpiexec", "echo 'HYDRA build details:\n    Version:    5.0.2'")
     found = launch.find_launcher()

@@ -87,9 +87,7 @@ def test_a_gap_between_parallel_faces_is_measured_and_closed(comm: MPI.Intracomm
     level = Newton(problem).solve(100.0)
     assert_solved(level)
     assert level.report.alpha == pytest.approx(0.02 + 2 * 100 / STEEL.young, rel=1e-9)
-    with pytest.raises(
-        InputError, match=r"surfaces overlap at first, by up to 0\.1, or face away"
-    ) as refusal:
+    with pytest.raises(InputError, match=r"by up to 0\.1") as refusal:
         apart(-0.1)
     assert len(set(comm.allgather(str(refusal.value)))) == 1
 

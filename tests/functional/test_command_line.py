@@ -352,7 +352,7 @@ def test_bad_input_leaves_older_results(
         (["check", "case.toml", "--", "ksp_type", "cg"], "'ksp_type'"),
         (["run", "case.toml", "-o", "r", "--log-level", "loud"], "'loud' (choose from"),
         (["run", "case.toml", "-o", "r", "--frce"], "did you mean '--force'?"),
-        (["plot", "a", "b"], "perfplast plot has no argument 'b'; known: --help, --output, "),
+        (["plot", "a", "b"], "perfplast plot has no argument 'b';"),
         (["info", "--", "-ksp_type", "cg"], "takes no PETSc options"),
     ],
 )

@@ -179,7 +179,7 @@ def test_what_cannot_be_exported(
 
 
 def test_results_that_are_not_there() -> None:
-    with pytest.raises(InputError, match="does not exist; give the DIR of perfplast run"):
+    with pytest.raises(InputError, match="does not exist"):
         RunResults("nowhere")
 
 

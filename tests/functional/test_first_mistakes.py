@@ -141,10 +141,10 @@ def test_a_mark_in_front(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("a.inp", "turn it into a mesh and a case by perfplast mesh"),
-        ("a.vtu", "turn it into a mesh and a case by perfplast mesh"),
-        ("a.exo", "convert it by meshio, as docs/howto/mesh.md shows under 'Other formats'"),
-        ("a.step", "give it as file of a [geometry] in place of [mesh]"),
+        ("a.inp", "by perfplast mesh"),
+        ("a.vtu", "by perfplast mesh"),
+        ("a.exo", "shows under 'Other formats'"),
+        ("a.step", "a [geometry] in place of [mesh]"),
     ],
 )
 def test_other_formats(told: Told, shared_tmp_path: Path, name: str, says: str) -> None:

@@ -64,7 +64,7 @@ def change(folder: Path, **values: Any) -> None:
 @pytest.mark.parametrize(
     ("spoil", "more", "part"),
     [
-        (shutil.rmtree, [], "does not exist; give the DIR of perfplast run"),
+        (shutil.rmtree, [], "does not exist"),
         (lambda path: (path / "scene.json").unlink(), [], "has no scene.json"),
         (lambda path: (path / "summary.json").write_text("{"), [], "cannot be read"),
         (
@@ -74,7 +74,7 @@ def change(folder: Path, **values: Any) -> None:
         ),
         (lambda path: change(path, mesh={}), [], "summary.json' cannot be read (Object missing"),
         (lambda path: change(path, limit={"lower": 1.0}), [], "cannot be read (Object missing"),
-        (lambda path: change(path, case={"file": "a"}), [], "it has no file, or text, of the case"),
+        (lambda path: change(path, case={"file": "a"}), [], "no file, or text,"),
         (lambda path: change(path, report={"number": 17}), [], "cannot be read (Expected"),
         (lambda path: change(path, surroundings={"versions": 1}), [], "cannot be read (Expected"),
         (
@@ -85,7 +85,7 @@ def change(folder: Path, **values: Any) -> None:
         (
             lambda path: change(path, given={"materials": {"a": {"kind": "Flow"}}}),
             [],
-            "it has no kind of a material with a history",
+            "kind of a material",
         ),
         (lambda path: (path / "fields/level_0002.vtkhdf").write_text("a"), [], "cannot be read"),
         (lambda path: (path / "model.json").touch(), [], "has model.json, so its results are"),

@@ -194,7 +194,7 @@ def test_no_strength_is_kept_where_none_is_divided(
             'law = "drucker-prager"\nyoung = 1e4\npoisson = 0.3\ncohesion = 0.05\n'
             'friction_angle = 20.0\nmatch = "plane-strain"',
             'law = "elastic"\nyoung = 1e4\npoisson = 0.3',
-            "all bodies are elastic or rigid, and no friction that F divides",
+            "all bodies are elastic or rigid",
         ),
     ],
 )

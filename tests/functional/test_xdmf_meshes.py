@@ -62,7 +62,7 @@ def test_names_and_files_that_are_not_there(tmp_path: Path) -> None:
     with pytest.raises(SystemExit, match="cannot be read"):
         main([str(source), str(target), *bodies, *surfaces])
     write(two_blocks(MPI.COMM_SELF, 1), source)
-    with pytest.raises(SystemExit, match="no grid 'parts'; it has mesh, bodies, surfaces"):
+    with pytest.raises(SystemExit, match="no grid 'parts'"):
         main([str(source), str(target), "--bodies", "parts", "lower=1", *surfaces])
-    with pytest.raises(SystemExit, match="nothing has the value 7 of 'lower'; there is 1, 2"):
+    with pytest.raises(SystemExit, match="the value 7 of 'lower'"):
         main([str(source), str(target), "--bodies", "bodies", "lower=7", *surfaces])

@@ -354,7 +354,7 @@ def test_names_that_meant_several_faces_are_refused_with_what_they_are(tmp_path:
     read = read_gmsh(MPI.COMM_WORLD, tmp_path / "pockets.msh")
     with pytest.raises(InputError, match=rf"'{floor.name}' is all of them, and perfplast mesh"):
         read.facets(floor.name.replace("plane", "face"))
-    with pytest.raises(InputError, match=r"'part_face_999' is not a surface of this mesh; it has"):
+    with pytest.raises(InputError, match="'part_face_999' is not a surface"):
         read.facets("part_face_999")
 
 

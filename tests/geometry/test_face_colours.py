@@ -85,7 +85,7 @@ def test_they_are_chosen_by_it(shared_tmp_path: Path) -> None:
 
 
 def test_a_colour_that_there_is_not(shared_tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="'green' of its own; there are blue #3333cc, red #ff0000"):
+    with pytest.raises(InputError, match="are blue #3333cc, red #ff0000"):
         found(shared_tmp_path, NamedFace("held", colour="green"))
 
 

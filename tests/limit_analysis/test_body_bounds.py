@@ -113,7 +113,7 @@ def test_curved_cells(shared_tmp_path: Path) -> None:
 
 
 def test_loads_that_no_stress_can_carry() -> None:
-    with pytest.raises(InputError, match=r"no stress can carry the loads.*turn the loads around"):
+    with pytest.raises(InputError, match="no stress can carry the loads"):
         limit_bounds(blocks(BLOCK, BLOCK, pressure=-1.0))
 
 
@@ -176,6 +176,6 @@ def test_loads_that_are_formulas() -> None:
     assert bounds.upper.value is not None
     assert not bounds.upper.strict
     assert "a formula that is not linear" in bounds.why_not[-1]
-    with pytest.raises(InputError, match="strict bounds are for tractions and pressures that are"):
+    with pytest.raises(InputError, match="tractions and pressures"):
         limit_bounds(problem)
     assert limit_bounds(under("1 + 0*x")).strict

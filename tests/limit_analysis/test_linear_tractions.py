@@ -163,7 +163,7 @@ def test_what_is_linear_on_facets(value: str, linear: bool) -> None:
     if linear:
         assert limit_bounds(problem).strict
         return
-    with pytest.raises(InputError, match="'right' is a formula that is not linear on each facet"):
+    with pytest.raises(InputError, match="'right' is a formula"):
         limit_bounds(problem)
 
 
@@ -171,5 +171,5 @@ def test_a_force_per_volume_is_a_number() -> None:
     given = in_water([]).given
     loads = [*given.loads, BodyForce("block", ("x", 0.0))]
     problem = Problem(in_water([]).tagged_mesh, **vars(given) | {"loads": loads})
-    with pytest.raises(InputError, match="'block' is a force per volume that is a formula"):
+    with pytest.raises(InputError, match="'block' is a force per volume"):
         limit_bounds(problem)

@@ -201,7 +201,7 @@ def test_nothing_else_is_known_of_it() -> None:
     for asks in (Newton, interior_point):
         with pytest.raises(InputError, match="the ground of 'lower' has nonassociated ="):
             asks(problem)
-    with pytest.raises(InputError, match="dilatancy_angle = 0 has no lower bound by Radenkovic"):
+    with pytest.raises(InputError, match="dilatancy_angle = 0"):
         ground("radenkovic", 0.0)
     with pytest.raises(InputError, match="give one, or leave nonassociated out"):
         MohrCoulomb(1e4, 0.3, C, PHI, nonassociated="davis-a")

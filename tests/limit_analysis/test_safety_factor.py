@@ -121,7 +121,7 @@ def test_strengths_that_are_kept(read: Read) -> None:
     weakening = Weakening(kept)
     weakening.divide(1.6)
     np.testing.assert_array_equal(weakening.problem.friction.coulomb, joint.friction.coulomb)
-    with pytest.raises(InputError, match="applies to friction, which a factor of safety divides"):
+    with pytest.raises(InputError, match="applies to friction"):
         replace(given.contacts[0], tresca=None, coulomb=None, associated=False, reduced=False)
 
 

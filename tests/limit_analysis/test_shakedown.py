@@ -184,7 +184,7 @@ def test_more_is_refused(comm: MPI.Intracomm) -> None:
         with pytest.raises(InputError, match="that differ"):
             LoadDomain.of_corners(corners)
     ranges = LoadDomain.of_ranges({"pull": (0.0, 1.0)})
-    with pytest.raises(InputError, match="a yield set that is one cone of stresses"):
+    with pytest.raises(InputError, match="one cone of stresses"):
         shakedown_load(block(comm, MohrCoulomb(2e5, 0.3, 1.0, 20.0), [PULL]), ranges)
     with pytest.raises(InputError, match="stresses no body that can yield"):
         shakedown_load(block(comm, Elastic(2e5, 0.3), [PULL]), ranges)

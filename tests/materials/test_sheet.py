@@ -90,6 +90,6 @@ def test_elastic_sheets() -> None:
 
 def test_what_is_not_known_in_plane_stress() -> None:
     ground = DruckerPrager(1e4, 0.3, 10.0, 20.0, "compression")
-    with pytest.raises(InputError, match="'soil', DruckerPrager, is not known in plane stress"):
+    with pytest.raises(InputError, match="'soil', DruckerPrager"):
         in_plane_stress({"soil": ground, "plate": STEEL})
     assert isinstance(in_plane_stress({"plate": STEEL})["plate"], Sheet)

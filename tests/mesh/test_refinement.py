@@ -263,7 +263,7 @@ def test_midsides_of_straight_cells_are_left_out(comm: MPI.Intracomm, read: Read
 
 def test_what_cannot_be_refined_is_refused(comm: MPI.Intracomm, read: Read) -> None:
     curved = read(write_thick_tube, order=2)
-    with pytest.raises(InputError, match=r"^cells are curved, and only straight ones can be ref"):
+    with pytest.raises(InputError, match=r"^cells are curved"):
         refine(curved, np.ones(len(corners(curved)), dtype=np.bool_))
-    with pytest.raises(InputError, match=r"^fans of cells are made in plane meshes only"):
+    with pytest.raises(InputError, match=r"^fans of cells"):
         fan(stacked_blocks(comm, 1), np.array([0], dtype=np.int32))

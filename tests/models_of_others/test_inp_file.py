@@ -202,7 +202,7 @@ def test_collapsed_elements(tmp_path: Path) -> None:
     edges = found.points[found.cells[:, 1:]] - found.points[found.cells[:, :1]]
     assert np.linalg.det(edges).sum() / 6 == pytest.approx(1.5)
     assert len(found.cells) == 3 + 6
-    with pytest.raises(InputError, match=r"1 elements have no volume, one of them at \("):
+    with pytest.raises(InputError, match="1 elements have no volume,"):
         model(
             tmp_path,
             HEAD.replace("7,1,1,1", "7,1,1,0").replace("8,0,1,1", "8,0,1,0")
@@ -283,7 +283,7 @@ def test_plane_models(tmp_path: Path) -> None:
     quads = "*ELEMENT, TYPE=CAX4, ELSET=EALL\n1,1,2,3,4\n2,4,3,6,5\n"
     found = model(tmp_path, text + quads)
     assert (found.dim, found.turned, found.bodies, len(found.cells)) == (2, True, ["eall"], 4)
-    with pytest.raises(InputError, match="are of plane strain and plane stress; give one of"):
+    with pytest.raises(InputError, match="plane strain and plane stress"):
         model(tmp_path, text + quads.replace("CAX4", "CPS4").replace("2,4,3,6,5\n", CPE))
 
 
@@ -310,7 +310,7 @@ def test_sheets_in_plane_stress(tmp_path: Path) -> None:
     assert strain.thickness is None
     assert strain.pushed[0].value == pytest.approx((0, -4))
     other = SHEET.replace("*BOUNDARY", "*SOLID SECTION, ELSET=BASE, MATERIAL=STEEL\n2\n*BOUNDARY")
-    with pytest.raises(InputError, match=r"have the thickness 0\.5 and 2, and a case has one"):
+    with pytest.raises(InputError, match=r"the thickness 0\.5 and 2"):
         model(tmp_path, PLANE + other + loads)
 
 

@@ -278,7 +278,7 @@ def test_a_mechanism_without_a_level(comm: MPI.Intracomm, shared_tmp_path: Path)
 @pytest.mark.parametrize(
     ("command", "spoil", "part"),
     [
-        ("plot", shutil.rmtree, "does not exist; give the DIR of perfplast run"),
+        ("plot", shutil.rmtree, "does not exist"),
         ("animate", lambda path: (path / "scene.json").unlink(), "has no scene.json"),
         ("plot", lambda path: (path / "scene.json").write_text("{}"), "'title' is missing"),
         ("plot", lambda path: (path / "path.csv").write_text("a,b\n1,2\n"), "cannot be read"),
@@ -310,7 +310,7 @@ def test_bad_folders(
     ("more", "part"),
     [
         (["-o", "/dev/null/a.gif"], "cannot be written"),
-        (["-o", "a.avi"], "ends in '.avi', which is not a supported format; use .gif or .webp"),
+        (["-o", "a.avi"], "ends in '.avi', which is"),
     ],
 )
 def test_bad_files_for_an_animation(

@@ -143,7 +143,7 @@ def test_a_weight_stays(comm: MPI.Intracomm) -> None:
 
 
 def test_what_does_not_go_with_motions() -> None:
-    with pytest.raises(InputError, match="all loads are constant, so that none does a work"):
+    with pytest.raises(InputError, match="all loads are constant"):
         WorkNewton(moved())
     with pytest.raises(InputError, match=r"move = \[0.0, 1.0\] of the plane at 'top'"):
         Problem(
@@ -159,7 +159,5 @@ def test_what_does_not_go_with_motions() -> None:
             [*ROLLERS, Support("upper_bottom"), Support("top")],
             obstacles=[plane()],
         )
-    with pytest.raises(
-        InputError, match=r"by 0\.5 times ζ along z that another support moves by -1"
-    ):
+    with pytest.raises(InputError, match=r"by 0\.5 times ζ along z"):
         moved(Support("top", "z", -1.0, constant=False), Support("top", "z", 0.5, constant=False))

@@ -47,7 +47,7 @@ class Own:
 @pytest.mark.parametrize(
     ("material", "part"),
     [
-        (Own(-1e4, 0.3), "'lower' (Own) has an elastic stiffness that is not positive (bulk = -"),
+        (Own(-1e4, 0.3), "'lower' (Own) has an elastic stiffness"),
         (Own(1e4, 0.7), "give young > 0 and poisson between -1 and 1/2"),
         (Own(1e4, 0.5), "divides by zero"),
         (Own(float("nan"), 0.3), "has bulk = nan"),
@@ -85,10 +85,10 @@ def without_a_cell(mesh: TaggedMesh) -> TaggedMesh:
 @pytest.mark.parametrize(
     ("mesh", "part"),
     [
-        (lambda: square(CellType.quadrilateral), "cells of the kind quadrilateral, but only tri"),
-        (lambda: square(cell_tag=7), "belong to no named volume (there are the tags 7, which no"),
-        (lambda: without_a_cell(square()), "belong to no named volume; name every body"),
-        (lambda: square(facet_tag=9), "'left' has the tag 1, which no facet of the mesh has"),
+        (lambda: square(CellType.quadrilateral), "cells of the kind quadrilateral,"),
+        (lambda: square(cell_tag=7), "are the tags 7, which"),
+        (lambda: without_a_cell(square()), "belong to no named volume"),
+        (lambda: square(facet_tag=9), "'left' has the tag 1,"),
     ],
 )
 def test_meshes_made_by_hand(mesh: Callable[[], TaggedMesh], part: str) -> None:
@@ -154,19 +154,19 @@ def test_names_for_tags_of_dolfinx() -> None:
 @pytest.mark.parametrize(
     ("changes", "part"),
     [
-        ({"volumes": {"lower": 3}}, "belong to no named volume (there are the tags 4, which no"),
-        ({"volumes": {"lower": 3, "upper": 7}}, "'upper' has the tag 7, which no cell of the mesh"),
-        ({"volumes": {"a": 3, "b": 3, "c": 4}}, "'b' has the tag 3 of 'a'; give each volume one"),
+        ({"volumes": {"lower": 3}}, "are the tags 4, which"),
+        ({"volumes": {"lower": 3, "upper": 7}}, "'upper' has the tag 7,"),
+        ({"volumes": {"a": 3, "b": 3, "c": 4}}, "'b' has the tag 3 of 'a';"),
         ({"volumes": {"lower": 3.0, "upper": 4}}, "'lower' has the tag 3.0; give a whole number"),
-        ({"volumes": {"lower": (3, 4)}}, "'lower' has the tags (3, 4); give each volume one tag"),
+        ({"volumes": {"lower": (3, 4)}}, "'lower' has the tags (3, 4);"),
         (
             {"surfaces": {"left": 9}},
-            "'left' has the tag 9, which no facet of the mesh has; the fac",
+            "'left' has the tag 9,",
         ),
-        ({"surfaces": {"left": ()}}, "'left' has the tag (); give a whole number as the tag"),
-        ({"surfaces": {"left": "1"}}, "'left' has the tag '1'; give a whole number as the tag"),
-        ({"kind": CellType.quadrilateral}, "cells of the kind quadrilateral, but only triangles"),
-        ({"swap": True}, "the cell tags are of entities of dimension 1, but cells of this mesh"),
+        ({"surfaces": {"left": ()}}, "'left' has the tag ();"),
+        ({"surfaces": {"left": "1"}}, "'left' has the tag '1';"),
+        ({"kind": CellType.quadrilateral}, "cells of the kind quadrilateral,"),
+        ({"swap": True}, "are of entities of dimension 1,"),
     ],
 )
 def test_names_for_wrong_tags(changes: dict[str, Any], part: str) -> None:
@@ -188,20 +188,20 @@ ABOVE = Plane("top", (0.0, 0.0, 3.0), (0.0, 0.0, -1.0))
         ({"contacts": [Tie("lower_top", "upper_bottom")]}, "give it as ties = [...]"),
         (
             {"contacts": 2 * [PAIR]},
-            "has the surfaces of contact 1 ('lower_top', 'upper_bottom'); le",
+            "contact 1 ('lower_top', 'upper_bottom');",
         ),
         (
             {"ties": [Tie("upper_bottom", "lower_top")]},
             "tie 1 ('upper_bottom', 'lower_top') has th",
         ),
-        ({"obstacles": 2 * [ABOVE]}, "the obstacle on 'top' is that on 'top', with facets in comm"),
+        ({"obstacles": 2 * [ABOVE]}, "'top' is that on 'top',"),
         (
             {"loads": [Traction("top", lambda x: x)]},  # type: ignore[arg-type]
-            "the load on 'top' has a function as value; give numbers, or formulas",
+            "'top' has a function as value",
         ),
         (
             {"loads": [Traction("top", (0.0, 0.0, lambda x: x))]},  # type: ignore[arg-type]
-            "the load on 'top' has a function as value",
+            "'top' has a function as value",
         ),
     ],
 )

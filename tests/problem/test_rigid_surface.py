@@ -226,7 +226,7 @@ def test_footings(ground: TaggedMesh) -> None:
         ([RigidSurface("top", held="x")], [Force("top", (0.0, 1.0), 1.0)], "does not turn"),
         ([RigidSurface("top", rotation=0.1, held="x")], [], "beside a known motion"),
         ([RigidSurface("bottom", held="x")], [], "'bottom' shares nodes with a support"),
-        ([RigidSurface("top", held="z")], [], "held = 'z' of the rigid surface 'top' is not"),
+        ([RigidSurface("top", held="z")], [], "= 'z' of the rigid surface 'top'"),
         ([RigidSurface("top", held="x")], [Force("top", (1.0, 0.0))], "acts only along x, where"),
         ([RigidSurface("top", held="x")], [Force("top", (), 1.0)], "has a moment, but"),
     ],

@@ -193,13 +193,13 @@ def test_loads_and_motions_that_grow_together() -> None:
 @pytest.mark.parametrize(
     ("supports", "factors", "message"),
     [
-        ([PRESS], {"pres": 1.0}, "no motion of this name; did you mean 'press'"),
-        ([PRESS], {}, "the motion of 'press' is in no stage, so that it would never take"),
+        ([PRESS], {"pres": 1.0}, "name; did you mean 'press'"),
+        ([PRESS], {}, "'press' is in no stage"),
         ([Support("top", "z", -1.0)], {"top": 1.0}, "'top', which is constant"),
         (
             [PRESS, replace(PRESS, name="other")],
             {"press": 1.0, "other": 1.0},
-            "'press' and 'other' hold the same nodes along z, which stages could move apart",
+            "'press' and 'other' hold",
         ),
         ([replace(PRESS, name="push")], {"push": 1.0}, "'push', which is a load, .* as well as"),
     ],

@@ -222,7 +222,7 @@ def test_algorithms_that_cannot_remember() -> None:
     with pytest.raises(InputError, match="HardeningFlowLaw is not a projection"):
         AugmentedLagrangian(problem)
     history = LoadingHistory(problem, [Stage({"push": 1.0})])
-    with pytest.raises(InputError, match="stages prescribe loads, but the method 'bordered-newton"):
+    with pytest.raises(InputError, match="the method 'bordered-newton"):
         next(stage_path(BorderedNewton(problem), history))
 
 

@@ -18,10 +18,10 @@ STEPS = [
 @pytest.mark.parametrize(
     ("zeta", "grows", "words"),
     [
-        (2.0, True, "at ζ = 2, it is above the limit load: J_ζ fell from -1 to -50"),
-        (-2.0, True, "at ζ = -2, it is below the lower limit load: J_ζ fell"),
-        (0.0, True, "the constant loads alone are above what the bodies carry: at ζ = 0"),
-        (2.0, False, "the constant loads alone are above what the bodies carry: at ζ = 2"),
+        (2.0, True, "ζ = 2, it is above"),
+        (-2.0, True, "ζ = -2, it is below"),
+        (0.0, True, "what the bodies carry: at ζ = 0"),
+        (2.0, False, "what the bodies carry: at ζ = 2"),
     ],
 )
 def test_which_limit(zeta: float, grows: bool, words: str) -> None:

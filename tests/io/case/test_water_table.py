@@ -104,10 +104,10 @@ def test_units_have_their_unit_weight_of_water() -> None:
     ("said", "words"),
     [
         ({}, "no water is given"),
-        ({"table": [[0, 5], [50, 5]]}, "goes from x = 0 to 50, but the ground from 0 to 60"),
+        ({"table": [[0, 5], [50, 5]]}, "from x = 0 to 50"),
         (
             {"table": [[0, -5], [60, -1]]},
-            r"is below all of the ground, whose .* is \(0, 0\)",
+            "below all of the ground",
         ),
         ({"table": [[0, 5], [30, 6], [30, 7], [60, 7]]}, r"from \(30, 6\) to \(30, 7\)"),
         ({"table": INSIDE, "unit_weight": 9.81e-3}, r"9\.81 kN/m\^3; correct it, or \[units\]"),
@@ -118,7 +118,7 @@ def test_units_have_their_unit_weight_of_water() -> None:
             "'soil' is in piezometric and in dry",
         ),
         ({"table": INSIDE, "saturated": {"soil": 18.0}}, "18 for 'soil', less than its density 19"),
-        ({"ru": {"soil": 1.5}}, r"ru has 1\.5 for 'soil'; give a number from 0 to 1"),
+        ({"ru": {"soil": 1.5}}, r"1\.5 for 'soil'"),
         ({"piezometric": {"soil": POND}, "saturated": {"soil": 20.0}}, "there is no table"),
     ],
 )

@@ -175,7 +175,7 @@ def test_a_singular_system_has_a_reason() -> None:
     solver.hold(problem.basis.index[:0])
     b = problem.create_vector()
     problem.basis.T.multTranspose(problem.loads.live, b)
-    with pytest.raises(LinearFailure, match=r"MUMPS Cholesky: .*; it is singular or nearly so"):
+    with pytest.raises(LinearFailure, match=r"MUMPS Cholesky: .*singular"):
         solver.solve(b, problem.create_vector(), 1e-8)
 
 
