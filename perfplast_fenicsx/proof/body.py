@@ -332,7 +332,7 @@ class Body:
             raise ProofError("surface has negative tags.")
         for name, tags in named.items():
             if tags.size and tags.min() < 1:
-                raise ProofError(f"{name} has a tag that is not positive, as tags are.")
+                raise ProofError(f"{name} has a tag that is not positive.")
         for name in ("contacts", "obstacles"):
             if not np.isin(named[name], self.surface).all():
                 raise ProofError(f"{name} names a surface that does not exist.")

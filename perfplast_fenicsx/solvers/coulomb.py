@@ -72,7 +72,7 @@ def _rounds(
     most = comm.allreduce(float(bounds[np.isfinite(bounds)].max(initial=most)), MPI.MAX)
     rounds: list[Level] = []
     most_rounds = 100
-    reason = f"the bounds of friction have not settled in {most_rounds} rounds"
+    reason = f"the limits of friction have not converged in {most_rounds} rounds"
     # Change of the bounds in a round, relative to the largest one, that makes it the last.
     settled = 1e-8
     # Contact forces below this share of the largest force on bodies, or of the largest contact

@@ -178,7 +178,7 @@ class ResultFolder:
             return self._unwritable(error.strerror or str(error))
         if links:
             return (
-                f"'{links[0].name}' in '{links[0].parent}' is a link, which would lead what is"
+                f"'{links[0].name}' in '{links[0].parent}' is a link, so that results would be"
                 " written elsewhere; remove it."
             )
         if restart and not self.path.exists():
