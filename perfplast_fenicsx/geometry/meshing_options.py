@@ -26,7 +26,7 @@ class MeshingOptions:
         symmetry: Planes of symmetry, such as {x = 0.0, y = 0.0}: the half towards larger
             coordinates is kept, and the cut is the surface ``symmetry_x``.
         overlap: Bodies may overlap by this share of the smaller one's volume; the later one in the
-            file has what both had. What overlaps more is refused.
+            file gets the common volume. Larger overlaps are refused.
         close_gaps: Faces of bodies that are no farther apart become one, in the place of either, so
             that the bodies touch. Much less than their thicknesses and their smallest edges.
         patience: Longest time for it (s).

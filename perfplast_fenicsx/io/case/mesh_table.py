@@ -88,7 +88,7 @@ def load_mesh(
 
 
 def read_adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:
-    """Return how the mesh is adapted; None where it is not.
+    """Return the adaptation of the mesh; None without one.
 
     Raises:
         InputError: If no bounds of the body are sought, or keys are wrong.

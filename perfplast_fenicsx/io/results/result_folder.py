@@ -1,7 +1,7 @@
 """The result folder: ``summary.json`` and ``path.csv``, kept up to date level by level.
 
-What goes wrong on a rank is raised on every rank. Files are replaced as a whole, so that whoever
-reads them, at any time, after any crash and with a full disk, finds them whole.
+An error on one rank is raised on every rank. Files are replaced as a whole, so that a reader never
+finds a part of a file, even after a crash or with a full disk.
 """
 
 import dataclasses

@@ -211,7 +211,7 @@ def body_cones(problem: Problem) -> BodyCones:
             raise InputError(
                 "the interior point method does not support the yield set of"
                 f" {materials[name].law.__name__} (volume '{name}'); give limit_method = 'path',"
-                " a law whose yield set is one cone, or law = \"elastic\"."
+                ' a law whose yield set is one cone, or law = "elastic".'
             )
         number = next((i for i, it in enumerate(found) if _is_same(it, cone)), len(found))
         if number == len(found):

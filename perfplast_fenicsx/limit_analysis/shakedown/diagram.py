@@ -20,7 +20,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class Direction:
-    """The shakedown load of one ratio of both.
+    """The shakedown load for one ratio of two varying loads.
 
     Attributes:
         angle: Its arc tangent (degrees), in units of the shakedown loads of each alone: 0 where the

@@ -51,7 +51,7 @@ def let_rest(problem: Problem, mechanism: fem.Function) -> None:
 
 
 def keep_apart(problem: Problem, mechanism: fem.Function) -> None:
-    """Open contact by what slip enters on faces that are plane but for their points' rounding.
+    """Open contact by the penetration of slip on faces that are plane except for rounding.
 
     Points of a file with twelve digits make facets whose normals differ by 1e-11, which count as
     one face. What slips along it enters some of them by as much, which is more than a checker
@@ -80,7 +80,7 @@ def keep_apart(problem: Problem, mechanism: fem.Function) -> None:
 
 
 def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
-    """Move what enters contact out of it, where that is by rounding. Collective.
+    """Remove penetration of contact that is due to rounding. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.

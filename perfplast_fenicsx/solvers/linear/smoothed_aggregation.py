@@ -8,12 +8,11 @@ the jump basis y = M u the finest one is M P, without its rows of held unknowns.
 the host takes the normal displacement of its guest, and slides along it. Coarser levels do the same
 with the operators that they have. A set-up forms the coarse operators PᵀAP.
 
-Of quadratic elements the first coarse space is that of linear ones (:class:`LinearElements`), seen
-through M in the same way, and it is their nodes that are aggregated.
+For quadratic elements the first coarse space is that of linear elements (:class:`LinearElements`),
+mapped by M in the same way, and the nodes of the linear elements are aggregated.
 
-A body that flows hardly changes its volume, and motions put together of rigid pieces do, which
-costs them an energy that the flow does not have. So the way in which it flows, which the last
-Newton increment shows, can be made one more motion of every aggregate.
+Plastic flow hardly changes the volume of a body, but motions of rigid pieces do, and so cost much
+more energy. Therefore the last Newton increment can be one more motion of every aggregate.
 """
 
 from collections.abc import Callable
