@@ -3,8 +3,15 @@
 const LOADS = ["body_force", "traction", "pore_pressure"];
 const KINDS = ["", "constant_", "any_"];
 
+const KNOWN = new Set([...KINDS.flatMap((kind) => [...LOADS, "rigid_force", "rigid_moment"].map((name) => kind + name)),
+  ..."vertices cells cone cone_bound cone_slope cone_matrix cone_sine cone_tension cell_strength".split(" "),
+  ..."facets surface held guided contacts contact_adhesion contact_friction obstacles".split(" "),
+  ..."obstacle_normals obstacle_adhesion obstacle_friction rigid rigid_held cell_kept".split(" "),
+  ..."contact_kept obstacle_kept stress velocity nodes joint_force joint_traction numbers".split(" ")]);
+
 /** Bodies from the arrays of a half; refuses what is not one, or is not known here. */
 function bodyOf(A) {
+  for (const name of Object.keys(A)) if (!KNOWN.has(name)) refuse(`this checker does not know ${name}`);
   const of = (name) => A[name] ?? refuse(`${name} is missing`);
   const x = of("vertices"), d = x.shape[1], w = d + 1;
   if (d !== 2 && d !== 3) refuse("vertices are neither in the plane nor in space");
