@@ -15,6 +15,7 @@ from perfplast_fenicsx.cli.mesh_folder import (
     MESH,
     PAGE,
     PICTURE,
+    SCHEMA_LINE,
     check_free,
     fill,
     written,
@@ -26,12 +27,13 @@ from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Face, Survey, listed
+from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.materials.common import MATERIALS
 from perfplast_fenicsx.materials.material_table import find
 from perfplast_fenicsx.materials.soil import SOILS
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
 from perfplast_fenicsx.problem.contact_check import refused_contact
-from perfplast_fenicsx.report.mesh_page import FaceRow, mesh_page
+from perfplast_fenicsx.report.setup_page import FaceRow, setup_page
 from perfplast_fenicsx.units import SYSTEMS, Name
 
 log = logging.getLogger(__name__)
@@ -76,8 +78,9 @@ def mesh(
         terminal.say(describe(survey, glued))
         case = Path(output) / CASE
         terminal.say(
-            f"\nWritten to {output}: {written(Path(output))}. Fill in what is marked with <- in"
-            f" {CASE}; then: perfplast run {case} -o {Path(output) / 'results'}"
+            f"\nWritten to {output}: {written(Path(output))}. Set up the case in a browser with"
+            f" {PAGE}, or fill in what is marked with <- in {CASE}; then: perfplast run {case} -o"
+            f" {Path(output) / 'results'}"
         )
 
 
@@ -216,32 +219,60 @@ def _mesh(
     file = os.path.relpath(source.resolve(), output.resolve())
     with tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch)
-        survey = _survey(source, made, options, glued, trust)
+        skin = made / "skin.npz"
+        survey = make_mesh(source, made / MESH, options, skin, trust)
         case = first_case(survey, source.stem, file, options, filled, glued)
+        (made / PAGE).write_text(_page(source.stem, skin, survey, case, glued), encoding="utf-8")
+        try:
+            draw_parts(skin, made / PICTURE)
+        except InputError as error:  # without a graphics system there is a mesh all the same
+            log.warning("%s", error)
         fill(output, made, case)
         refused = refused_contact(case, output / MESH)
     return replace(survey, remarks=[*survey.remarks, refused]) if refused else survey
 
 
-def _survey(
-    source: Path, output: Path, options: MeshingOptions, glued: Glued, trust: bool
-) -> Survey:
-    """Mesh, and show what there is; without a graphics system there is a mesh all the same."""
-    skin = output / "skin.npz"
-    survey = make_mesh(source, output / MESH, options, skin, trust)
+def _page(title: str, skin: Path, survey: Survey, case: str, glued: Glued) -> str:
+    """Return the page that sets up the case."""
     tables = {"Bodies": _bodies(survey)}
     if survey.sets:
         tables["Names of several faces"] = _sets(survey)
     if survey.joints:
         tables["Faces that touch"] = _joints(survey, glued)
+    setup = {
+        "dim": survey.dim,
+        "bodies": [body.name for body in survey.bodies],
+        "faces": [{"number": a.number, "name": a.name, "body": a.body} for a in survey.faces],
+        "sets": [{"name": one.name, "faces": one.faces} for one in survey.sets],
+        "joints": [
+            {"bodies": one.bodies, "surfaces": one.surfaces, "glued": one.shared}
+            for one in survey.joints
+        ],
+        "case": SCHEMA_LINE + case,
+        "schema": case_schema(),
+        "systems": {
+            name: {"length": one.length, "force": one.force, "stress": one.stress}
+            for name, one in SYSTEMS.items()
+        },
+        "library": {name: _library(name) for name in SYSTEMS},
+    }
     rows = [_face_row(face, survey) for face in survey.faces]
-    page = mesh_page(source.stem, skin, rows, tables, "Area" if survey.dim == 3 else "Length")
-    (output / PAGE).write_text(page, encoding="utf-8")
-    try:
-        draw_parts(skin, output / PICTURE)
-    except InputError as error:
-        log.warning("%s", error)
-    return survey
+    size = "Area" if survey.dim == 3 else "Length"
+    return setup_page(title, skin, rows, setup, tables, size)
+
+
+def _library(system: Name) -> list[dict[str, object]]:
+    """Return common materials and soils in a system of units, with their keys as TOML."""
+    found: list[dict[str, object]] = []
+    for one in (material.in_system(system) for material in MATERIALS):
+        numbers = {key: repr(getattr(one, key)) for key in ("young", "poisson", "yield_stress")}
+        keys = {"law": '"von-mises"'} | numbers
+        found.append({"name": one.name, "what": one.what, "source": one.source, "keys": keys})
+    for soil in (soil.in_system(system) for soil in SOILS):
+        names = ("young", "poisson", "cohesion", "friction_angle")
+        keys = {"law": '"mohr-coulomb"'} | {key: repr(getattr(soil, key)) for key in names}
+        found.append({"name": soil.name, "what": soil.what, "source": soil.source, "keys": keys})
+    return found
 
 
 def _face_row(face: Face, survey: Survey) -> FaceRow:

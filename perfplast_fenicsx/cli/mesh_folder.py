@@ -7,7 +7,7 @@ from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case_schema import case_schema
 
-CASE, MESH, PICTURE, PAGE = "case.toml", "case.msh", "bodies.png", "bodies.html"
+CASE, MESH, PICTURE, PAGE = "case.toml", "case.msh", "bodies.png", "setup.html"
 """Files of the folder."""
 
 SCHEMA = "case.schema.json"
@@ -35,7 +35,7 @@ def fill(output: Path, made: Path, case: str) -> None:
 
     Args:
         output: The folder.
-        made: Where mesh, picture and page are, those that there are.
+        made: Folder with mesh, picture and page, those that there are.
         case: The text of the case.
 
     Raises:

@@ -63,7 +63,7 @@ function connect(viewer) {
   const say = (text) => { part("told").textContent = text; };
   const named = (found) => {
     if (!found) return say("No body is there.");
-    if (found.face > 0) return say(data.faces.words[found.face]);
+    if (found.face > 0) return canvas.dispatchEvent(new CustomEvent("pick", { detail: found.face }));
     const { field } = viewer;
     const unit = field?.unit ? ` ${field.unit}` : "";
     const value = found.value === null ? "" : `: ${field.label} ${short(found.value)}${unit}`;
@@ -153,11 +153,6 @@ function connect(viewer) {
     look.outlined = event.target.checked;
     viewer.redraw();
   });
-  document.querySelectorAll("[data-face]").forEach((row) => row.addEventListener("click", () => {
-    look.face = Number(row.dataset.face);
-    say(data.faces.words[look.face]);
-    viewer.redraw();
-  }));
   part("legend-bar").style.background = scaleGradient();
   window.addEventListener("beforeprint", () => viewer.paint());
   if (!data.plane && !data.faces) viewer.sides = new Sides(viewer, part("sides"));
@@ -171,8 +166,11 @@ function connect(viewer) {
   const flow = known.find((field) => field.name === "dissipation");
   viewer.field = (data.states.at(-1).mechanism && flow) || known[0] || null;
   part("field").value = viewer.field?.name ?? "";
-  say(`Click a ${data.faces ? "face" : "body"} to see its name.`);
-  return go(first < 0 ? states.length - 1 : first).then(() => canvas.setAttribute("data-ready", ""));
+  say(`Click a ${data.faces ? "face to choose it" : "body to see its name"}.`);
+  return go(first < 0 ? states.length - 1 : first).then(() => {
+    canvas.dispatchEvent(new CustomEvent("ready", { detail: viewer }));
+    canvas.setAttribute("data-ready", "");
+  });
 }
 
 // Paper shows what is folded on the screen.

@@ -86,7 +86,7 @@ class Drawing {
     this.uniform("4fv", "cut", look.cut);
     this.uniform("1i", "plane", mesh.plane);
     this.uniform("1i", "meshed", look.meshed);
-    this.uniform("1f", "face", look.face);
+    this.uniform("1i", "marked", Boolean(mesh.faces));
     gl.bindVertexArray(this.faces.array);
     this.uniform("1f", "nearer", 0);
     this.uniform("1i", "mode", picking ? 3 : look.field ? 1 : 0);

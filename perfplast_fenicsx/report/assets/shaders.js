@@ -40,7 +40,7 @@ uniform vec4 cut;        // normal, place
 uniform bool plane;
 uniform bool meshed;
 uniform float glow;
-uniform float face;      // the number of the one that is picked, in pages of a mesh; −1 for none
+uniform bool marked;     // whether values are marks of faces: 1 support, 2 load, 4 chosen, summed
 out vec4 pixel;
 
 void main() {
@@ -69,8 +69,11 @@ void main() {
     float edge = min(min(distance.x, distance.y), distance.z);
     base = mix(vec3(0.25), base, 0.6 + 0.4 * smoothstep(0.2, 1.2, edge));
   }
-  float lit = mode == 0 && face >= 0.0 && abs(shade - face) < 0.25 ? 0.6 : glow;
-  pixel = vec4(mix(base * light, vec3(1.0, 0.85, 0.4), lit), 1.0);
+  int mark = marked && mode == 0 ? int(shade + 0.5) : 0;
+  if ((mark & 1) != 0) base = mix(base, vec3(0.05, 0.12, 0.6), 0.8);
+  if ((mark & 2) != 0) base = mix(base, vec3(0.75, 0.08, 0.08), 0.75);
+  if ((mark & 4) != 0) base = mix(base, vec3(0.65, 1.0, 0.1), 0.85);
+  pixel = vec4(mix(base * light, vec3(1.0, 0.85, 0.4), glow), 1.0);
 }
 `;
 

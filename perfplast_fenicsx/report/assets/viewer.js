@@ -12,7 +12,7 @@ class Viewer {
     this.drawing = new Drawing(canvas, mesh);
     this.look = {
       camera: this.camera, amount: 0, reach: 0, cut: [0, 0, 0, 1], field: false, range: [0, 1],
-      hidden: new Set(), picked: -1, face: -1, meshed: false, marked: true, outlined: false,
+      hidden: new Set(), picked: -1, meshed: false, marked: true, outlined: false,
     };
     this.asked = 0;
     this.share = 1; // of the enlarged motion
@@ -80,14 +80,19 @@ class Viewer {
 
   take(values) {
     this.values = values;
-    const { faces, triangles } = this.mesh;
-    const face = faces && Float32Array.from(triangles, (_, corner) => faces[Math.floor(corner / 3)]);
-    this.drawing.setValues(values ?? face);
+    this.drawing.setValues(values);
     this.look.field = values !== null;
     if (values) {
       const { low, high } = this.field;
       this.look.range = high > low ? [low, high] : [low, low + 1];
     }
+    this.redraw();
+  }
+
+  /** Mark faces by their numbers: 1 for a support, 2 for a load, 4 for chosen, summed. */
+  markFaces(marks) {
+    const { faces, triangles } = this.mesh;
+    this.drawing.setValues(Float32Array.from(triangles, (_, corner) => marks.get(faces[Math.floor(corner / 3)]) ?? 0));
     this.redraw();
   }
 
@@ -175,11 +180,11 @@ class Viewer {
     const row = canvas.height - 1 - Math.round(y * ratio);
     const triangle = this.drawing.pick(look, Math.round(x * ratio), row);
     const starts = mesh.triangleStarts;
-    look.face = triangle < 0 || !mesh.faces ? -1 : mesh.faces[triangle];
-    look.picked = triangle < 0 || mesh.faces ? -1 : starts.findIndex((a, k) => a <= triangle && triangle < starts[k + 1]);
+    const face = triangle < 0 || !mesh.faces ? 0 : mesh.faces[triangle];
+    look.picked = triangle < 0 || face > 0 ? -1 : starts.findIndex((a, k) => a <= triangle && triangle < starts[k + 1]);
     this.redraw();
     if (triangle < 0) return null;
     const at = this.values?.subarray(3 * triangle, 3 * triangle + 3);
-    return { body: look.picked, face: look.face, value: at ? (at[0] + at[1] + at[2]) / 3 : null };
+    return { body: look.picked, face, value: at ? (at[0] + at[1] + at[2]) / 3 : null };
   }
 }

@@ -1,4 +1,4 @@
-"""The page of a mesh: its bodies in the viewer, where a click shows the name of a face."""
+"""The page that sets up a case: the bodies, whose faces are chosen by clicks, and the case file."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from string import Template
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.report.packing import pack_integers, pack_numbers
 from perfplast_fenicsx.report.page import SCRIPTS, asset
 from perfplast_fenicsx.report.view_data import view_mesh
+
+SETUP = ("toml", "case_check", "setup")
+"""Files of the forms, in the order in which they are read, after those of the view."""
 
 
 @dataclass(frozen=True)
@@ -45,21 +49,25 @@ class FaceRow:
         return f"{words}; one of {self.together}" if self.together else words
 
 
-def mesh_page(
+def setup_page(
     title: str,
     skin: Path,
     faces: Sequence[FaceRow],
+    setup: Mapping[str, Any],
     tables: Mapping[str, Sequence[Sequence[str]]] | None = None,
     size: str = "Area",
 ) -> str:
-    """Return the HTML of a mesh.
+    """Return the HTML of the page that sets up a case.
 
     Args:
         title: Title of the page.
-        skin: What :func:`perfplast_fenicsx.geometry.skin.skin_of` has found, as an .npz file.
-        faces: Its free faces.
-        tables: What else is listed, by its heading: rows of equal length, the first one of heads.
-        size: What the size of a face is called.
+        skin: The .npz file of :func:`perfplast_fenicsx.geometry.skin.skin_of`.
+        faces: The free faces.
+        setup: Data for ``setup.js``: dimension ``dim``; names of ``bodies``; ``faces``, ``sets``
+            and ``joints`` with their names; the text of the first ``case``; the JSON ``schema`` of
+            cases; ``systems`` of units; the ``library`` of materials for each system.
+        tables: Further tables by their headings: rows of equal length, the first one of heads.
+        size: Heading of the sizes of faces.
     """
     with np.load(skin) as file:
         arrays = {name: file[name] for name in file.files}
@@ -86,21 +94,22 @@ def mesh_page(
         "faces": {"of": pack_integers(arrays["face"][order].astype(np.int64)), "words": words},
         "states": [{"title": "", "mechanism": False, "motion": still, "largest": 0, "fields": {}}],
         "fields": [],
+        "setup": setup,
     }
-    return Template(asset("mesh_page.html")).substitute(
+    return Template(asset("setup_page.html")).substitute(
         title=escape(title),
-        style=asset("page.css"),
+        style=asset("page.css") + asset("setup.css"),
         view=asset("view.html"),
         faces=_face_table(faces, size),
         tables="\n".join(_section(head, table) for head, table in (tables or {}).items()),
         version=escape(__version__),
         data=json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
-        script="\n".join(asset(f"{name}.js") for name in SCRIPTS),
+        script="\n".join(asset(f"{name}.js") for name in (*SCRIPTS, *SETUP)),
     )
 
 
 def _face_table(faces: Sequence[FaceRow], size: str) -> str:
-    """Return the table of free faces, whose rows a click shows in the viewer."""
+    """Return the table of free faces; a click on a row chooses its face."""
     titles = ["No.", "Name", "Shape", size, "Of CAD", "Centre"]
     together = any(face.together for face in faces)
     if together:
@@ -113,7 +122,8 @@ def _face_table(faces: Sequence[FaceRow], size: str) -> str:
         )
         rows.append(
             f'<tr data-face="{face.number}"><td>{face.number}</td><th scope="row">'
-            f'<button type="button">{escape(face.name)}</button></th>{cells}</tr>'
+            f'<button type="button" aria-pressed="false">{escape(face.name)}</button></th>'
+            f"{cells}</tr>"
         )
     return _scrolled(titles, "".join(rows))
 

@@ -1,0 +1,703 @@
+// The entries of a case: faces that are chosen, forms that add to the text, and cards that change it.
+
+const { setup } = data;
+const drawn = new Drawn(setup);
+const chosen = new Set();
+const history = [];
+const wrongFields = new Map(); // by the id of a field: what was typed, and what is wrong with it
+const pending = new Map(); // by the id of a card: a key that has no value yet
+let caseText = "";
+let parsed = null;
+let shape = "";
+let painter = null;
+
+const AXES = ["x", "y", "z"].slice(0, setup.dim);
+const made = (tag, properties = {}, ...inside) => {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...inside);
+  return element;
+};
+const done = (words) => { part("done").textContent = words; };
+const system = () => parsed?.value.units?.system;
+const units = () => setup.systems[system()] ?? {};
+
+/** The unit of a key, by its description in the schema. */
+function unitOf(schema) {
+  const kind = /\((stress|length|force)\b[^)]*\)/.exec(schema?.description ?? "")?.[1];
+  return units()[kind] ?? (/degrees/.test(schema?.description ?? "") ? "degrees" : "");
+}
+
+/* ---- The text ---- */
+
+/** Take another text; `rewrite` unless the text field has it already. */
+function take(text, { rewrite = true, remember = true } = {}) {
+  if (text === caseText) return;
+  if (remember && caseText) history.push(caseText);
+  caseText = text;
+  if (rewrite) rewriteText(text);
+  part("undo").disabled = !history.length;
+  try {
+    parsed = parseToml(text);
+    parsed.fault = null;
+  } catch (error) {
+    if (!(error instanceof CaseFault)) throw error;
+    parsed = { ...parsed, fault: error };
+  }
+  refreshSoon();
+}
+
+/** Show the text, and of it the first line that has changed. */
+function rewriteText(text) {
+  const field = part("text");
+  const before = field.value;
+  let same = 0;
+  while (same < text.length && text[same] === before[same]) same++;
+  field.value = text;
+  const lines = text.split("\n").length;
+  const line = before ? text.slice(0, same).split("\n").length : 0;
+  field.scrollTop = (line / lines) * field.scrollHeight - 0.3 * field.clientHeight;
+}
+
+/** Refresh after the focus has moved to the next field. */
+function refreshSoon() {
+  part("cards").setAttribute("aria-busy", "true");
+  setTimeout(refresh);
+}
+
+const editable = () => !parsed.fault;
+
+/** Tables of a kind, in the order of the file. */
+const tablesOf = (...path) => parsed.tables.filter((table) => table.path.join("\n") === path.join("\n"));
+
+const idOf = (table) => `e-${[...table.path, table.number ?? ""].join("-").replace(/[^\w-]/g, "_")}`;
+
+/** Remove the entries that the first case leaves to be filled in. */
+function withoutPlaceholders(text) {
+  for (;;) {
+    const table = parseToml(text).tables.find((one) =>
+      ["support", "load"].includes(one.path[0]) && one.value.on === "NAME");
+    if (!table) return text;
+    text = withoutTable(text, table);
+  }
+}
+
+/** Take a case file from outside. */
+function open(text, name) {
+  let found = text.replaceAll("\r\n", "\n");
+  try {
+    found = withoutPlaceholders(found);
+  } catch (error) {
+    if (!(error instanceof CaseFault)) throw error;
+  }
+  wrongFields.clear();
+  pending.clear();
+  take(found);
+  done(`${name} has been read.`);
+}
+
+/* ---- Faces that are chosen ---- */
+
+function paintFaces() {
+  const surfaces = parsed ? drawn.surfacesOf(parsed.value) : drawn.surfaces;
+  const marks = new Map();
+  const mark = (name, bit) => (surfaces[name]?.faces ?? []).forEach((face) =>
+    marks.set(face, (marks.get(face) ?? 0) | bit));
+  (parsed?.value.support ?? []).forEach?.((row) => mark(row.on, 1));
+  (parsed?.value.load ?? []).forEach?.((row) => mark(row.on, 2));
+  chosen.forEach((name) => mark(name, 4));
+  painter?.markFaces(marks);
+  document.querySelectorAll("tr[data-face] button").forEach((button) =>
+    button.setAttribute("aria-pressed", String(chosen.has(button.textContent))));
+  const names = [...chosen];
+  part("chosen").textContent = names.length
+    ? `Chosen: ${names.join(", ")}` : "Nothing is chosen. Click faces, or choose them by name.";
+  part("clear").disabled = !names.length;
+}
+
+function toggle(name) {
+  if (!chosen.delete(name)) chosen.add(name);
+  part("add-fault").textContent = "";
+  paintFaces();
+}
+
+function toggleFace(number) {
+  const face = setup.faces.find((one) => one.number === number);
+  if (!face) return;
+  toggle(face.name);
+  part("told").textContent = data.faces.words[number] + (chosen.has(face.name) ? "; chosen" : "; no longer chosen");
+}
+
+function offerNames() {
+  const own = (parsed?.value.geometry?.face ?? []).map((one) => one.name).filter(Boolean);
+  const group = (label, options) => options.length
+    ? [made("optgroup", { label }, ...options.map(([text, value]) => new Option(text, value)))] : [];
+  part("choose").replaceChildren(
+    new Option("a name …", ""),
+    ...group("All free faces of a body", setup.bodies.map((body) => [body, `body:${body}`])),
+    ...group("Faces", setup.faces.map(({ name }) => [name, name])),
+    ...group("Several faces by one name", [...setup.sets.map(({ name }) => name), ...own].map((name) => [name, name])),
+    ...group("Surfaces that touch", setup.joints.flatMap(({ surfaces }) => surfaces).map((name) => [name, name])),
+  );
+}
+
+part("choose").addEventListener("change", ({ target }) => {
+  const { value } = target;
+  if (value.startsWith("body:")) {
+    setup.faces.filter((face) => face.body === value.slice(5)).forEach((face) => chosen.add(face.name));
+  } else if (value) {
+    chosen.add(value);
+  }
+  target.value = "";
+  paintFaces();
+});
+part("clear").addEventListener("click", () => {
+  chosen.clear();
+  paintFaces();
+});
+document.querySelectorAll("tr[data-face]").forEach((row) =>
+  row.addEventListener("click", () => toggleFace(Number(row.dataset.face))));
+
+/* ---- Fields of forms ---- */
+
+const schemaOf = (path, value = {}) => schemaAt(setup.schema, path, value);
+
+/** A field of a form: label, input and the place of its fault. */
+function formField({ id, label, key, schema, optional, choices, check }) {
+  const unit = unitOf(schema);
+  const fault = made("p", { className: "fault", id: `${id}-fault` });
+  const input = choices
+    ? made("select", { id }, ...choices.map(([text, value]) => new Option(text, value)))
+    : made("input", { id, type: check ? "checkbox" : "text", autocomplete: "off" });
+  input.setAttribute("aria-describedby", fault.id);
+  const words = made("label", { htmlFor: id }, label + (unit ? ` (${unit})` : "") + (optional ? ", may be empty" : ""));
+  const element = made("div", { className: check ? "check" : "" }, ...(check ? [input, " ", words] : [words, input]), fault);
+  const read = () => {
+    if (check) return { toml: input.checked ? "true" : "" };
+    if (choices) return { toml: input.value };
+    const found = !input.value.trim() && optional ? { toml: "" } : fromField(key, schema, input.value, unit);
+    fault.textContent = found.words ? `${label}: ${found.words}.` : "";
+    input.setAttribute("aria-invalid", String(Boolean(found.words)));
+    return found;
+  };
+  // Words that come or go as a button is pressed would move it away from the pointer.
+  input.addEventListener("input", () => input.getAttribute("aria-invalid") === "true" && read());
+  return { element, read, input };
+}
+
+/** Fields with a number for each direction. */
+function vectorFields(key, schema, label) {
+  const item = { ...(schema.items ?? schema), description: schema.description };
+  const axes = schema.items || schema.anyOf ? AXES : [""];
+  return axes.map((axis) => formField({
+    id: `add-${key}-${axis}`, label: `${label} ${axis}`.trim(), key, schema: item,
+  }));
+}
+
+const NUMBER_SCHEMA = { type: "number" };
+
+const LOADS = {
+  pressure: "Pressure", traction: "Traction", force: "Force on the whole face",
+  moment: "Moment on the whole face", bearing_force: "Force of a pin or shaft on its bore",
+};
+const OF_WHOLE_FACE = ["force", "moment", "bearing_force"];
+const CONSTANT = [["grows with the load factor", ""], ["is constant", "true"]];
+
+/** The entries that a form adds: its fields, and the tables of what they say. */
+const KINDS = {
+  support: {
+    label: "Support",
+    fields: () => [formField({ id: "add-components", label: "Holds", choices: [
+      ["all directions", ""], ...AXES.map((axis) => [axis, quoted(axis)]),
+      ...(setup.dim === 3 ? ["xy", "xz", "yz"].map((axes) => [axes.split("").join(" and "), quoted(axes)]) : []),
+      ["normal to a flat face", quoted("normal")],
+    ] })],
+    tables: ([components]) => [...chosen].map((name) =>
+      [["support"], true, { on: quoted(name), ...(components && { components }) }]),
+    least: 1,
+  },
+  ...Object.fromEntries(Object.entries(LOADS).map(([key, label]) => [key, {
+    label,
+    fields: () => {
+      const schema = schemaOf(["load"]).properties[key];
+      const numbers = key === "pressure" || (key === "moment" && setup.dim === 2)
+        ? [formField({ id: `add-${key}`, label, key, schema: key === "moment" ? NUMBER_SCHEMA : schema })]
+        : vectorFields(key, key === "moment" ? schema.anyOf[1] : schema, key.replace("_", " "));
+      return [...numbers, formField({ id: "add-constant", label: "The load", choices: CONSTANT })];
+    },
+    tables: (given) => {
+      const constant = given.at(-1);
+      const numbers = given.slice(0, -1);
+      const value = numbers.length === 1 ? numbers[0] : `[${numbers.join(", ")}]`;
+      return [...chosen].map((name) =>
+        [["load"], true, { on: quoted(name), [key]: value, ...(constant && { constant }) }]);
+    },
+    least: 1,
+    most: OF_WHOLE_FACE.includes(key) ? 1 : Infinity,
+  }])),
+  gravity: {
+    label: "Gravity",
+    fields: () => {
+      const { properties } = schemaOf(["gravity"]);
+      const densities = setup.bodies.map((body) => formField({
+        id: `add-density-${body}`, label: `Density of ${body}`, key: "density",
+        schema: properties.density.additionalProperties, optional: true,
+      }));
+      return [...vectorFields("acceleration", properties.acceleration, "acceleration"), ...densities];
+    },
+    tables: (given) => {
+      const density = setup.bodies.map((body, k) => [body, given[AXES.length + k]]).filter(([, one]) => one);
+      const inside = density.map(([body, one]) => `${bare(body)} = ${one}`).join(", ");
+      return [[["gravity"], false, {
+        acceleration: `[${given.slice(0, AXES.length).join(", ")}]`, density: `{ ${inside} }`,
+      }]];
+    },
+    least: 0,
+    single: true,
+    refused: (given) => (given.slice(AXES.length).some(Boolean) ? "" : "give the density of at least one body"),
+  },
+  contact: {
+    label: "Contact of two surfaces",
+    fields: () => [formField({
+      id: "add-coulomb", label: "Coefficient of friction", key: "coulomb", optional: true,
+      schema: schemaOf(["contact"]).properties.coulomb,
+    })],
+    tables: ([coulomb]) => [[["contact"], true, { ...pair(), ...(coulomb && { coulomb }) }]],
+    least: 2, most: 2,
+  },
+  tie: { label: "Tie of two surfaces", fields: () => [], tables: () => [[["tie"], true, pair()]], least: 2, most: 2 },
+  face: {
+    label: "One name for the chosen faces",
+    fields: () => [formField({ id: "add-name", label: "Name", key: "name", schema: { type: "string" } })],
+    tables: ([name]) => [[["geometry", "face"], true, { name, faces: toToml([...chosen]) }]],
+    least: 1,
+    refused: ([name]) => (Object.hasOwn(drawn.surfacesOf(parsed.value), JSON.parse(name)) ? `${name} is a name already; give another one` : ""),
+    after: ([name]) => {
+      chosen.clear();
+      chosen.add(JSON.parse(name));
+    },
+  },
+  material: {
+    label: "Material of a body",
+    fields: () => [
+      formField({ id: "add-body", label: "Body", choices: setup.bodies.map((body) => [body, body]) }),
+      formField({ id: "add-material", label: "From the library", choices: library().map((one) => [`${one.name}: ${one.what}`, one.name]) }),
+    ],
+    refused: ([, name]) => (name ? "" : "name a system under [units] first: the library has no numbers for other units"),
+    tables: ([body, name]) => [[["material", body], false, library().find((one) => one.name === name).keys]],
+    least: 0,
+  },
+};
+
+const pair = () => {
+  const [primary, secondary] = [...chosen].map(quoted);
+  return { primary, secondary };
+};
+const library = () => setup.library[system()] ?? [];
+
+let fields = [];
+function showKind() {
+  part("add-fault").textContent = "";
+  const kind = KINDS[part("kind").value];
+  fields = kind.fields();
+  part("wanted").replaceChildren(...fields.map((field) => field.element));
+}
+part("kind").append(...Object.entries(KINDS).map(([key, { label }]) => new Option(label, key)));
+part("kind").addEventListener("change", showKind);
+
+/** What the number of chosen faces is missing, in words. */
+function choiceFault(kind) {
+  const count = chosen.size;
+  const most = kind.most ?? Infinity;
+  if (kind.least && count < kind.least) return kind.least === 1 ? "Choose a face first." : `Choose ${kind.least} surfaces first; ${count} are chosen.`;
+  if (kind.least && count > most) {
+    return most === 1
+      ? `${count} faces are chosen, and this acts on one. Give them one name first (the entry "${KINDS.face.label}").`
+      : `${count} surfaces are chosen; choose ${most}.`;
+  }
+  return "";
+}
+
+part("adding").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const kind = KINDS[part("kind").value];
+  const say = (words) => { part("add-fault").textContent = words; };
+  const given = fields.map((field) => field.read());
+  const wrong = given.findIndex((one) => one.words);
+  if (!editable()) return say("The text cannot be read; correct it first.");
+  if (wrong >= 0) {
+    fields[wrong].input.focus();
+    return say(choiceFault(kind));
+  }
+  const values = given.map((one) => one.toml);
+  const fault = choiceFault(kind) || kind.refused?.(values);
+  if (fault) return say(fault);
+  const tables = kind.tables(values);
+  const [path] = tables[0];
+  const there = tablesOf(...path)[0];
+  if (kind.single && there) return say(`The case has [${path.join(".")}] already; change it among the entries.`);
+  let text = caseText;
+  if (part("kind").value === "material" && there) {
+    text = withMaterial(text, path[1], tables[0][2]);
+  } else {
+    tables.forEach(([where, list, entries]) => { text = withTable(text, where, list, entries); });
+  }
+  say("");
+  done(`Added: ${kind.label.toLowerCase()}${kind.least ? ` on ${[...chosen].join(", ")}` : ""}.`);
+  chosen.clear();
+  kind.after?.(values);
+  take(text);
+  showKind();
+});
+
+/** The text with the numbers of a material; keys that its law does not have are removed. */
+function withMaterial(text, body, keys) {
+  const table = () => parseToml(text).tables.find((one) => one.path.join("\n") === `material\n${body}`);
+  const law = JSON.parse(keys.law);
+  const { properties } = schemaOf(["material", body], { law });
+  Object.keys(table().keys).filter((key) => !properties[key]).forEach((key) => { text = withoutKey(text, table(), key); });
+  Object.entries(keys).forEach(([key, toml]) => { text = withKey(text, table(), key, toml); });
+  return text;
+}
+
+/* ---- What is asked ---- */
+
+const QUESTIONS = {
+  bounds: { label: "Bounds of the load at which the bodies collapse", control: "bounds", keys: ["design"] },
+  load: { label: "Levels: the state at given load factors", control: "load", keys: ["values"] },
+  work: { label: "Limit load of this mesh alone (an estimate)", control: "work", keys: ["design"], fixed: { until: quoted("limit") } },
+  strength: { label: "Factor of safety: by how much strengths may fall", control: "strength", keys: [] },
+};
+const KEY_LABELS = { design: "Load factor of the design load", values: "Load factors, such as 1, 1.5, 2" };
+let questionFields = [];
+
+function showQuestion() {
+  const { control, keys } = QUESTIONS[part("question").value];
+  const { properties } = schemaOf(["loading"], { control });
+  questionFields = keys.map((key) => formField({
+    id: `ask-${key}`, label: KEY_LABELS[key], key, schema: properties[key], optional: key === "design",
+  }));
+  part("question-fields").replaceChildren(...questionFields.map((field) => field.element));
+  part("ask-fault").textContent = "";
+}
+part("question").append(...Object.entries(QUESTIONS).map(([key, { label }]) => new Option(label, key)));
+part("question").addEventListener("change", showQuestion);
+
+part("asking").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const { label, control, keys, fixed = {} } = QUESTIONS[part("question").value];
+  const given = questionFields.map((field) => field.read());
+  const wrong = given.findIndex((one) => one.words);
+  if (wrong >= 0) return questionFields[wrong].input.focus();
+  if (!editable()) return void (part("ask-fault").textContent = "The text cannot be read; correct it first.");
+  if (parsed.value.stage) return void (part("ask-fault").textContent = "The case has [[stage]]; remove the stages in the text first.");
+  const entries = { control: quoted(control), ...fixed };
+  keys.forEach((key, k) => { if (given[k].toml) entries[key] = given[k].toml; });
+  let text = tablesOf("loading").length ? caseText : withTable(caseText, ["loading"], false, {});
+  const table = (name) => parseToml(text).tables.find((one) => one.path.join("\n") === name);
+  const { properties } = schemaOf(["loading"], { control });
+  const removed = Object.keys(table("loading").keys).filter((key) => !properties[key]);
+  removed.forEach((key) => { text = withoutKey(text, table("loading"), key); });
+  Object.entries(entries).forEach(([key, toml]) => { text = withKey(text, table("loading"), key, toml); });
+  if (!["bounds", "strength"].includes(control) && table("mesh")?.keys.adapt) {
+    text = Object.keys(table("mesh").keys).length > 1
+      ? withoutKey(text, table("mesh"), "adapt") : withoutTable(text, table("mesh"));
+    removed.push("[mesh] adapt");
+  }
+  take(text);
+  done(`Asked: ${label}.${removed.length ? ` Removed, since it does not go with this: ${removed.join(", ")}.` : ""}`);
+});
+
+/* ---- Cards ---- */
+
+const cardWords = ({ path, number, value }) => {
+  const kind = path.at(-1);
+  const count = number === null ? "" : ` ${number + 1}`;
+  if (path[0] === "material") return `Material of ${path[1]}`;
+  if (kind === "support") return `Support${count}: ${value.on ?? "?"}, ${value.components ?? "all directions"}`;
+  if (kind === "load") {
+    const what = LOAD_KINDS.filter((key) => key in value).map((key) => `${key.replace("_", " ")} ${toToml(value[key])}`);
+    return `Load${count}: ${what.join(", ") || "?"} on ${value.on ?? "?"}`;
+  }
+  if (kind === "contact" || kind === "tie") return `${kind === "tie" ? "Tie" : "Contact"}${count}: ${value.primary ?? "?"} and ${value.secondary ?? "?"}`;
+  if (path.length === 0) return "Title";
+  return tableWords(path, number);
+};
+
+/** Text of a value in a field. */
+function fieldText(table, key) {
+  const value = table.value[key];
+  const place = table.keys[key];
+  return typeof value === "string" ? value : place.dotted ? toToml(value) : caseText.slice(place.start, place.end);
+}
+
+const NAMING = ["on", "primary", "secondary"];
+
+function cardField(table, key) {
+  const id = `${idOf(table)}-${key}`;
+  const schema = schemaOf(table.path, table.value);
+  const keyed = keySchema(schema, key);
+  const unit = unitOf(keyed);
+  const choices = keyed && kindsOf(keyed).every((kind) => kind === "enum") ? choicesOf(keyed)
+    : keyed?.type === "boolean" ? ["true", "false"] : null;
+  const input = choices
+    ? made("select", { id }, ...["", ...choices].map((one) => new Option(one, one)))
+    : made("input", { id, type: "text", autocomplete: "off" });
+  if (NAMING.includes(key)) input.setAttribute("list", "names");
+  const fault = made("p", { className: "fault", id: `${id}-fault` });
+  const about = made("small", { id: `${id}-about` }, keyed?.description ?? "");
+  input.setAttribute("aria-describedby", `${fault.id} ${about.id}`);
+  input.addEventListener("change", () => changeField(table.path, table.number, key, keyed, input));
+  const remove = made("button", { type: "button" }, "Remove");
+  remove.setAttribute("aria-label", `Remove ${key}`);
+  remove.addEventListener("click", () => removeField(table.path, table.number, key));
+  const kept = (schema.required ?? []).includes(key);
+  const box = made("div", {}, input, ...(kept ? [] : [remove]));
+  const element = made("div", { className: "field" },
+    made("label", { htmlFor: id }, key + (unit ? ` (${unit})` : "")), box, fault, about);
+  return element;
+}
+
+const findTable = (path, number) =>
+  parsed.tables.find((one) => one.path.join("\n") === path.join("\n") && one.number === number)
+  ?? parsed.tables.find((one) => !path.length && !one.path.length);
+
+function changeField(path, number, key, schema, input) {
+  if (!editable()) return;
+  const table = findTable(path, number);
+  const boolean = schema?.type === "boolean";
+  const found = schema ? fromField(key, schema, input.value, unitOf(schema)) : { toml: quoted(input.value) };
+  if (boolean && input.value) found.toml = input.value;
+  if (found.words) {
+    wrongFields.set(input.id, { text: input.value, words: found.words, place: `${cardWords(table)}, ${key}` });
+    return refreshSoon();
+  }
+  wrongFields.delete(input.id);
+  pending.delete(idOf(table));
+  let text;
+  try {
+    text = withKey(caseText, table, key, found.toml);
+  } catch (error) {
+    if (!(error instanceof CaseFault)) throw error;
+    wrongFields.set(input.id, { text: input.value, words: error.message, place: cardWords(table) });
+    return refreshSoon();
+  }
+  if (path[0] === "units" && key === "system") text = inSystem(text, input.value);
+  if (text === caseText) return refreshSoon();
+  take(text);
+  done(`Changed: ${key} of ${cardWords(table)}.`);
+}
+
+/** The text with materials of the library in other units; numbers of one's own stay as they are. */
+function inSystem(text, wanted) {
+  const before = library();
+  for (const table of parsed.tables.filter((one) => one.path[0] === "material")) {
+    const same = before.findIndex(({ keys }) => Object.entries(keys).every(([key, toml]) => parseValue(toml) === table.value[key]));
+    if (same >= 0) text = withMaterial(text, table.path[1], setup.library[wanted][same].keys);
+  }
+  return text;
+}
+
+function removeField(path, number, key) {
+  const table = findTable(path, number);
+  wrongFields.delete(`${idOf(table)}-${key}`);
+  if (pending.get(idOf(table)) === key) pending.delete(idOf(table));
+  if (table.keys[key]) take(withoutKey(caseText, table, key));
+  else refresh();
+  done(`Removed: ${key} of ${cardWords(table)}.`);
+}
+
+function card(table) {
+  const id = idOf(table);
+  const schema = schemaOf(table.path, table.value);
+  const legend = made("legend", { id: `${id}-legend` }, cardWords(table));
+  const keys = Object.keys(table.keys);
+  if (pending.has(id) && !keys.includes(pending.get(id))) keys.push(pending.get(id));
+  const inside = keys.map((key) => cardField(table, key));
+  const buttons = made("div", { className: "buttons" });
+  const others = Object.keys(schema.properties).filter((key) =>
+    !keys.includes(key) && schema.properties[key].type !== "object"
+    && !(schema.properties[key].items?.type === "object"));
+  if (others.length && table.path.length) {
+    const select = made("select", { id: `${id}-more` }, new Option("Add a key …", ""), ...others.map((key) => new Option(key, key)));
+    select.setAttribute("aria-label", `Add a key to ${cardWords(table)}`);
+    select.addEventListener("change", () => {
+      pending.set(id, select.value);
+      refresh();
+      part(`${id}-${select.value}`).focus();
+    });
+    buttons.append(select);
+  }
+  if (table.path[0] === "material") buttons.append(librarySelect(table, id));
+  if (["contact", "tie"].includes(table.path[0])) buttons.append(swapButton(table, id));
+  if (table.path.length) {
+    const remove = made("button", { type: "button", id: `${id}-remove` }, "Remove entry");
+    remove.setAttribute("aria-label", `Remove ${cardWords(table)}`);
+    remove.addEventListener("click", () => {
+      const words = cardWords(table);
+      take(withoutTable(caseText, findTable(table.path, table.number)));
+      done(`Removed: ${words}.`);
+    });
+    buttons.append(remove);
+  }
+  return made("fieldset", { id }, legend, ...inside, buttons);
+}
+
+function librarySelect(table, id) {
+  const select = made("select", { id: `${id}-library` }, new Option("From the library …", ""),
+    ...library().map((one) => new Option(`${one.name}: ${one.what}`, one.name)));
+  select.setAttribute("aria-label", `Material of ${table.path[1]} from the library`);
+  select.addEventListener("change", () => {
+    const found = library().find((one) => one.name === select.value);
+    if (!found || !editable()) return;
+    for (const key of Object.keys(found.keys)) wrongFields.delete(`${id}-${key}`);
+    take(withMaterial(caseText, table.path[1], found.keys));
+    done(`${table.path[1]} is of ${found.name} (${found.source}).`);
+  });
+  return select;
+}
+
+/** A button that makes a tie of a contact, or a contact of a tie. */
+function swapButton(table, id) {
+  const other = table.path[0] === "tie" ? "contact" : "tie";
+  const extra = Object.keys(table.keys).filter((key) => !schemaOf([other]).properties[key]);
+  const words = other === "tie" ? "Glue instead" : "Contact instead";
+  const button = made("button", { type: "button", id: `${id}-swap`, disabled: extra.length > 0 }, words);
+  button.title = extra.length ? `Remove ${extra.join(", ")} first` : "";
+  button.addEventListener("click", () => {
+    const now = findTable(table.path, table.number);
+    const head = caseText.slice(now.start, now.body);
+    take(spliced(caseText, now.start, now.body, head.replace(/\[\[.*?\]\](\s*#[^\n]*instead[^\n]*)?/, `[[${other}]]`)));
+    done(`${words}: ${table.value.primary} and ${table.value.secondary}.`);
+  });
+  return button;
+}
+
+/* ---- What is shown ---- */
+
+/** The place of a fault: the field or the card that has it, if there is one. */
+function placeOf(path) {
+  const table = parsed.tables.filter((one) => {
+    const steps = one.number === null ? one.path : [...one.path, one.number];
+    return one.path.length && steps.every((step, k) => path[k] === step);
+  }).sort((a, b) => b.path.length - a.path.length)[0];
+  if (!table) return {};
+  const key = path[table.path.length + (table.number === null ? 0 : 1)];
+  return { table, key, id: key === undefined ? idOf(table) : `${idOf(table)}-${key}` };
+}
+
+function refresh() {
+  const cards = parsed.tables.filter((table) => table.path.length || "title" in table.keys);
+  const now = JSON.stringify([
+    cards.map((table) => [table.path, table.number, Object.keys(table.keys), pending.get(idOf(table)),
+      table.value.law, table.value.control, table.value.builder]), system(),
+  ]);
+  if (now !== shape) {
+    const focused = document.activeElement?.id;
+    part("cards").replaceChildren(...cards.map(card), made("datalist", { id: "names" },
+      ...Object.keys(drawn.surfacesOf(parsed.value)).map((name) => new Option(name))));
+    if (focused) document.getElementById(focused)?.focus();
+    offerNames();
+    if (shape === "" || JSON.parse(shape)[1] !== system()) showKind();
+    shape = now;
+  }
+  showFaults(cards);
+  paintFaces();
+  part("cards").setAttribute("aria-busy", "false");
+}
+
+/** Fill fields, and write faults beside them and into the list. */
+function showFaults(cards) {
+  const faults = parsed.fault ? [] : faultsOfCase(parsed.value, setup.schema, drawn);
+  const atField = new Map();
+  const lines = [];
+  if (parsed.fault) lines.push({ words: `The text cannot be read, line ${parsed.fault.line}: ${parsed.fault.message}` });
+  for (const [id, { words, place }] of wrongFields) {
+    atField.set(id, words);
+    lines.push({ words: `${place}: ${words} (not in the case file)`, id });
+  }
+  for (const { path, words, loose } of faults) {
+    const { table, key, id } = placeOf(path);
+    if (id && !wrongFields.has(id)) atField.set(id, words);
+    const place = table ? `${cardWords(table)}${key === undefined ? "" : `, ${key}`}` : path.length ? `[${path[0]}]` : "The case";
+    lines.push({ words: `${place}: ${words}`, id, loose });
+  }
+  for (const table of cards) {
+    for (const key of Object.keys(schemaOf(table.path, table.value).properties).concat(Object.keys(table.keys))) {
+      const input = document.getElementById(`${idOf(table)}-${key}`);
+      if (!input) continue;
+      const wrong = wrongFields.get(input.id);
+      if (wrong) input.value = wrong.text;
+      else if (key in table.keys) input.value = fieldText(table, key);
+      input.setAttribute("aria-invalid", String(atField.has(input.id)));
+      part(`${input.id}-fault`).textContent = atField.has(input.id) ? `${key}: ${atField.get(input.id)}.` : "";
+    }
+    part(`${idOf(table)}-legend`).textContent = cardWords(table);
+  }
+  part("left").replaceChildren(...(lines.length ? lines : [{ words: "Nothing. perfplast check makes all other tests." }])
+    .map(({ words, id, loose }) => {
+      const target = id && document.getElementById(id);
+      const item = made("li", { className: !lines.length ? "" : loose ? "loose" : "wrong" });
+      if (target) {
+        const button = made("button", { type: "button" }, words);
+        button.addEventListener("click", () => (target.matches("input, select") ? target : target.querySelector("input, select"))?.focus());
+        item.append(button);
+      } else {
+        item.append(words);
+      }
+      return item;
+    }));
+  part("text").setAttribute("aria-invalid", String(Boolean(parsed.fault)));
+  for (const id of ["add-button", "ask-button"]) part(id).disabled = Boolean(parsed.fault);
+  const open = lines.filter((line) => !line.loose).length;
+  part("save").textContent = open ? `Save case.toml (${open} left)` : "Save case.toml";
+}
+
+/* ---- The text, files, and the clipboard ---- */
+
+part("text").addEventListener("input", () => take(part("text").value, { rewrite: false }));
+part("undo").addEventListener("click", () => {
+  wrongFields.clear();
+  take(history.pop(), { remember: false });
+  done("The last change is undone.");
+});
+part("save").addEventListener("click", () => {
+  const link = made("a", { href: URL.createObjectURL(new Blob([caseText], { type: "text/plain" })), download: "case.toml" });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  done("The browser saves case.toml. Put it into the folder of this page, in the place of the first one.");
+});
+part("copy").addEventListener("click", async () => {
+  part("text").select();
+  try {
+    await navigator.clipboard.writeText(caseText);
+    done("The case file is on the clipboard.");
+  } catch {
+    done(document.execCommand("copy") ? "The case file is on the clipboard." : "This browser does not copy; the text is selected.");
+  }
+});
+part("open").addEventListener("change", async ({ target }) => {
+  const [file] = target.files;
+  if (file) open(await file.text(), file.name);
+  target.value = "";
+});
+document.addEventListener("dragover", (event) => {
+  if (!event.dataTransfer.types.includes("Files")) return;
+  event.preventDefault();
+  document.body.classList.add("dropping");
+});
+document.addEventListener("dragleave", () => document.body.classList.remove("dropping"));
+document.addEventListener("drop", async (event) => {
+  document.body.classList.remove("dropping");
+  const [file] = event.dataTransfer.files;
+  if (!file) return;
+  event.preventDefault();
+  open(await file.text(), file.name);
+});
+part("canvas").addEventListener("pick", ({ detail }) => (detail ? toggleFace(detail) : undefined));
+part("canvas").addEventListener("ready", ({ detail }) => {
+  painter = detail;
+  paintFaces();
+});
+open(setup.case, "The first case");
+showQuestion();
+part("undo").disabled = true;
