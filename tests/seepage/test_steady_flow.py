@@ -244,8 +244,9 @@ def options() -> Iterator[PETSc.Options]:
 @pytest.mark.mpi2
 def test_options_of_the_user_are_heeded(options: PETSc.Options) -> None:
     full = dam(5.0, 10.0, 2.0, 10, 20)
-    options["perfplast_seepage_snes_rtol"] = 1e-2
-    check_options(options.getAll())
+    name = "perfplast_seepage_snes_rtol"
+    options[name] = 1e-2
+    check_options({name: options[name]})  # beside options of solvers that wait for their deletion
     assert dam(5.0, 10.0, 2.0, 10, 20).iterations < full.iterations
     options["perfplast_seepage_snes_max_it"] = 2
     with pytest.raises(InputError, match="not found in 2 steps"):
