@@ -16,9 +16,11 @@ from meshes.thick_sphere import write_thick_sphere
 from meshes.tube_polygon import write_tube_polygon
 from perfplast_fenicsx import (
     Adaptation,
+    BodyForce,
     Contact,
     DruckerPrager,
     Elastic,
+    MohrCoulomb,
     Pressure,
     Problem,
     ResultFolder,
@@ -28,12 +30,12 @@ from perfplast_fenicsx import (
     read_gmsh,
     stacked_blocks,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import judge, proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds, limit_load
 from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
 from perfplast_fenicsx.proof import check
 from tests.models import Read
-from tests.random_bodies import problem_of, stack, write_stack
+from tests.random_bodies import Stack, problem_of, stack, write_stack
 
 COMM = MPI.COMM_WORLD
 EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
@@ -239,3 +241,47 @@ def test_the_law_of_a_cell_is_at_its_vertices(read: Read) -> None:
     places = points() if callable(points) else points
     assert np.allclose(np.sort(places.sum(axis=1)), [0.0, 1.0, 1.0])
     assert bounds.certificates["inadmissible"] <= 1e-12
+
+
+def passive_block(comm: MPI.Intracomm, folder: Path, seed: int) -> tuple[Problem, Path]:
+    """Heavy ground with nearly no cohesion that is pushed until it fails, between smooth planes.
+
+    The weight acts along −x, and the load, which grows with the depth 1 − x, on the top. Its limit
+    load factor is 1, of W. J. M. Rankine's passive state.
+    """
+    random = Random(seed)
+    cohesion, angle = random.choice([0.003, 0.01, 0.03]), random.uniform(20.0, 42.0)
+    weight, size = random.uniform(1.5, 3.0), random.choice([0.35, 0.5])
+    path = folder / f"passive_{seed}.msh"
+    if comm.rank == 0:
+        write_stack(path, Stack(seed, 2, (1.0,), ((1.0, 1.0),), size, plain=True))
+    comm.barrier()
+    slope = math.tan(math.radians(45 + angle / 2))
+    top, deeper = slope**2 * weight + 2 * cohesion * slope, slope**2 * weight
+    problem = Problem(
+        read_gmsh(comm, path),
+        {"block0": MohrCoulomb(1e4, 0.3, cohesion, angle)},
+        [Support("x0", "x"), Support("bottom", "y")],
+        [
+            Pressure("top", f"{top:.17g} - {deeper:.17g}*x"),
+            BodyForce("block0", [-weight, 0.0], constant=True),
+        ],
+        degree=2,
+    )
+    return problem, path.with_suffix(".h5")
+
+
+@pytest.mark.parametrize("seed", [0, 1, 7, 11] if EFFORT < 2 else range(int(26 * EFFORT)))
+def test_ground_whose_cohesion_is_far_below_its_pressures(
+    comm: MPI.Intracomm, shared_tmp_path: Path, seed: int
+) -> None:
+    """Both bounds are at the limit, and the checker proves them."""
+    problem, path = passive_block(comm, shared_tmp_path, seed)
+    bounds = limit_bounds(problem)
+    low, high = judge(ResultFolder(comm, shared_tmp_path), path, bounds, bounds)
+    assert low.lower.strict, low.why_not
+    assert high.upper.strict, high.why_not
+    assert low.lower.value is not None
+    assert high.upper.value is not None
+    assert 0.9998 < low.lower.value <= 1.0 + 1e-9
+    assert 1.0 - 1e-9 <= high.upper.value < 1.0002

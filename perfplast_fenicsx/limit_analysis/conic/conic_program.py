@@ -118,6 +118,11 @@ class Start:
         return replace(self, reserve=min(more, most))
 
 
+PRESSED = 10.0
+"""Ratio of the strength that friction gives under constant loads to the cohesion, above which
+friction determines the size of a strength."""
+
+
 class ConicProgram:
     """Both problems of one discretisation.
 
@@ -134,8 +139,8 @@ class ConicProgram:
             all ranks together.
         plastic: Which points of this rank can yield, shape (count,): others are as elastic ones.
         weights: w, 1 in the mean, shape (count,).
-        sizes: Sizes of strengths (stress), shape (count,): γ, or without cohesion α times a mean
-            stress of the constant loads; ∞ where nothing yields.
+        sizes: Sizes of strengths (stress), shape (count,): γ, or α times a mean stress of the
+            constant loads where that is much more; ∞ where nothing yields.
         loose: Whether any point of any rank has no cohesion.
         keeps: Whether no stress can be scaled into yield: beside constant loads, without cohesion.
         strengths: Sizes of those that can yield, about 1 where bodies bear the loads, and 0 of
@@ -175,10 +180,12 @@ class ConicProgram:
         self.has_dead, self.has_free = float(on.dead.norm()) > 0, float(on.free.norm()) > 0
         self.loose, self.sizes = bool(loose), strains.radii
         self.keeps = self.has_dead or self.loose
-        if loose:
-            mean = (dead or live) / volume ** (1 - 1 / strains.gdim)
-            mean = mean if dead or not cones else cones / weaknesses
-            self.sizes = np.where(self._loose, strains.slopes * mean, strains.radii)
+        mean = (dead or live) / volume ** (1 - 1 / strains.gdim)
+        mean = mean if dead or not cones else cones / weaknesses
+        by_pressure = np.where(np.isfinite(strains.radii), strains.slopes * mean, 0.0)
+        pressed = self.has_dead & (by_pressure > PRESSED * strains.radii)
+        if loose or self.comm.allreduce(bool(pressed.any()), MPI.LOR):
+            self.sizes = np.where(self._loose | pressed, by_pressure, strains.radii)
             finite = self.sizes[np.isfinite(self.sizes)]
             cones, weaknesses = self.comm.allreduce(np.array([len(finite), (1 / finite).sum()]))
         self.load_unit = self.stress_unit = self.force_unit = 1.0
@@ -221,7 +228,7 @@ class ConicProgram:
         for it in sets:
             rest[it.at] = False
         slopes = strains.slopes * np.where(self._loose & self._of_slopes, left, 1.0)
-        radii = np.where(self._loose, 0.0, self.strengths)
+        radii = left / unit * np.where(self.plastic, strains.radii, 0.0)
         for dilate in (False, True):
             at = np.flatnonzero(rest & ((slopes > 0) == dilate))
             if not len(at):
