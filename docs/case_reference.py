@@ -28,6 +28,7 @@ from perfplast_fenicsx.io.case.load_table import load_table
 from perfplast_fenicsx.io.case.schema import described, shown
 from perfplast_fenicsx.io.case.water_table import WaterTable
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.conic.conic_solver import CONIC, SOLVERS, USUAL
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.declared.bolt import Bolt
@@ -161,6 +162,8 @@ def _solve() -> Iterator[str]:
         None,
         "The algorithm. Without it ALG1 where the load is prescribed, ALG3 where the work is.",
     ).replace("required", "see right")
+    kinds = " or ".join(f'`"{name}"`' for name in SOLVERS)
+    yield row("conic", kinds, f'`"{USUAL}"`', CONIC)
     yield from _variants("method", {name: entry.options for name, entry in METHODS.items()})
 
 

@@ -186,7 +186,7 @@ MANY_PARAMETERS = {
 
 LONG_FUNCTIONS = {
     *("cli/mesh_arguments.py:add_mesh", "cli/parser.py:make_parser", "cli/run.py:run"),
-    *("io/case/case_reader.py:case_of", "limit_analysis/conic/interior_steps.py:iterate"),
+    "io/case/case_reader.py:case_of",
     "limit_analysis/discrete/discrete_result.py:discrete_result",
     "limit_analysis/limit_search.py:limit_load",
     "limit_analysis/velocity/strict_work.py:strict_upper_bound",

@@ -117,7 +117,7 @@ def check(comm: MPI.Intracomm, path: str, trust: bool = False, picture: str | No
         each = [(one, on_bodies(problem, one)) for one in combined]
     for one, on in each:
         admitted_solver(one, on, one.method_on(on))
-    text = describe(case.title, method, problem, case.options)
+    text = describe(case.title, method, problem, case.options, case.conic)
     found = understood(case, problem)
     lines = found.lines if found else []
     Terminal(comm).say("\n".join([*lines, text, f"{case.path} can be run."]))

@@ -83,7 +83,7 @@ class Recorder:
         self._began = run.began - saved.timings.get("total", 0.0)
         self.last, self._before = saved.level, saved.before
         setup = saved.timings.get("setup", 0.0) + time.perf_counter() - run.began
-        run.terminal.header(case.title, run.method, run.problem, case.options)
+        run.terminal.header(case.title, run.method, run.problem, case.options, case.conic)
         for report in saved.reports:
             run.terminal.level(report)
         self._writer = ResultWriter(

@@ -33,6 +33,12 @@ from perfplast_fenicsx.io.results.result_files import KNOWN
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.run_lock import INTERRUPTED
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
+from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks
+from perfplast_fenicsx.limit_analysis.conic.conic_solver import (
+    USUAL,
+    check_solver,
+    conic_solver,
+)
 from perfplast_fenicsx.limit_analysis.discrete.drucker import drucker_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
@@ -129,7 +135,7 @@ def run(
                 terminal.say(f"{remark}.")
             warn_of(comm, case, problem)
             remarks = [*problem.constraints.remarks, *left_out(problem), *said]
-            heading = describe(case.title, method, problem, case.options)
+            heading = describe(case.title, method, problem, case.options, case.conic)
             journal.header(case, [*lines, heading, *remarks])
             context = RunContext(
                 case=case,
@@ -183,9 +189,32 @@ def admitted_solver(case: Case, problem: Problem, method: str) -> Any:
     with at(case.path.name):
         if not direct:
             check_slip_is_true(problem)
+        check_conic(case, problem, direct)
         solver = None if direct else case.solver(problem)
         case.loading.admit(problem, solver)
     return solver
+
+
+def check_conic(case: Case, problem: Problem, direct: bool) -> None:
+    """Refuse a solver of conic programs where it cannot run, or has nothing to solve.
+
+    Args:
+        case: Case of the problem.
+        problem: The bodies and their loads.
+        direct: Whether the interior point method is to answer.
+
+    Raises:
+        InputError: If the solver is not the usual one and cannot be used.
+    """
+    if case.conic == USUAL:
+        return
+    if not direct or are_blocks(problem):
+        how = "rigid blocks" if direct else "a path"
+        raise InputError(
+            f"[solve], conic = '{case.conic}' solves conic programs, but this limit load is that of"
+            f" {how}, which needs none; leave conic out."
+        )
+    check_solver(case.conic, problem.comm.size)
 
 
 def on_bodies(bodies: Problem, case: Case) -> Problem:
@@ -254,7 +283,9 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
     case, recorder = context.case, Recorder(context)
     try:
         with at(case.path.name):
-            limit = case.loading.find(_asked(context, solver, stages, recorder))
+            asked = _asked(context, solver, stages, recorder)
+            with conic_solver(case.conic):
+                limit = case.loading.find(asked)
     except Interrupted as interrupted:
         adapted, found = interrupted.adapted, interrupted.found
         if isinstance(adapted, AdaptiveBounds):

@@ -20,6 +20,7 @@ from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_words import sentence
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
+from perfplast_fenicsx.limit_analysis.conic.conic_solver import USUAL
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
@@ -102,9 +103,11 @@ class Terminal:
             with open(os.devnull, "w") as nowhere:  # Python flushes the rest at its end
                 os.dup2(nowhere.fileno(), self._stream.fileno())
 
-    def header(self, title: str, method: str, problem: Problem, options: object = None) -> None:
+    def header(
+        self, title: str, method: str, problem: Problem, options: object, conic: str
+    ) -> None:
         """Print the problem, and the head of the table if levels follow. Collective."""
-        self.say(describe(title, method, problem, options))
+        self.say(describe(title, method, problem, options, conic))
         for remark in problem.constraints.remarks:
             self.say(remark)
         if method != LimitMethod.INTERIOR_POINT:
@@ -245,7 +248,9 @@ class Terminal:
             self.say(f"Results in {folder.path}: {', '.join(found)}")
 
 
-def describe(title: str, method: str, problem: Problem, options: object = None) -> str:
+def describe(
+    title: str, method: str, problem: Problem, options: object = None, conic: str = USUAL
+) -> str:
     """Return the problem in a line. Collective."""
     mesh, comm = problem.tagged_mesh.mesh, problem.comm
     bodies = ", ".join(sorted(problem.tagged_mesh.volumes))
@@ -256,6 +261,8 @@ def describe(title: str, method: str, problem: Problem, options: object = None) 
     turned = ", axisymmetric" if problem.tagged_mesh.axisymmetric else ""
     turned = ", plane stress" if problem.tagged_mesh.is_thin else turned
     linear = "MUMPS Cholesky" if direct else chosen_solver(problem)
+    if direct and conic != USUAL:
+        linear = conic
     if isinstance(options, NewtonOptions) and options.subdivision:
         linear = "Total FETI"
     return (

@@ -79,6 +79,7 @@ class Case:
     element: ElementOptions
     method: str
     options: Any
+    conic: str
     loading: Control
     output: OutputOptions
     report: ReportHead
@@ -226,7 +227,8 @@ class Case:
             return None
         if self.loading.limit_method is not None:
             return LimitMethod(self.loading.limit_method)
-        by_path = self.table.get("solve") or problem.friction.follows_pressure
+        about_a_path = set(self.table.get("solve", {})) - {"conic"}
+        by_path = about_a_path or problem.friction.follows_pressure
         return LimitMethod.PATH if by_path else method_for(problem)
 
     def method_on(self, problem: Problem) -> str:

@@ -21,7 +21,7 @@ from perfplast_fenicsx.io.case.gravity_table import GravityTable, earthquake_loa
 from perfplast_fenicsx.io.case.load_table import read_load
 from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
 from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
-from perfplast_fenicsx.io.case.method_table import read_method
+from perfplast_fenicsx.io.case.method_table import read_conic, read_method
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert, shown
 from perfplast_fenicsx.io.case.seepage_table import read_seepage, water_loads
 from perfplast_fenicsx.io.case.support_tables import (
@@ -39,6 +39,7 @@ from perfplast_fenicsx.io.case.tables import (
 from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
 from perfplast_fenicsx.io.case.water_table import read_water, water_in_cracks
+from perfplast_fenicsx.limit_analysis.conic.conic_solver import USUAL
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_all_divided
 from perfplast_fenicsx.materials.elastic import check_deforms
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
@@ -126,7 +127,8 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         loading = designed_for(loading, f"{name}, [[combination]]")
     place = f"{name}, {'[[stage]]' if top.stage else '[loading]'}"
     coulomb = any(surface.get("coulomb") for surface in (*top.contact, *top.obstacle))
-    method, options = read_method(top.solve, loading, f"{name}, [solve]", coulomb)
+    conic, table_of_path = read_conic(top.solve, loading, f"{name}, [solve]")
+    method, options = read_method(table_of_path, loading, f"{name}, [solve]", coulomb)
     kinds: dict[str, tuple[list[Table], type[Initial]]] = {
         "temperature": (top.temperature, Temperature),
         "initial_stress": (top.initial_stress, InitialStress),
@@ -163,6 +165,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
     if ground is not None:
         ground = ground.with_kinks(water.kinks)
     mesh = read_mesh(top.mesh, top.geometry, name, ground)
+    other_solver = "" if conic == USUAL else f"conic programs are solved by {conic}"
     model = convert(top.model, ModelOptions, f"{name}, [model]")
     return Case(
         path=path,
@@ -183,13 +186,14 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         element=convert({**loading.element, **top.element}, ElementOptions, f"{name}, [element]"),
         method=method,
         options=options,
+        conic=conic,
         loading=loading,
         output=convert(top.output, OutputOptions, f"{name}, [output]"),
         report=convert(top.report, ReportHead, f"{name}, [report]"),
         units=units,
         initial=initial,
         combinations=combinations,
-        remarks=(weaker,) if weaker else (),
+        remarks=tuple(filter(None, (weaker, other_solver))),
         water=water,
         cracks=cracks,
     )

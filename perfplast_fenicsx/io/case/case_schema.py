@@ -36,6 +36,7 @@ from perfplast_fenicsx.io.case.tables import (
 )
 from perfplast_fenicsx.io.case.water_table import WaterTable
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.conic.conic_solver import CONIC, SOLVERS, USUAL
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.declared.bolt import Bolt
@@ -100,7 +101,6 @@ def case_schema() -> Schema:
 
 def _tables() -> dict[str, Schema]:
     """Return each table, or each item of an array of tables, by its key at the top level."""
-    methods = {name: entry.options for name, entry in METHODS.items()}
     return {
         "mesh": _mesh(),
         "geometry": _geometry(),
@@ -125,7 +125,7 @@ def _tables() -> dict[str, Schema]:
         "rigid_surface": _table(RigidSurfaceTable),
         "model": _table(ModelOptions),
         "element": _table(ElementOptions),
-        "solve": _choice("method", methods, required=False),
+        "solve": _solve(),
         "loading": _choice("control", CONTROLS, default="load"),
         "stage": _table(Stage),
         "output": _table(OutputOptions),
@@ -235,6 +235,16 @@ def _mesh() -> Schema:
         "then": {"allOf": variants},
         "else": _table(MeshFile, adapt) | {"required": []},
     }
+
+
+def _solve() -> Schema:
+    """``[solve]``: an algorithm with its options, or the solver of conic programs."""
+    methods = {name: entry.options for name, entry in METHODS.items()}
+    schema = _choice("method", methods, required=False)
+    conic = _told({"enum": list(SOLVERS), "default": USUAL}, CONIC)
+    for table in (schema, *(variant["then"] for variant in schema["allOf"])):
+        table["properties"]["conic"] = conic
+    return schema
 
 
 def _geometry() -> Schema:

@@ -4,11 +4,40 @@ from typing import Any
 
 from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.controls.controls import CONTROLS
+from perfplast_fenicsx.controls.shakedown_control import ShakedownControl
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table, choose, convert
+from perfplast_fenicsx.limit_analysis.conic.conic_solver import SOLVERS, USUAL
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
 from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.solvers.methods import METHODS
+
+
+def read_conic(table: Table, loading: Control, place: str) -> tuple[str, Table]:
+    """Return the solver of conic programs, and the table without it.
+
+    Args:
+        table: The table.
+        loading: The loading that the case asks for.
+        place: Place in the input, for messages.
+
+    Raises:
+        InputError: If there is no such solver, or the loading has no conic program.
+    """
+    if "conic" not in table:
+        return USUAL, table
+    conic, _, rest = choose(table, "conic", SOLVERS, place)
+    if isinstance(loading, ShakedownControl) or loading.limit_tolerance is None:
+        raise InputError(
+            f"{place}: conic = '{conic}' solves limit loads and bounds, and this loading asks for"
+            " neither; leave it out, or give control = 'bounds'."
+        )
+    if rest or loading.limit_method == LimitMethod.PATH:
+        raise InputError(
+            f"{place}: conic = '{conic}' goes with the interior point method, and a path is asked"
+            " for; leave conic out, or all that is about the path."
+        )
+    return conic, rest
 
 
 def read_method(

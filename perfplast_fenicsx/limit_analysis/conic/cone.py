@@ -14,7 +14,8 @@ Kinds: :mod:`second_order_cones`, :mod:`semidefinite_cones`, :mod:`half_spaces`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, Self, TypeAlias
+from enum import StrEnum
+from typing import Any, Protocol, Self, TypeAlias, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -175,6 +176,64 @@ class Moduli:
             at, whole = self.whole
             roots[at] = whole
         return roots
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """The columns of a conic program in which the unknowns of a block are.
+
+    Attributes:
+        pressure: Of p at all points, shape (count,).
+        deviator: Of s at all points, shape (count, m).
+        forces: Of r, shape (num_pairs,).
+        own: Of the block's own unknowns, shape (num,), or no columns.
+    """
+
+    pressure: Longs
+    deviator: Longs
+    forces: Longs
+    own: Longs
+
+
+@dataclass(frozen=True, eq=False)
+class ConeRows:
+    """Cones of one kind and size, whose members are right + factors · x[columns].
+
+    Attributes:
+        kind: Kind of the cones.
+        right: Constant parts, shape (num, size).
+        columns: Numbers of the unknowns of each member, shape (num, k).
+        factors: Shape (num, size, k).
+    """
+
+    kind: "ConeKind"
+    right: Floats
+    columns: Longs
+    factors: Floats
+
+
+class ConeKind(StrEnum):
+    """Self-dual cones that conic solvers know."""
+
+    NONNEGATIVE = "nonnegative"
+    """Numbers."""
+    SECOND_ORDER = "second-order"
+    """a₀ ≥ ‖a'‖."""
+    SEMIDEFINITE = "semidefinite"
+    """Mandel vectors of matrices of 3 × 3."""
+
+
+@runtime_checkable
+class MatrixBlock(Protocol):
+    """A block that can be written as rows of a matrix, for solvers of other programs."""
+
+    def rows(self, at: Columns) -> ConeRows:
+        """Return the static members as functions of the unknowns."""
+        ...
+
+    def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
+        """Return members from static and dual ones in the rows of :meth:`rows`."""
+        ...
 
 
 class ScaledBlock(Protocol):

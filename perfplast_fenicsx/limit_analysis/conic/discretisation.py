@@ -12,6 +12,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+from scipy import sparse
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic.cone import Moduli, PointSets
@@ -62,6 +63,18 @@ class Strains(Protocol):
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to ∫ (p δ + s):ε(v) for all v. Collective."""
+        ...
+
+    def matrix(self) -> sparse.csr_array:
+        """Return what :meth:`of` multiplies with, on one rank alone.
+
+        Returns:
+            Shape (count · (1 + m), num_unknowns): of each point its trace, then its deviator.
+        """
+        ...
+
+    def deviators(self, deviator: Floats) -> Floats:
+        """Return s without what is in it of p, where m components are one too many for s."""
         ...
 
     def destroy(self) -> None:

@@ -8,6 +8,9 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.cone import (
     NO_OWN,
     Borne,
+    Columns,
+    ConeKind,
+    ConeRows,
     Members,
     Moduli,
     Rates,
@@ -42,6 +45,16 @@ class Pairs:
     def static(self, borne: Borne, own: Floats) -> Floats:
         """The forces."""
         return borne.forces
+
+    def rows(self, at: Columns) -> ConeRows:
+        """See :meth:`cone.MatrixBlock.rows`."""
+        count = len(at.forces)
+        right, factors = np.zeros((count, 1)), np.ones((count, 1, 1))
+        return ConeRows(ConeKind.NONNEGATIVE, right, at.forces[:, None], factors)
+
+    def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
+        """See :meth:`cone.MatrixBlock.from_rows`."""
+        return Members(static[:, 0], kinematic[:, 0])
 
     def inner(self, now: Members) -> float:
         """Σ r·(−[v])."""

@@ -262,6 +262,16 @@ class InteriorIteration:
         self.velocity.destroy()
         self._work.destroy()
 
+    def put(self, now: Unknowns, velocity: Floats) -> None:
+        """Continue from an iterate that another solver has found.
+
+        Args:
+            now: The iterate, its members inside of their cones.
+            velocity: Entries of its velocity on this rank.
+        """
+        self.now, self._newton, self._begun = now, None, True
+        self.velocity.array[:] = velocity
+
     def gap(self) -> float:
         """By how much static and kinematic load differ once all else is right. Collective."""
         both = zip(self.program.blocks, self.now.members, strict=True)

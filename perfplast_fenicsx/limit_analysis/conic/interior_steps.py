@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import TypeAlias
 
 import numpy as np
 
@@ -13,6 +14,14 @@ from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffn
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration, Unknowns
 
 MOST_STEPS = 60
+
+NO_LOAD = 1e-7
+"""A load below this share of that of a viscous flow is zero, and so is a strain rate."""
+
+CARRIES_NONE = (
+    "no stress can carry the loads: they move bodies off what holds them, and meet no resistance"
+)
+"""Reason where a load factor is zero."""
 
 
 class StopSearch(Exception):
@@ -61,11 +70,27 @@ class InteriorStep:
     seconds: float
 
 
+Monitor: TypeAlias = Callable[[InteriorStep], None]
+"""Called on every rank after each step."""
+
+
+def carries_none(program: ConicProgram, most: float, rate: float) -> bool:
+    """Return whether a load factor is zero, as bodies move without resistance.
+
+    Args:
+        program: Of the loads.
+        most: What the power of the loads is at most.
+        rate: Root mean square of the strain rates.
+    """
+    small = most <= NO_LOAD * program.degree and rate <= NO_LOAD
+    return small and not program.has_dead
+
+
 def iterate(
     iteration: InteriorIteration,
     rtol: float,
     steps: list[InteriorStep],
-    monitor: Callable[[InteriorStep], None] | None,
+    monitor: Monitor | None,
     share: float = 1.0,
     least: float = 0.0,
 ) -> tuple[Verdict, str]:
@@ -95,7 +120,6 @@ def iterate(
     # fine cells this is far below the rounding of the forces inside. A velocity that is
     # less admissible is far from a mechanism.
     almost = 1e-3
-    no_load = 1e-7  # a load below this share of that of a viscous flow is zero
     stuck = 1e-6  # length of a step that counts as none
     while len(steps) < MOST_STEPS:
         try:
@@ -125,7 +149,7 @@ def iterate(
                 "stresses within yield carry the loads beyond ζ ="
                 f" {far * program.load_unit:.3g}, so that nothing seems to bound them"
             )
-        at_rest = rate <= no_load  # bodies move as rigid ones, and what strains is rounding
+        at_rest = rate <= NO_LOAD  # bodies move as rigid ones, and what strains is rounding
         tolerated = share * rtol * size
         idle = unbalanced <= almost and abs(iteration.unbalanced_work()) <= tolerated
         balanced = missing <= least_residual and unbalanced <= least_residual
@@ -135,13 +159,8 @@ def iterate(
         settled = missing <= least_residual and (unbalanced <= least_residual or idle)
         if not settled or (inadmissible > almost and not at_rest):
             continue
-        carries_none = size + gap <= no_load * program.degree
-        if not program.has_dead and carries_none and at_rest:
-            reason = (
-                "no stress can carry the loads: they move bodies off what holds them,"
-                " and meet no resistance"
-            )
-            return Verdict.NO_RESISTANCE, reason
+        if carries_none(program, size + gap, rate):
+            return Verdict.NO_RESISTANCE, CARRIES_NONE
         if gap <= tolerated:
             return Verdict.FOUND, f"the steps have converged to {rtol:g}"
         if balanced and gap <= rtol * size:

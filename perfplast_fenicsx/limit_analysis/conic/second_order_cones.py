@@ -23,6 +23,9 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
     MOST_VISCOUS,
     NO_OWN,
     Borne,
+    Columns,
+    ConeKind,
+    ConeRows,
     Members,
     Moduli,
     Places,
@@ -193,6 +196,10 @@ class _Points:
         sizes = np.linalg.norm(now.kinematic[:, 1:], axis=1)
         out[self.at] = now.static[:, 0] / np.maximum(sizes, 1 / stiffer)
 
+    def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
+        """See :meth:`cone.MatrixBlock.from_rows`."""
+        return Members(static, kinematic)
+
     def _start(self, static: Floats) -> Members:
         kinematic = np.zeros_like(static)
         kinematic[:, 0] = self.strengths / self._viscosities
@@ -229,6 +236,17 @@ class Cylinders(_Points):
             tails = tails + self._middles
         return np.column_stack([self.radii, tails])
 
+    def rows(self, at: Columns) -> ConeRows:
+        """See :meth:`cone.MatrixBlock.rows`."""
+        columns = at.deviator[self.at]
+        right = np.zeros((len(columns), 1 + columns.shape[1]))
+        right[:, 0] = self.radii
+        if self._middles is not None:
+            right[:, 1:] = self._middles
+        factors = np.eye(1 + columns.shape[1])[:, 1:]
+        factors = np.broadcast_to(factors, (len(columns), *factors.shape))
+        return ConeRows(ConeKind.SECOND_ORDER, right, columns, factors)
+
     def scaled(self, now: Members, rates: Rates) -> "ScaledCylinders":
         """The points at an iterate."""
         return ScaledCylinders(self, now, rates)
@@ -263,6 +281,15 @@ class Cones(_Points):
         """(w tr ε/α, −w dev ε), shape (num, 1 + m)."""
         heads = self.weights * rates.trace[self.at] / self.slopes
         return np.column_stack([heads, -self.weights[:, None] * rates.deviator[self.at]])
+
+    def rows(self, at: Columns) -> ConeRows:
+        """See :meth:`cone.MatrixBlock.rows`."""
+        columns = np.column_stack([at.pressure[self.at], at.deviator[self.at]])
+        right = np.zeros(columns.shape)
+        right[:, 0] = self.radii
+        factors = np.tile(np.eye(columns.shape[1]), (len(columns), 1, 1))
+        factors[:, 0, 0] = -self.slopes
+        return ConeRows(ConeKind.SECOND_ORDER, right, columns, factors)
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledCones":
         """The points at an iterate."""

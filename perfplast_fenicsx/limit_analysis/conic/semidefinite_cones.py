@@ -41,13 +41,16 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
     NEAR,
     PROXIMAL,
     Borne,
+    Columns,
+    ConeKind,
+    ConeRows,
     Members,
     Moduli,
     PointSets,
     Rates,
     missing_of,
 )
-from perfplast_fenicsx.mandel_arrays import vectors
+from perfplast_fenicsx.mandel_arrays import matrices, vectors
 from perfplast_fenicsx.rounding import TINY
 
 SIZE = 3
@@ -406,6 +409,21 @@ class PrincipalPoints:
     def static(self, borne: Borne, own: Floats) -> Floats:
         """See :meth:`members`."""
         return self.members(own, borne.pressure, borne.deviator)
+
+    def rows(self, at: Columns) -> ConeRows:
+        """See :meth:`cone.MatrixBlock.rows`; the matrices of a point follow each other."""
+        cones, (count, many) = self.cones, self._of_t.shape
+        of_s = at.deviator[cones.at, : len(cones.tensors) - 1]
+        columns = np.column_stack([at.own, at.pressure[cones.at], of_s])
+        tensors = np.broadcast_to(cones.tensors, (count, many, *cones.tensors.shape))
+        factors = self.columns(tensors).reshape(count * many, -1, columns.shape[1])
+        right = self._constant.reshape(-1, 1) * vectors(np.eye(SIZE))
+        return ConeRows(ConeKind.SEMIDEFINITE, right, np.repeat(columns, many, axis=0), factors)
+
+    def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
+        """See :meth:`cone.MatrixBlock.from_rows`."""
+        shape = (*self._of_t.shape, SIZE, SIZE)
+        return Members(matrices(static).reshape(shape), matrices(kinematic).reshape(shape), own)
 
     def inner(self, now: Members) -> float:
         """See :meth:`cone.Block.inner`."""

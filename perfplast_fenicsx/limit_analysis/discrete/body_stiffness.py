@@ -127,20 +127,17 @@ def _rates(problem: Problem, strains: PointStrains, cells: Ints) -> Floats:
         As the kernel reads them: of four cells side by side, and zero beyond the last, shape
         (num_groups, num_points, n, 1 + m, 4).
     """
-    at_once = 4
-    points, at = problem.Q.dofmap.list[cells], strains.coordinates
-    size, num_points = problem.S.dofmap.index_map_bs, points.shape[1]
-    e = strains.rates.of_unknowns()
-    e *= ~problem.fixed[problem.V.dofmap.list[cells]].reshape(len(cells), 1, 1, -1)
-    groups, unknowns = -(-len(cells) // at_once), e.shape[3]
+    at_once, size = 4, problem.S.dofmap.index_map_bs
+    num_points = problem.Q.dofmap.list.shape[1]
+    groups, unknowns = (
+        -(-len(cells) // at_once),
+        problem.V.dofmap.list.shape[1] * problem.V.dofmap.index_map_bs,
+    )
     shape = (groups, num_points, unknowns, 1 + size, at_once)
     found = aligned(math.prod(shape)).reshape(shape)
     by_cell = np.moveaxis(found, -1, 1)
-    mandel = np.zeros((len(at.radii), size))
     padded = np.zeros((groups * at_once, num_points, 1 + size))
-    for unknown in range(unknowns):
-        mandel[points] = e[..., unknown]
-        rates = np.column_stack(at.rates(mandel))
-        padded[: len(cells)] = rates[points]
+    for unknown, rates in enumerate(strains.nodal()):
+        padded[: len(cells)] = rates
         by_cell[:, :, :, unknown] = padded.reshape(groups, at_once, num_points, 1 + size)
     return found

@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, Start, choose_units
+from perfplast_fenicsx.limit_analysis.conic.conic_solver import chosen_conic
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
     InteriorStep,
     StopSearch,
     Verdict,
-    iterate,
     next_start,
 )
 from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import IN_BALANCE
@@ -178,7 +178,9 @@ def _search(
         # raises the upper bound, and this leaves room for it.
         closer = 0.1
         try:
-            verdict, reason = iterate(iteration, rtol, steps, monitor, closer, question.enough)
+            verdict, reason = chosen_conic()(
+                iteration, rtol, steps, monitor, closer, question.enough
+            )
         except StopSearch as stop:
             reason = f"the search was stopped after {len(steps)} steps"
             verdict = Verdict.STALLED

@@ -15,6 +15,7 @@ from typing import Protocol
 from petsc4py import PETSc
 
 import numpy as np
+from scipy import sparse
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.rows.friction import Friction
@@ -155,6 +156,24 @@ class FrictionStrains:
         more = np.zeros((len(opens), self.size), order="F")
         more[:, : len(jumps)] = np.transpose(jumps)
         return np.append(trace, opens), np.concatenate([deviator, more])
+
+    def matrix(self) -> sparse.csr_array:
+        """See :meth:`discretisation.Strains.matrix`."""
+        of_points, places = self._points.matrix(), self._places
+        rows = places.rows / self.length[:, None, None]
+        to = np.arange(len(rows) * (1 + self.size)).reshape(-1, 1 + self.size)
+        both = np.broadcast_arrays(to[:, : rows.shape[1], None], places.unknowns[:, None])
+        there = both[1] >= 0
+        at_places = (rows[there], tuple(it[there] for it in both))
+        shape = to.size, of_points.shape[1]
+        return sparse.csr_array(
+            sparse.vstack([of_points, sparse.csr_array(at_places, shape=shape)])
+        )
+
+    def deviators(self, deviator: Floats) -> Floats:
+        """See :meth:`discretisation.Strains.deviators`."""
+        count = self._points.count
+        return np.concatenate([self._points.deviators(deviator[:count]), deviator[count:]])
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to ∫ (p δ + s):ε(v) + Σ (p w + μ·s) for all v. Collective."""

@@ -5,6 +5,7 @@ the hydrostatic axis these are trace and deviator of Mandel vectors. In plane st
 components in the plane: the stress out of it is in no equation, and takes its best value.
 """
 
+from collections.abc import Iterator
 from typing import Protocol
 
 from petsc4py import PETSc
@@ -12,6 +13,7 @@ from petsc4py import PETSc
 import numpy as np
 import ufl
 from dolfinx import fem
+from scipy import sparse
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.compat import create_vector, evaluate, interpolation_points
@@ -155,6 +157,44 @@ class PointStrains:
         sums, e = self.of_function(v)
         e[:, : self.gdim] += (np.where(self.slopes > 0, sums, 0.0) / self.gdim)[:, None]
         return e
+
+    def nodal(self) -> Iterator[Floats]:
+        """Yield the rates of each nodal unknown of the cells of this rank. Collective.
+
+        Yields:
+            Trace and deviator, zero where it is held, shape (num_cells, num_points, 1 + m).
+        """
+        problem, e = self._problem, self.rates.of_unknowns()
+        points, nodes = problem.Q.dofmap.list[: len(e)], problem.V.dofmap.list[: len(e)]
+        e *= ~problem.fixed[nodes].reshape(len(e), 1, 1, -1)
+        mandel = np.zeros((self.count, self.size))
+        for unknown in range(e.shape[3]):
+            mandel[points] = e[..., unknown]
+            yield np.column_stack(self.coordinates.rates(mandel))[points]
+
+    def matrix(self) -> sparse.csr_array:
+        """See :meth:`discretisation.Strains.matrix`."""
+        problem, parts = self._problem, 1 + self.size
+        dim, nodes = problem.V.dofmap.index_map_bs, problem.V.dofmap.list
+        unknowns = (nodes[:, :, None] * dim + np.arange(dim)).reshape(len(nodes), -1)
+        rows = problem.Q.dofmap.list[: len(nodes)][:, :, None] * parts + np.arange(parts)
+        shape = self.count * parts, problem.basis.T.getSize()[0]
+        found = sparse.csr_array(shape)
+        for rates, column in zip(self.nodal(), unknowns.T, strict=True):
+            columns = np.broadcast_to(column[:, None, None], rows.shape)
+            places = rows.ravel(), columns.ravel()
+            found = found + sparse.csr_array((rates.ravel(), places), shape=shape)
+        pointer, columns, values = problem.basis.T.getValuesCSR()
+        T = sparse.csr_array((values, columns, pointer), shape=problem.basis.T.getSize())
+        return found @ T
+
+    def deviators(self, deviator: Floats) -> Floats:
+        """See :meth:`discretisation.Strains.deviators`."""
+        if not self.coordinates.isotropic:
+            return deviator
+        found = deviator.copy()
+        found[:, : self.gdim] -= deviator[:, : self.gdim].mean(axis=1, keepdims=True)
+        return found
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to ∫ σ:ε(v) for all v of the contact basis. Collective."""

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 
 import numpy as np
 from dolfinx.mesh import Mesh
+from scipy import sparse
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.parallel import lasting
@@ -132,6 +133,26 @@ class FacetVelocities:
         found[at.cells] *= at.keep
         found[at.cells] += at.shares @ local[leads:]
         return found
+
+    def matrix(self) -> sparse.csr_array:
+        """Return what :meth:`gather` multiplies with, on one rank alone.
+
+        Returns:
+            Shape (num_cells · num_outer, count).
+        """
+        at, rows = self.followers, np.arange(self.of_cells.size).reshape(self.of_cells.shape)
+        keep = np.ones(self.of_cells.shape)
+        keep[at.cells] = at.keep
+        twins = self.twins[self.of_cells]
+        hosts = twins >= 0
+        led = np.broadcast_to(rows[at.cells, :, None], at.shares.shape)
+        leads = np.broadcast_to(at.leads, at.shares.shape)
+        places = [np.concatenate([rows.ravel(), rows[hosts], led.ravel()])]
+        places += [
+            np.concatenate([self.numbers[self.of_cells].ravel(), twins[hosts], leads.ravel()])
+        ]
+        values = np.concatenate([keep.ravel(), keep[hosts], at.shares.ravel()])
+        return sparse.csr_array((values, tuple(places)), shape=(rows.size, self.count))
 
     def add_up(self, forces: Floats) -> Floats:
         """Forces of those owned here from those by cell, the transpose of that. Collective."""

@@ -15,11 +15,11 @@ import numpy as np
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, Start, choose_units
+from perfplast_fenicsx.limit_analysis.conic.conic_solver import chosen_conic
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
     InteriorStep,
     Verdict,
-    iterate,
     next_start,
 )
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import weak_bodies
@@ -163,7 +163,8 @@ def _search(
         iteration = StaticIteration(static)
         made.callback(iteration.destroy)
         steps: list[InteriorStep] = []
-        verdict, reason = iterate(iteration, rtol, steps, monitor, least=question.enough)
+        solve = chosen_conic()
+        verdict, reason = solve(iteration, rtol, steps, monitor, least=question.enough)
         taken = static.factorisations
         if verdict is Verdict.NO_RESISTANCE:
             found = no_stress(body, verdict, COARSE, none)

@@ -1,0 +1,170 @@
+"""Clarabel as a solver of limit loads, an interior point method that knows nothing of the others.
+
+P. J. Goulart, Y. Chen, Clarabel: An interior-point solver for conic programs with quadratic
+objectives (2024), arXiv:2405.12762. It takes the matrices of :class:`~cone_program.ConeProgram`.
+"""
+
+import time
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.conic.cone import ConeKind
+from perfplast_fenicsx.limit_analysis.conic.cone_program import ConeProgram
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
+    CARRIES_NONE,
+    InteriorStep,
+    Monitor,
+    Verdict,
+    carries_none,
+)
+
+TRIANGLE: Longs = np.array([0, 5, 1, 4, 3, 2])
+"""Places in Mandel vectors of the upper triangle, column by column."""
+
+
+def by_clarabel(
+    iteration: InteriorIteration,
+    rtol: float,
+    steps: list[InteriorStep],
+    monitor: Monitor | None,
+    share: float = 1.0,
+    least: float = 0.0,
+) -> tuple[Verdict, str]:
+    """Solve the program of an iteration with Clarabel, and put what it found there.
+
+    Args:
+        iteration: At its start; its iterate and velocity become those of the solution.
+        rtol: Largest difference of static and kinematic load, relative.
+        steps: To which Clarabel's iterations are added.
+        monitor: Called after each of them.
+        share: Share of the tolerance that the solution may leave.
+        least: Not used, since Clarabel says itself that a load has no bound.
+
+    Raises:
+        InputError: On several ranks, without Clarabel, or if a kind of cone has no rows.
+    """
+    clarabel = check_clarabel()
+    program, began = iteration.program, time.perf_counter()
+    data = ConeProgram.of(program)
+    stop: list[BaseException] = []
+
+    def report(info: Any) -> bool:
+        if info.iterations == 0:
+            return False
+        step = InteriorStep(
+            number=len(steps) + 1,
+            load=-info.cost_primal * program.load_unit,
+            gap=abs(info.gap_rel),
+            unbalanced=info.res_primal,
+            inadmissible=info.res_dual,
+            length=info.step_length,
+            seconds=time.perf_counter() - began,
+        )
+        steps.append(step)
+        try:
+            if monitor is not None:
+                monitor(step)
+        except BaseException as raised:
+            stop.append(raised)
+        return bool(stop)
+
+    rows = [data.members(number) for number in range(len(data.cones))]
+    orders = [_order(it.kind, it.right.shape) for it in data.cones]
+    matrix = sparse.vstack(
+        [data.A, *(-part[at] for (part, _), at in zip(rows, orders, strict=True))]
+    )
+    right = np.concatenate([data.b, *(r[at] for (_, r), at in zip(rows, orders, strict=True))])
+    cones = [clarabel.ZeroConeT(len(data.b))]
+    for it in data.cones:
+        cones += _cones(clarabel, it.kind, it.right.shape)
+    nothing = sparse.csc_matrix((len(data.c), len(data.c)))
+    settings = _settings(clarabel, share * rtol)
+    solver = clarabel.DefaultSolver(
+        nothing, -data.c, sparse.csc_matrix(matrix), right, cones, settings
+    )
+    solver.set_termination_callback(report)
+    solution = solver.solve()
+    if stop:
+        raise stop[0]
+    return _put(iteration, data, orders, solution, rtol)
+
+
+def check_clarabel() -> Any:
+    """Return Clarabel.
+
+    Raises:
+        InputError: If it is not installed.
+    """
+    try:
+        return import_module("clarabel")
+    except ImportError as missing:
+        raise InputError(
+            "conic = 'clarabel' needs the package clarabel, which is not installed; install it"
+            " (pip install clarabel), or leave conic out."
+        ) from missing
+
+
+def _settings(clarabel: Any, rtol: float) -> Any:
+    """Return settings for a relative tolerance of the load."""
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_rel = settings.tol_gap_abs = rtol
+    settings.tol_feas = min(1e-8, rtol)
+    # With the usual ones, 2e-7, 1e-8 and 10, some bounds in space end with numerical errors.
+    settings.dynamic_regularization_delta = 1e-5
+    settings.static_regularization_constant = 1e-7
+    settings.iterative_refinement_max_iter = 30
+    return settings
+
+
+def _order(kind: ConeKind, shape: tuple[int, ...]) -> Longs:
+    """Return the order in which Clarabel takes the rows of a block."""
+    rows = np.arange(shape[0] * shape[1]).reshape(shape)
+    return (rows[:, TRIANGLE] if kind is ConeKind.SEMIDEFINITE else rows).ravel()
+
+
+def _cones(clarabel: Any, kind: ConeKind, shape: tuple[int, ...]) -> list[Any]:
+    """Return Clarabel's cones of a block."""
+    num, size = shape
+    match kind:
+        case ConeKind.NONNEGATIVE:
+            return [clarabel.NonnegativeConeT(num * size)]
+        case ConeKind.SECOND_ORDER:
+            return [clarabel.SecondOrderConeT(size)] * num
+        case ConeKind.SEMIDEFINITE:
+            return [clarabel.PSDTriangleConeT(3)] * num
+
+
+def _put(
+    iteration: InteriorIteration, data: ConeProgram, orders: list[Longs], solution: Any, rtol: float
+) -> tuple[Verdict, str]:
+    """Put a solution into the iteration, and return what it means."""
+    status, program = str(solution.status), iteration.program
+    if status in ("DualInfeasible", "AlmostDualInfeasible"):
+        reason = "Clarabel has found stresses within yield that carry any multiple of the loads"
+        return Verdict.UNBOUNDED, reason
+    if status in ("PrimalInfeasible", "AlmostPrimalInfeasible"):
+        return Verdict.STALLED, "Clarabel has found that no stress within yield is in equilibrium"
+    static: list[Floats] = []
+    kinematic: list[Floats] = []
+    s, z, first = np.array(solution.s), np.array(solution.z), len(data.b)
+    for order in orders:
+        here = slice(first, first + len(order))
+        first += len(order)
+        for found, values in ((static, s[here]), (kinematic, z[here])):
+            rows: Floats = np.empty(len(order))
+            rows[order] = values
+            found.append(rows)
+    now = data.unknowns(np.array(solution.x), static, kinematic)
+    iteration.put(now, -z[: len(data.b)])
+    if status != "Solved":
+        return Verdict.STALLED, f"Clarabel ended with the status {status}"
+    if carries_none(program, iteration.size() + iteration.gap(), iteration.rates()[1]):
+        return Verdict.NO_RESISTANCE, CARRIES_NONE
+    return Verdict.FOUND, f"Clarabel has converged to {rtol:g}"

@@ -1,0 +1,157 @@
+"""A limit load as the data of a conic program: matrices, vectors and cones, for any solver.
+
+    max c·x  with  A x = b  and  right + factors · x in cones.
+
+The unknowns are x = (σ, r, λ, μ, t). The stress σ of each point is in the coordinates of its
+cone. Contact pairs have the forces r. The load factor is λ, that of the loads of any factor is μ.
+The unknowns t belong to one block each. The rows of A are the equilibrium Eᵀw σ + r − λL − μF =
+L₀ with the strain rates E of all velocities. Their multipliers are a velocity v with L(v) = 1.
+The multipliers of the cones are the kinematic members of the points (:mod:`cone`).
+
+:class:`~conic_program.ConicProgram` is the same program by operators, which need no matrix; its
+units hold here too.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.conic.cone import (
+    Block,
+    Borne,
+    Columns,
+    ConeRows,
+    MatrixBlock,
+    Members,
+)
+from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import Unknowns
+
+
+@dataclass(frozen=True, eq=False)
+class ConeProgram:
+    """max c·x with A x = b and members of cones, on one rank.
+
+    Attributes:
+        A: Equilibrium, shape (num_velocities, num_unknowns).
+        b: Loads that stay as they are, shape (num_velocities,).
+        c: 1 for λ and 0 for all others, shape (num_unknowns,).
+        cones: The cones, one entry for each block of the program.
+        columns: The columns of each block's unknowns.
+        blocks: The blocks.
+        factors: The columns of λ and, if there is one, of μ.
+        deviators: Takes off s what is in it of p (:meth:`~discretisation.Strains.deviators`).
+    """
+
+    A: sparse.csr_array
+    b: Floats
+    c: Floats
+    cones: tuple[ConeRows, ...]
+    columns: tuple[Columns, ...]
+    blocks: tuple[MatrixBlock, ...]
+    factors: Longs
+    deviators: Callable[[Floats], Floats]
+
+    @classmethod
+    def of(cls, program: ConicProgram) -> "ConeProgram":
+        """Return the data of a program in its present units.
+
+        Raises:
+            InputError: On several ranks, or if a kind of cone has no rows of a matrix.
+        """
+        check_ranks(program.comm.size)
+        strains, parts = program.strains, 1 + program.strains.size
+        points = np.arange(strains.count * parts).reshape(-1, parts)
+        forces = points.size + np.arange(len(program.jumps))
+        loads = [program.load, program.free] if program.has_free else [program.load]
+        factors = points.size + len(forces) + np.arange(len(loads))
+        width = int(factors[-1]) + 1
+        blocks: list[MatrixBlock] = []
+        columns: list[Columns] = []
+        start = program.nothing_borne()
+        for block in program.blocks:
+            own = width + np.arange(len(block.start(start).own))
+            width += len(own)
+            blocks.append(_with_rows(block))
+            columns.append(Columns(points[:, 0], points[:, 1:], forces, own))
+        weights = sparse.diags_array(np.repeat(program.weights, parts))
+        of_stress = strains.matrix().T @ weights
+        size = of_stress.shape[0]
+        places = program.jumps, np.arange(len(forces))
+        of_forces = sparse.csr_array((np.ones(len(forces)), places), shape=(size, len(forces)))
+        of_loads = sparse.csr_array(-np.column_stack([it.array_r for it in loads]))
+        of_own = sparse.csr_array((size, width - int(factors[-1]) - 1))
+        A = sparse.csr_array(sparse.hstack([of_stress, of_forces, of_loads, of_own]))
+        c = np.zeros(width)
+        c[factors[0]] = 1.0
+        rows = tuple(block.rows(at) for block, at in zip(blocks, columns, strict=True))
+        dead = program.dead.array_r.copy()
+        return cls(A, dead, c, rows, tuple(columns), tuple(blocks), factors, strains.deviators)
+
+    def members(self, number: int) -> tuple[sparse.csr_array, Floats]:
+        """Return matrix and constant part of the members of a block.
+
+        Args:
+            number: Number of the block.
+
+        Returns:
+            Shapes (num · size, num_unknowns) and (num · size,).
+        """
+        cones = self.cones[number]
+        num, size = cones.right.shape
+        rows = np.arange(num * size).reshape(num, size, 1)
+        places = np.broadcast_arrays(rows, cones.columns[:, None])
+        entries = (cones.factors.ravel(), tuple(it.ravel() for it in places))
+        shape = num * size, self.A.shape[1]
+        return sparse.csr_array(entries, shape=shape), cones.right.ravel()
+
+    def unknowns(self, x: Floats, static: list[Floats], kinematic: list[Floats]) -> Unknowns:
+        """Return a solution as the interior point iteration holds it.
+
+        Args:
+            x: The unknowns.
+            static: Members of each block, shape (num · size,) each.
+            kinematic: Their multipliers, the same.
+        """
+        stress = x[np.column_stack([self.columns[0].pressure, self.columns[0].deviator])]
+        forces = x[self.columns[0].forces]
+        deviator = np.asfortranarray(self.deviators(stress[:, 1:]))
+        borne = Borne(stress[:, 0].copy(), deviator, forces)
+        found: list[Members] = []
+        for number, block in enumerate(self.blocks):
+            shape = self.cones[number].right.shape
+            both = static[number].reshape(shape), kinematic[number].reshape(shape)
+            found.append(block.from_rows(*both, x[self.columns[number].own]))
+        factors = x[self.factors]
+        return Unknowns(float(factors[0]), float(factors[1:].sum()), borne, tuple(found))
+
+
+def check_ranks(ranks: int) -> None:
+    """Refuse several ranks, since matrices are made on one.
+
+    Raises:
+        InputError: If there are several.
+    """
+    if ranks > 1:
+        raise InputError(
+            f"conic = 'clarabel' works on one rank, and there are {ranks}; start the run without"
+            " mpirun, or leave conic out."
+        )
+
+
+def _with_rows(block: Block) -> MatrixBlock:
+    """Return a block that has rows.
+
+    Raises:
+        InputError: If it has none.
+    """
+    if isinstance(block, MatrixBlock):
+        return block
+    raise InputError(
+        f"conic = 'clarabel' does not know the cones of {type(block).__name__}; leave conic out, or"
+        " give the class the methods rows and from_rows."
+    )
