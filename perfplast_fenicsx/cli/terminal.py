@@ -104,7 +104,12 @@ class Terminal:
                 os.dup2(nowhere.fileno(), self._stream.fileno())
 
     def header(
-        self, title: str, method: str, problem: Problem, options: object, conic: str
+        self,
+        title: str,
+        method: str,
+        problem: Problem,
+        options: object = None,
+        conic: str = USUAL,
     ) -> None:
         """Print the problem, and the head of the table if levels follow. Collective."""
         self.say(describe(title, method, problem, options, conic))
