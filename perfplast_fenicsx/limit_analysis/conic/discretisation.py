@@ -69,7 +69,7 @@ class Strains(Protocol):
         """Return what :meth:`of` multiplies with, on one rank alone.
 
         Returns:
-            Shape (count · (1 + m), num_unknowns): of each point its trace, then its deviator.
+            The trace of each point, then its deviator, shape (count · (1 + m), num_unknowns).
         """
         ...
 
