@@ -220,7 +220,7 @@ class OfLevels:
         """Refuse nothing: the solver checks what levels need."""
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """None."""
+        """Return no sentence: ζ is a load factor."""
         return ""
 
 
@@ -249,7 +249,7 @@ class OfBody:
         return [*ignored(problem), *idle_pores(problem)]
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """None."""
+        """Return no sentence: ζ is a load factor."""
         return ""
 
 

@@ -102,7 +102,7 @@ class WorkControl:
             check_limit_load(problem, self.limit_tolerance, solver)
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """None."""
+        """Return no sentence: ζ is a load factor."""
         return ""
 
     def find(self, run: Run) -> LimitLoad | None:
