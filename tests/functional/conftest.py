@@ -17,9 +17,11 @@ FLAGS = (
     *("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars"),
 )
 
+LOGS = ("browser", "performance")
 
-@pytest.fixture
-def browser() -> Iterator[Any]:
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Any]:
     """Chromium without a screen."""
     webdriver = pytest.importorskip("selenium.webdriver")
     service = pytest.importorskip("selenium.webdriver.chrome.service")
@@ -30,12 +32,23 @@ def browser() -> Iterator[Any]:
     options.binary_location = program
     for flag in FLAGS:
         options.add_argument(flag)
-    logs = {"browser": "ALL", "performance": "ALL"}
-    options.set_capability("goog:loggingPrefs", logs)
+    options.set_capability("goog:loggingPrefs", dict.fromkeys(LOGS, "ALL"))
     with webdriver.Chrome(options=options, service=service.Service(driver)) as window:
         window.set_script_timeout(PATIENCE)
-        window.set_window_size(1000, 1000)
         yield window
+
+
+@pytest.fixture
+def browser(chromium: Any) -> Iterator[Any]:
+    """A window of Chromium of its own, since settings such as darkness belong to a window."""
+    first = chromium.current_window_handle
+    chromium.switch_to.new_window("window")
+    chromium.set_window_size(1000, 1000)
+    for log in LOGS:
+        chromium.get_log(log)
+    yield chromium
+    chromium.close()
+    chromium.switch_to.window(first)
 
 
 @pytest.fixture(autouse=True)
