@@ -11,7 +11,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.figures import figures
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
-from perfplast_fenicsx.report.page import asset
+from perfplast_fenicsx.report.frame import asset, framed
 from perfplast_fenicsx.report.page_file import write_page
 from perfplast_fenicsx.report.proof_section import proofs_of
 from perfplast_fenicsx.report.quantities import QUANTITIES, bolts, last_load
@@ -65,10 +65,9 @@ def beside(readers: Sequence[ResultReader]) -> str:
         (letter, f"{reader.path}{_began(reader)}")
         for letter, reader in zip(LETTERS, readers, strict=True)
     ]
-    return Template(asset("beside.html")).substitute(
+    body = Template(asset("beside.html")).substitute(
         title=escape(title),
         head=pairs(rows),
-        style=asset("page.css"),
         verdicts="".join(map(_verdict, LETTERS, readers)),
         remarks=_remarks(readers),
         numbers=_section("numbers", "Numbers", _numbers(readers)),
@@ -76,6 +75,7 @@ def beside(readers: Sequence[ResultReader]) -> str:
         cases=_section("cases", "What the cases say differently", _cases(readers)),
         version=escape(__version__),
     )
+    return framed(body, title, ["page.css"])
 
 
 def apart(readers: Sequence[ResultReader]) -> list[str]:

@@ -1,8 +1,6 @@
 """The page: its parts put into the template, with style and programs inlined."""
 
-import json
 from html import escape
-from importlib import resources
 from string import Template
 
 from perfplast_fenicsx.force_rows import force_rows
@@ -14,6 +12,7 @@ from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
 from perfplast_fenicsx.report.curve import NARROW, curve_of, to_svg
+from perfplast_fenicsx.report.frame import WORKERS, asset, framed, scripts_of
 from perfplast_fenicsx.report.packing import size_of
 from perfplast_fenicsx.report.proof_again import prove_again
 from perfplast_fenicsx.report.proof_section import proof_section, proofs_of
@@ -33,7 +32,7 @@ from perfplast_fenicsx.report.verdict import Verdict, verdict_on
 from perfplast_fenicsx.report.view_data import ROOM, View
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
-SCRIPTS = (
+VIEW = (
     *("decode", "camera", "shaders", "colours", "drawing", "viewer", "sides"),
     *("gestures", "controls"),
 )
@@ -56,11 +55,10 @@ def page_of(reader: ResultReader, view: View) -> str:
     several = bool(found.get("envelope") or found.get("shakedown"))
     staged = any(step.get("stage") for step in summary.steps)
     words = CaseWords(summary.given, summary.units, summary.model["axes"], staged)
-    template = Template(asset("page.html"))
-    return template.substitute(
-        title=escape(scene.title or "A run"),
+    title = scene.title or "A run"
+    body = Template(asset("page.html")).substitute(
+        title=escape(title),
         head=head_of(summary),
-        style=asset("page.css"),
         verdict=_verdict(verdict_on(reader), words.meaning(scene.driven, several)),
         combinations=_combinations(reader),
         warnings=_warnings(summary),
@@ -72,14 +70,9 @@ def page_of(reader: ResultReader, view: View) -> str:
         case=_case(summary, words),
         again=_again(summary),
         version=escape(summary.version),
-        data=json.dumps(view.data, allow_nan=False).replace("<", "\\u003c"),
-        script="\n".join(asset(f"{name}.js") for name in SCRIPTS),
+        scripts=scripts_of(view.data, VIEW),
     )
-
-
-def asset(name: str) -> str:
-    """Return a file that pages are made of."""
-    return resources.files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
+    return framed(body, title, ["page.css"], WORKERS)
 
 
 def head_of(summary: Summary) -> str:

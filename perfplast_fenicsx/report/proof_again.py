@@ -4,10 +4,8 @@
 this program but the numbers of the proof file. It computes residuals in whole numbers.
 """
 
-import json
 from collections.abc import Sequence
 from html import escape
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +14,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.proof.plain_arrays import equal, plain, stored_arrays
 from perfplast_fenicsx.proof.stored_file import stored_file
+from perfplast_fenicsx.report.frame import asset, data_of
 from perfplast_fenicsx.report.packing import Packed, deflated, size_of
 
 NUMBERS = ("bound", "factor", "any_factor", "revolved", "strength_factor")
@@ -31,7 +30,7 @@ CHECKER = ("exact", "cones", "body", "contact", "lower", "upper", "verdict")
 
 def checker_source() -> str:
     """Return the program of the checker."""
-    return "\n".join(_asset(f"proof_{name}.js") for name in CHECKER)
+    return "\n".join(asset(f"proof_{name}.js") for name in CHECKER)
 
 
 def prove_again(paths: Sequence[Path], room: int) -> str:
@@ -57,20 +56,15 @@ def prove_again(paths: Sequence[Path], room: int) -> str:
     )
     if not packed:
         return words
-    numbers = json.dumps(packed, allow_nan=False).replace("<", "\\u003c")
     return (
         "<p>This page has these numbers, and another checker of them, which shares no line with"
         " the first. It proves the bounds again here, without any network.</p>"
         '<p><button type="button" id="prove">Prove the bounds in this browser</button></p>'
         f'<div id="proven" role="status"></div>{words}'
-        f'<script type="application/json" id="proof-numbers">{numbers}</script>'
+        f"{data_of('proof-numbers', packed)}"
         f'<script type="text/plain" id="proof-checker">{checker_source()}</script>'
-        f"<script>{_asset('prove.js')}</script>"
+        f"<script>{asset('prove.js')}</script>"
     )
-
-
-def _asset(name: str) -> str:
-    return resources.files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
 
 
 def packed_proof(path: Path) -> dict[str, Packed]:

@@ -1,6 +1,5 @@
 """The page that sets up a case: the bodies, whose faces are chosen by clicks, and the case file."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -12,8 +11,10 @@ import numpy as np
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.pictures.boundary_surface import Surface
+from perfplast_fenicsx.report.frame import SCRIPTS, asset, framed, scripts_of
 from perfplast_fenicsx.report.packing import pack_integers, pack_numbers
-from perfplast_fenicsx.report.page import SCRIPTS, asset
+from perfplast_fenicsx.report.page import VIEW
+from perfplast_fenicsx.report.tables import scrolled
 from perfplast_fenicsx.report.view_data import view_mesh
 
 SETUP = ("toml", "case_check", "setup")
@@ -96,16 +97,15 @@ def setup_page(
         "fields": [],
         "setup": setup,
     }
-    return Template(asset("setup_page.html")).substitute(
+    body = Template(asset("setup_page.html")).substitute(
         title=escape(title),
-        style=asset("page.css") + asset("setup.css"),
         view=asset("view.html"),
         faces=_face_table(faces, size),
         tables="\n".join(_section(head, table) for head, table in (tables or {}).items()),
         version=escape(__version__),
-        data=json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
-        script="\n".join(asset(f"{name}.js") for name in (*SCRIPTS, *SETUP)),
+        scripts=scripts_of(data, (*VIEW, *SETUP)),
     )
+    return framed(body, title, ["page.css", "setup.css"], SCRIPTS)
 
 
 def _face_table(faces: Sequence[FaceRow], size: str) -> str:
@@ -125,7 +125,7 @@ def _face_table(faces: Sequence[FaceRow], size: str) -> str:
             f'<button type="button" aria-pressed="false">{escape(face.name)}</button></th>'
             f"{cells}</tr>"
         )
-    return _scrolled(titles, "".join(rows))
+    return scrolled([escape(title) for title in titles], "".join(rows))
 
 
 def _section(heading: str, table: Sequence[Sequence[str]]) -> str:
@@ -133,13 +133,5 @@ def _section(heading: str, table: Sequence[Sequence[str]]) -> str:
     rows = "".join(
         f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in table[1:]
     )
-    heads = [head[:1].upper() + head[1:] for head in table[0]]
-    return f"<section><h2>{escape(heading)}</h2>\n{_scrolled(heads, rows)}</section>"
-
-
-def _scrolled(titles: Sequence[str], rows: str) -> str:
-    heads = "".join(f'<th scope="col">{escape(title)}</th>' for title in titles)
-    return (
-        '<div class="scroll" tabindex="0" role="region" aria-label="table, which scrolls sideways">'
-        f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>"
-    )
+    heads = [escape(head[:1].upper() + head[1:]) for head in table[0]]
+    return f"<section><h2>{escape(heading)}</h2>\n{scrolled(heads, rows)}</section>"

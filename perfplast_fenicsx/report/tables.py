@@ -120,14 +120,24 @@ def pairs(rows: Iterable[tuple[str, str]]) -> str:
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """Return a table that scrolls in itself where the page is narrow; the cells are HTML."""
-    head = "".join(f'<th scope="col">{name}</th>' for name in heads)
     body = "".join(
         f'<tr><th scope="row">{row[0]}</th>{"".join(f"<td>{cell}</td>" for cell in row[1:])}</tr>'
         for row in rows
     )
+    return scrolled(heads, body)
+
+
+def scrolled(heads: Sequence[str], rows: str) -> str:
+    """Return a table that scrolls in itself where the page is narrow.
+
+    Args:
+        heads: HTML of the heads of its columns.
+        rows: HTML of its rows.
+    """
+    head = "".join(f'<th scope="col">{name}</th>' for name in heads)
     return (
         '<div class="scroll" tabindex="0" role="region" aria-label="table, which scrolls sideways">'
-        f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.proof import ProofError, check
-from perfplast_fenicsx.report.page import asset
+from perfplast_fenicsx.report.frame import asset
 from perfplast_fenicsx.report.proof_again import checker_source, packed_proof, prove_again
 from tests.functional.browser_page import Page, alone
 from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write

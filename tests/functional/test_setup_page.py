@@ -13,7 +13,7 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.mesh import gmsh_session
-from perfplast_fenicsx.report.page import asset
+from perfplast_fenicsx.report.frame import asset
 from tests.functional.browser_page import Page, alone
 
 pytestmark = alone
