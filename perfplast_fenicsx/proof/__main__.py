@@ -18,15 +18,17 @@ def main(arguments: Sequence[str]) -> int:
     """Check files and say what they prove, and what is taken as written."""
     status = 0
     paths = [path for path in arguments if path != PAIR]
+    found = []
     try:
         for path in paths:
-            for checked in check(path).values():
+            found.append(check(path))
+            for checked in found[-1].values():
                 print(checked, *checked.words, sep="\n  ")
                 status = status or int(bool(checked.faults))
         if PAIR in arguments:
             if len(paths) != 2:
                 raise ProofError(f"{PAIR} takes the two files of a factor of safety.")
-            pair = check_pair(*paths)
+            pair = check_pair(paths[0], paths[1], found)
             print(pair)
             status = status or int(bool(pair.faults))
     except ProofError as error:

@@ -119,7 +119,9 @@ def check(path: str | Path) -> dict[str, Checked]:
     return found
 
 
-def check_pair(below: str | Path, above: str | Path) -> Pair:
+def check_pair(
+    below: str | Path, above: str | Path, found: Sequence[Mapping[str, Checked]] | None = None
+) -> Pair:
     """Check both files of a factor of safety: whether they are of the same bodies.
 
     Each has strengths that are divided by a factor of its own. Without it they have to be the same.
@@ -127,14 +129,15 @@ def check_pair(below: str | Path, above: str | Path) -> Pair:
     Args:
         below: The file with the stress.
         above: The file with the velocity.
+        found: What :func:`check` has returned for both; None has them checked here.
 
     Raises:
         ProofError: If one cannot be read, is no proof, or has other halves or no factor.
     """
     halves = []
-    for path, kind in ((below, "lower"), (above, "upper")):
-        found = check(path)
-        if set(found) != {kind}:
+    verdicts = (check(below), check(above)) if found is None else found
+    for path, kind, of in zip((below, above), ("lower", "upper"), verdicts, strict=True):
+        if set(of) != {kind}:
             raise ProofError(f"'{path}' is not the {kind} half of a factor of safety alone.")
         with stored_file(path) as file, np.errstate(all="ignore"):
             arrays = stored_arrays(file, kind)
@@ -142,7 +145,7 @@ def check_pair(below: str | Path, above: str | Path) -> Pair:
         reduced = reduction_of(body, arrays)
         if reduced is None:
             raise ProofError(f"'{path}' has no strength_factor.")
-        halves.append((found[kind], whole_body(body, *reduced), reduced[0]))
+        halves.append((of[kind], whole_body(body, *reduced), reduced[0]))
     (lower, less, carried), (upper, more, not_carried) = halves
     faults = [fault for half in (lower, upper) for fault in half.faults]
     if not faults and not (lower.proven or 0.0) >= 1.0:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from perfplast_fenicsx.io.results.claims import Proofs, check_claims, check_sides, proofs_in
+from perfplast_fenicsx.io.results.claims import Proofs, check_claims, check_factor, proofs_in
 from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, LEAST, PROOF, STANDS
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof.verdict import Checked
@@ -23,7 +23,7 @@ def proofs_of(reader: ResultReader) -> Proofs:
     proofs = proofs_in(reader.path)
     if reader.summary.limit is not None:
         check_claims(reader.summary.limit, proofs)
-        check_sides(reader.path, reader.summary.limit)
+        check_factor(reader.path, reader.summary.limit, proofs)
     return proofs
 
 

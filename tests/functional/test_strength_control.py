@@ -16,7 +16,7 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results import proof_file
-from perfplast_fenicsx.io.results.claims import check_sides
+from perfplast_fenicsx.io.results.claims import check_factor, proofs_in
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.report.verdict import verdict_on
@@ -94,9 +94,10 @@ def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
     assert verdict.mark == "proven"
     assert verdict.sentence.startswith("The bodies stand with F = 1.")
     assert "stands.h5 and python3 -m perfplast_fenicsx.proof falls.h5" in verdict.details[1]
-    check_sides(results, limit)
+    proofs = proofs_in(results)
+    check_factor(results, limit, proofs)
     with pytest.raises(InputError, match="says that F = "):
-        check_sides(results, {"strength": {**limit["strength"], "lower": 1.01 * lower}})
+        check_factor(results, {"strength": {**limit["strength"], "lower": 1.01 * lower}}, proofs)
     assert verdict.details[2].startswith("F over work levels off at 1.")
 
 

@@ -84,11 +84,16 @@ def _take_out(body: dict[str, Any], kind: str) -> None:
         body[kind] = None
 
 
-def check_sides(folder: Path, limit: Mapping[str, Any]) -> None:
+def check_factor(folder: Path, limit: Mapping[str, Any], proofs: Proofs) -> None:
     """Make sure that the files of a factor of safety have it, and are of the same bodies.
 
     Ground that dilates less is replaced by associated ground that depends on the factor, so that
     the bodies of such an estimate are not compared.
+
+    Args:
+        folder: The results.
+        limit: The table of the limit load in ``summary.json``.
+        proofs: Verdicts of the checker on the files.
 
     Raises:
         InputError: If they do not, or are not.
@@ -98,8 +103,10 @@ def check_sides(folder: Path, limit: Mapping[str, Any]) -> None:
     known = {kind: path for kind, path in both.items() if strength.get(kind) is not None}
     try:
         factors = {kind: factor_of(path, kind) for kind, path in known.items()}
-        compared = len(known) == len(both) and not strength.get("estimate")
-        faults = check_pair(*both.values()).faults if compared else ()
+        faults: tuple[str, ...] = ()
+        if len(known) == len(both) and not strength.get("estimate"):
+            found = [proofs[path.name] for path in both.values()]
+            faults = check_pair(both["lower"], both["upper"], found).faults
     except ProofError as error:
         raise InputError(f"{error} Run the case again.") from error
     for kind, factor in factors.items():
