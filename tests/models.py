@@ -32,6 +32,23 @@ STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 PUNCH_LIMIT = 400 * math.sqrt(1.5)
 PUNCH_SUPPORTS = [Support("x0", "x"), Support("y0", "y"), Support("bottom")]
 
+SLOPE_TABLES = """
+units.system = "m-kN-kPa"
+geometry.size = 14.0
+output.pictures = false
+gravity = { acceleration = [0.0, -1.0], density = { ground = 20.0 } }
+support = [{ on = "base" }, { on = "left", components = "x" },
+           { on = "right", components = "x" }]
+stratum = [{ name = "ground", top = [[-50, 0], [0, 0], [75, 25], [150, 25]], bottom = -25 }]
+[material.ground]
+law = "mohr-coulomb"
+young = 1e4
+poisson = 0.3
+cohesion = 25.0
+friction_angle = 30.0
+"""
+"""A slope of 3:1 that is drawn in a case file; keys of the top level may precede it."""
+
 
 def l_plate_problem(n: int, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Problem:
     """A plate with a hole, a quarter of it, in plane strain: no contact."""
@@ -151,6 +168,22 @@ def case_text(
     for heading, keys in tables:
         lines += [heading, *(f"{key} = {json.dumps(value)}" for key, value in keys.items())]
     return "\n".join([*lines, more])
+
+
+def steel_blocks_case(more: str) -> str:
+    """Return the case of two blocks of steel, one on the other, under the pressure ζ.
+
+    Args:
+        more: Other tables, as they are to stand there.
+    """
+    steel = VonMises(2e5, 0.3, 300.0)
+    return case_text(
+        {"builder": "stacked_blocks", "n": 1},
+        {"lower": steel, "upper": steel},
+        [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
+        contacts=[Contact("lower_top", "upper_bottom")],
+        more=more,
+    )
 
 
 def _given(table: Any) -> dict[str, object]:

@@ -24,7 +24,7 @@ from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.proof import check
 from tests.case_runs import assert_case_refused
-from tests.models import case_text, write_case
+from tests.models import SLOPE_TABLES, case_text, write_case
 
 ROLLERS = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
 TOUCHING = [Contact("lower_top", "upper_bottom")]
@@ -202,22 +202,8 @@ def test_loads_that_are_scaled() -> None:
     assert (found.value, found.moment, found.point) == ([2.0, 4.0], 6.0, (1.0, 1.0))
 
 
-SLOPE = """
-title = "Slope by EN 1997"
-units.system = "m-kN-kPa"
-geometry.size = 14.0
-loading.control = "strength"
-output.pictures = false
-gravity = { acceleration = [0.0, -1.0], density = { ground = 20.0 } }
-support = [{ on = "base" }, { on = "left", components = "x" },
-           { on = "right", components = "x" }]
-stratum = [{ name = "ground", top = [[-50, 0], [0, 0], [75, 25], [150, 25]], bottom = -25 }]
-[material.ground]
-law = "mohr-coulomb"
-young = 1e4
-poisson = 0.3
-cohesion = 25.0
-friction_angle = 30.0
+SLOPE = f'title = "Slope by EN 1997"\nloading.control = "strength"\n{SLOPE_TABLES}'
+SLOPE += """
 [[combination]]
 name = "given"
 factors = { gravity = 1.0 }

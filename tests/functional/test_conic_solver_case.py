@@ -8,11 +8,10 @@ from mpi4py import MPI
 
 import pytest
 
-from perfplast_fenicsx import Contact, Support, VonMises
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from tests.functional.test_command_line import one_line
-from tests.models import case_text, write_case
+from tests.models import steel_blocks_case, write_case
 
 BOUNDS = '[loading]\ncontrol = "bounds"\nlimit_tolerance = 1e-6\n'
 LEVELS = "[loading]\nvalues = [1.0]\n"
@@ -22,14 +21,7 @@ PATH = '[loading]\ncontrol = "work"\nuntil = "limit"\nlimit_method = "path"\n'
 
 def case_of(comm: MPI.Intracomm, folder: Path, loading: str, solve: str) -> str:
     """Write a case of two blocks that are pressed together."""
-    steel = VonMises(2e5, 0.3, 300.0)
-    text = case_text(
-        {"builder": "stacked_blocks", "n": 1},
-        {"lower": steel, "upper": steel},
-        [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
-        contacts=[Contact("lower_top", "upper_bottom")],
-        more=f"[output]\npictures = false\n[solve]\n{solve}\n{loading}",
-    )
+    text = steel_blocks_case(f"[output]\npictures = false\n[solve]\n{solve}\n{loading}")
     return str(write_case(comm, folder / "case.toml", text))
 
 

@@ -12,29 +12,21 @@ from perfplast_fenicsx import InputError
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.proof import check
 from tests.case_runs import run_case
+from tests.models import SLOPE_TABLES
 
-SLOPE = """
-title = "Slope in an earthquake"
-units.system = "m-kN-kPa"
-geometry.size = 14.0
-{loading}
-output.pictures = false
-gravity = {{ acceleration = [0.0, -1.0], density = {{ ground = 20.0 }} }}
-support = [{{ on = "base" }}, {{ on = "left", components = "x" }},
-           {{ on = "right", components = "x" }}]
-[material.ground]
-law = "mohr-coulomb"
-young = 1e4
-poisson = 0.3
-cohesion = 25.0
-friction_angle = 30.0
-[earthquake]
-{earthquake}
-[[stratum]]
-name = "ground"
-top = [[-50, 0], [0, 0], [75, 25], [150, 25]]
-bottom = -25
-"""
+
+def slope(loading: str, earthquake: str) -> str:
+    """Return the case of a slope in an earthquake.
+
+    Args:
+        loading: The key of the loading.
+        earthquake: Keys of [earthquake].
+    """
+    return (
+        f'title = "Slope in an earthquake"\n{loading}\n{SLOPE_TABLES}[earthquake]\n{earthquake}\n'
+    )
+
+
 SEISMIC = 'loading.control = "seismic"'
 STRENGTH = 'loading.control = "strength"'
 LEFT = "direction = [-2.0, 0.0]"
@@ -45,7 +37,7 @@ def test_at_the_critical_coefficient_the_factor_of_safety_is_one(
 ) -> None:
     """Loukidis' first slope, on one mesh: k_c = 0.432 of log spirals."""
     found = run_case(
-        comm, shared_tmp_path, SLOPE.format(loading=SEISMIC, earthquake=LEFT), capsys, "--report"
+        comm, shared_tmp_path, slope(loading=SEISMIC, earthquake=LEFT), capsys, "--report"
     )
     assert found.status == 0, found.err
     printed = re.search(r"stand with k = ([\d.]+) .* fall at k = ([\d.]+) at", found.out)
@@ -60,7 +52,7 @@ def test_at_the_critical_coefficient_the_factor_of_safety_is_one(
         assert proven["lower"].proven == pytest.approx(lower, rel=1e-4)
         assert proven["upper"].proven == pytest.approx(upper, rel=1e-4)
     for k, side, sign in ((lower, "lower", 1), (upper, "upper", -1)):
-        text = SLOPE.format(loading=STRENGTH, earthquake=f"{LEFT}\ncoefficient = {k!r}")
+        text = slope(loading=STRENGTH, earthquake=f"{LEFT}\ncoefficient = {k!r}")
         run = run_case(comm, shared_tmp_path, text, capsys, "--force")
         assert run.status == 0, run.err
         factor = run.summary["limit"]["strength"][side]
@@ -72,7 +64,7 @@ def test_at_the_critical_coefficient_the_factor_of_safety_is_one(
 def test_water_in_the_weight_is_pushed_too(tmp_path: Path) -> None:
     wet = "[water]\ntable = [[-50, 10], [150, 10]]\nsaturated = { ground = 21.0 }\n"
     path = tmp_path / "case.toml"
-    text = SLOPE.format(loading=STRENGTH, earthquake=f"{LEFT}\ncoefficient = 0.1") + wet
+    text = slope(loading=STRENGTH, earthquake=f"{LEFT}\ncoefficient = 0.1") + wet
     path.write_text(text, encoding="utf-8")
     loads = [load for load in read_case(path).loads if load.name == "earthquake"]
     assert all(load.constant for load in loads)
@@ -96,7 +88,7 @@ def test_water_in_the_weight_is_pushed_too(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be(tmp_path: Path, loading: str, earthquake: str, words: str) -> None:
-    text = SLOPE.format(loading=loading, earthquake=earthquake)
+    text = slope(loading=loading, earthquake=earthquake)
     if "gravity.constant" in loading:
         text = text.replace("gravity.constant = false\n", "")
         text = text.replace("[0.0, -1.0],", "[0.0, -1.0], constant = false,")
@@ -109,7 +101,7 @@ def test_what_cannot_be(tmp_path: Path, loading: str, earthquake: str, words: st
 @pytest.mark.serial
 def test_a_coefficient_that_is_sought_needs_its_table_and_a_weight(tmp_path: Path) -> None:
     path = tmp_path / "case.toml"
-    text = SLOPE.format(loading=SEISMIC, earthquake=LEFT)
+    text = slope(loading=SEISMIC, earthquake=LEFT)
     path.write_text(text.replace(f"[earthquake]\n{LEFT}\n", ""), encoding="utf-8")
     with pytest.raises(InputError, match=r"\[earthquake\] is missing, and control = 'seismic'"):
         read_case(path)

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from perfplast_fenicsx import Contact, Support, VonMises
 from perfplast_fenicsx.extensions import GROUP
 from tests.installed_package import install, perfplast
-from tests.models import case_text
+from tests.models import steel_blocks_case
 
 pytestmark = pytest.mark.serial
 
@@ -36,13 +35,8 @@ MATERIALS["half-as-strong"] = HalfAsStrong
 
 def test_a_law_of_a_package_is_known_to_the_command_line(tmp_path: Path) -> None:
     install(tmp_path, "own_law", OWN, GROUP, "law = own_law")
-    steel = VonMises(2e5, 0.3, 300.0)
-    text = case_text(
-        {"builder": "stacked_blocks", "n": 1},
-        {"lower": steel, "upper": steel},
-        [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
-        contacts=[Contact("lower_top", "upper_bottom")],
-        more='[loading]\ncontrol = "load"\nvalues = [100.0]\n[output]\npictures = false\n',
+    text = steel_blocks_case(
+        '[loading]\ncontrol = "load"\nvalues = [100.0]\n[output]\npictures = false\n'
     ).replace('"von-mises"', '"half-as-strong"', 1)
     (tmp_path / "case.toml").write_text(text)
     run = perfplast("run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "r"), folder=tmp_path)

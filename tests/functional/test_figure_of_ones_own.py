@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from perfplast_fenicsx import Contact, Support, VonMises
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results import figures as registry
 from perfplast_fenicsx.io.results.figures import FIGURES, Figure, figures
 from tests.installed_package import ROOT, install, perfplast
-from tests.models import case_text
+from tests.models import steel_blocks_case
 
 pytestmark = pytest.mark.serial
 
@@ -40,14 +39,9 @@ def steps(reader):
 def test_a_figure_is_drawn_listed_and_shown(tmp_path: Path) -> None:
     install(tmp_path, "own_figure", OWN, registry.GROUP, "steps = own_figure:STEPS")
     case, results = tmp_path / "case.toml", tmp_path / "results"
-    steel = VonMises(2e5, 0.3, 300.0)
     case.write_text(
-        case_text(
-            {"builder": "stacked_blocks", "n": 1},
-            {"lower": steel, "upper": steel},
-            [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
-            contacts=[Contact("lower_top", "upper_bottom")],
-            more='[loading]\ncontrol = "load"\nvalues = [100.0]\n[output]\nfields = false\n',
+        steel_blocks_case(
+            '[loading]\ncontrol = "load"\nvalues = [100.0]\n[output]\nfields = false\n'
         )
     )
     run = perfplast("run", str(case), "-o", str(results), "--report", folder=tmp_path)

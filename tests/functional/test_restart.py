@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from meshes.thick_tube import write_thick_tube
-from perfplast_fenicsx import Support, VonMises
+from perfplast_fenicsx import Elastic, Support, VonMises
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli import recorder
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
@@ -548,32 +548,13 @@ def test_a_crash_while_writing(
     assert [level["time"] for level in fields_of(folder)] == [200.0, 350.0, 380.0]
 
 
-CHANGING = """
-title = "A strength on file"
-output.pictures = false
-[mesh]
-builder = "two_blocks"
-n = 1
-[material.lower]
-law = "von-mises"
-young = 2e5
-poisson = 0.3
-yield_stress = { file = "strength.csv", column = "k" }
-[material.upper]
-law = "elastic"
-young = 2e5
-poisson = 0.3
-[[support]]
-on = "left"
-[[load]]
-on = "top"
-pressure = 1.0
-[[tie]]
-primary = "upper_bottom"
-secondary = "lower_top"
-[loading]
-values = [1.0]
-"""
+CHANGING = case_text(
+    {"builder": "two_blocks", "n": 1},
+    {"lower": VonMises(2e5, 0.3, 200.0), "upper": Elastic(2e5, 0.3)},
+    [Support("left")],
+    more='[[tie]]\nprimary = "upper_bottom"\nsecondary = "lower_top"\n'
+    "[output]\npictures = false\n[loading]\nvalues = [1.0]\n",
+).replace("yield_stress = 200.0", 'yield_stress = { file = "strength.csv", column = "k" }')
 
 
 def test_a_file_of_strengths_that_has_changed(
