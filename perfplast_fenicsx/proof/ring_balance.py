@@ -91,7 +91,9 @@ def ring_stress(
     rate = stacked(rates, 1)  # of divergence and force times the area, at vertices
     hoop = rate[..., 0] * inverse_of(shapes.volumes)[:, None]
     theta = times_radius(radii, (hoop.mid + hoop.low)[..., None])[..., 0]
-    vectors = [stress[..., 0, 0], stress[..., 1, 1], theta, np.sqrt(2.0) * stress[..., 0, 1]]
+    vectors = np.stack(
+        [stress[..., 0, 0], stress[..., 1, 1], theta, np.sqrt(2.0) * stress[..., 0, 1]], axis=2
+    )
     errors = upwards((hoop.rad + 16 * U * np.abs(hoop.mid)).max(axis=1))
     flat = areas.each(lambda part: part.reshape(-1, 2))
 
@@ -109,7 +111,7 @@ def ring_stress(
     jumps = at(one) + at(other)
     lost = np.full(len(body.cells), np.inf)
     if not all(np.isfinite(of.size).all() for of in (rate, jumps, outer.left)):
-        return RingStress(np.stack(vectors, axis=2), errors, Cost(lost, TOO_LARGE))
+        return RingStress(vectors, errors, Cost(lost, TOO_LARGE))
     acting = _Acting(body, shapes, rate[..., ALONG], jumps, outer.left)
     plates = plates_of(body, outer.rest, kinds, acting.pieces)
     acting.carry(body, plates.through, plates.missing[:, ALONG], plates.errors[:, ALONG])
@@ -122,9 +124,9 @@ def ring_stress(
         np.logical_and.at(idle, of, ~acts)
     pushes, reason = _reactions(body, acting, outer.anchors(), plates, idle)
     if pushes is None:
-        return RingStress(np.stack(vectors, axis=2), errors, Cost(lost, reason))
+        return RingStress(vectors, errors, Cost(lost, reason))
     size = _size(body, shapes, acting, pushes)
-    return RingStress(np.stack(vectors, axis=2), errors, Cost(size, None))
+    return RingStress(vectors, errors, Cost(size, None))
 
 
 def _times_radius(body: Body, traction: Floats) -> Balls:
