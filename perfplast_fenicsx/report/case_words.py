@@ -48,6 +48,15 @@ MODELS = {
 }
 
 
+MEANINGS = {
+    "plane-strain": "Plane strain: no point moves along z, and nothing changes along z.",
+    "plane-stress": "Plane stress: no stress acts across the sheets.",
+    "axisymmetric": "Bodies, supports and loads do not change around the axis.",
+}
+
+HARDENING = "von-mises-hardening"
+
+
 class CaseWords:
     """Says what was given."""
 
@@ -156,6 +165,46 @@ class CaseWords:
             rows.append((f"{tie['primary']} – {tie['secondary']}", "glued together"))
         return folded(rows, "places")
 
+    def assumptions(self, kind: str, taken: Sequence[str], of_bodies: bool) -> list[str]:
+        """Return what the results take for granted, in sentences.
+
+        Args:
+            kind: Kind of the model.
+            taken: Idealisations that the bounds name, in clauses.
+            of_bodies: Whether there are bounds of the bodies, and not only results of a mesh.
+        """
+        listed = [MEANINGS[kind]] if kind in MEANINGS else []
+        listed.append("Displacements are small: forces balance on the undeformed bodies.")
+        listed.append("Loads act slowly. Buckling, fracture and fatigue are not examined.")
+        listed += self._assumed_flow()
+        if self._given.get("contacts") or self._given.get("obstacles"):
+            listed.append("Surfaces in contact can press and part; they cannot pull.")
+        if self._given.get("ties"):
+            listed.append("Surfaces that are glued together never part, whatever they carry.")
+        if not self._units:
+            listed.append("The case names no units; its numbers have to be of one system.")
+        whose = "The bodies are those that the straight elements of the mesh fill."
+        listed.append(whose if of_bodies else "Results hold for the mesh, not for the bodies.")
+        return [*listed, *(f"{text[:1].upper()}{text[1:].rstrip('.')}." for text in taken)]
+
+    def _assumed_flow(self) -> list[str]:
+        """Return what the laws of the bodies assume, each with the names of its bodies."""
+        bodies: dict[str, list[str]] = {}
+        for name, material in self._given.get("materials", {}).items():
+            numbers = material["body"] if material["kind"] == "Flow" else material
+            law = numbers["kind"]
+            if law == "elastic":
+                text = "elastic at any stress"
+            elif law == HARDENING:
+                text = "hardening without end, at any strain"
+            else:
+                text = "perfectly plastic at any strain"
+                dilates = numbers.get("dilatancy_angle")
+                if dilates is None or dilates == numbers.get("friction_angle"):
+                    text += ", with associated flow"
+            bodies.setdefault(text, []).append(name)
+        return [f"Taken as {text}: {', '.join(names)}." for text, names in bodies.items()]
+
     def number(self, value: Any, kind: str) -> str:
         """Return a number, formula or vector with the unit of its kind, if any."""
         if isinstance(value, Sequence) and not isinstance(value, str):
@@ -191,10 +240,13 @@ class CaseWords:
     def _numbers(self, material: Table) -> str:
         told = []
         for key, value in material.items():
-            if key == "kind" or value is None or (key == "expansion" and not value):
+            usual = key in ("kind", "reduced") or value is None
+            if usual or (key == "expansion" and not value):
                 continue
             words, unit = NUMBERS.get(key, (key.replace("_", " "), ""))
             told.append(f"{words} {self.number(value, unit)}")
+        if material.get("reduced") is False:
+            told.append("not divided by F")
         return ", ".join(told)
 
 

@@ -1,5 +1,7 @@
 """The page: its parts put into the template, with style and programs inlined."""
 
+import re
+from collections.abc import Mapping
 from html import escape
 from string import Template
 
@@ -21,6 +23,7 @@ from perfplast_fenicsx.report.tables import (
     GRADES,
     TIGHT,
     bolt_table,
+    captioned,
     force_table,
     image,
     level_table,
@@ -56,30 +59,61 @@ def page_of(reader: ResultReader, view: View) -> str:
     staged = any(step.get("stage") for step in summary.steps)
     words = CaseWords(summary.given, summary.units, summary.model["axes"], staged)
     title = scene.title or "A run"
+    sections = {
+        "verdict": _verdict(verdict_on(reader), words.meaning(scene.driven, several)),
+        "combinations": _combinations(reader),
+        "warnings": _warnings(summary),
+        "bodies": _section("bodies", "The bodies", _view(view)),
+        "curve": _curve(reader),
+        "levels": _water(reader) + _levels(reader) + _pictures(reader),
+        "reactions": _limit_forces(reader) + _reactions(reader) + _bolts(reader),
+        "proof": _section("proof", "The proof", _proof(reader, proofs, view)),
+        "case": _case(summary, words),
+        "again": _again(summary),
+    }
     body = Template(asset("page.html")).substitute(
+        sections,
         title=escape(title),
-        head=head_of(summary),
-        verdict=_verdict(verdict_on(reader), words.meaning(scene.driven, several)),
-        combinations=_combinations(reader),
-        warnings=_warnings(summary),
-        view=_view(view),
-        curve=_curve(reader),
-        levels=_water(reader) + _levels(reader) + _pictures(reader),
-        reactions=_limit_forces(reader) + _reactions(reader) + _bolts(reader),
-        proof=_section("proof", "The proof", _proof(reader, proofs, view)),
-        case=_case(summary, words),
-        again=_again(summary),
+        head=head_of(summary) + signatures(summary.report),
+        contents=contents_of("".join(sections.values())),
         version=escape(summary.version),
         scripts=scripts_of(view.data, VIEW),
     )
     return framed(body, title, ["page.css"], WORKERS)
 
 
+SIGNED = ("prepared", "checked", "approved")
+"""Keys of [report] with the names of those who sign."""
+
+HANDED_IN = ("client", "revision", *SIGNED)
+"""Keys of [report] that ask for lines to sign."""
+
+
 def head_of(summary: Summary) -> str:
-    """Project, number and author with the date; nothing where the case names none of them."""
-    rows = [(key.capitalize(), text) for key, text in summary.report.items()]
+    """Return what [report] says of the document, with the date of the run; empty if nothing."""
+    rows = [(key.capitalize(), text) for key, text in summary.report.items() if key not in SIGNED]
     began = summary.surroundings.get("began", "")
     return pairs([*rows, ("Date", began)] if rows and began else rows)
+
+
+def signatures(head: Mapping[str, str]) -> str:
+    """Return a table with a line to sign for each person; empty if [report] asks for none."""
+    if not any(key in head for key in HANDED_IN):
+        return ""
+    rows = [[key.capitalize(), escape(head.get(key, "")), "", ""] for key in SIGNED]
+    signed = table(["", "name", "date", "signature"], rows)
+    return f'<section id="signatures" aria-label="Signatures">{signed}</section>'
+
+
+HEADING = re.compile(r'<h2 id="([a-z]+)-h">(.*?)</h2>')
+
+
+def contents_of(body: str) -> str:
+    """Return links to all sections, which a page shows when it is printed."""
+    links = "".join(
+        f'<li><a href="#{name}">{head}</a></li>' for name, head in HEADING.findall(body)
+    )
+    return f'<nav class="contents" aria-label="Contents"><h2>Contents</h2><ol>{links}</ol></nav>'
 
 
 def _proof(reader: ResultReader, proofs: Proofs, view: View) -> str:
@@ -118,9 +152,10 @@ def _view(view: View) -> str:
 def _curve(reader: ResultReader) -> str:
     unit = reader.summary.units.get("work", "")
     curve = curve_of(reader.reports, reader.limit, reader.scene.driven, unit)
-    return _section(
-        "curve", "The curve", "" if curve is None else to_svg(curve) + to_svg(curve, NARROW)
-    )
+    if curve is None:
+        return ""
+    words = escape(f"{curve.y_label} over {curve.x_label}")
+    return _section("curve", "The curve", captioned(to_svg(curve) + to_svg(curve, NARROW), words))
 
 
 def _levels(reader: ResultReader) -> str:
@@ -154,7 +189,7 @@ def _water(reader: ResultReader) -> str:
     )
     figure = next(figure for figure in FIGURES if figure.file == "seepage.png")
     file = reader.path / figure.file
-    picture = image(file, figure.title) if file.is_file() else ""
+    picture = captioned(image(file, figure.title), figure.title) if file.is_file() else ""
     heads = ["surface", "enters per unit of time", "leaves"]
     return _section("water", figure.title, table(heads, rows) + note + picture)
 
@@ -163,7 +198,7 @@ def _pictures(reader: ResultReader) -> str:
     """Return the pictures that installed packages add; the page draws what the others show."""
     added = [figure for figure in figures() if figure not in FIGURES]
     shown = [
-        f"<h3>{escape(figure.title)}</h3>{image(file, figure.title)}"
+        f"<h3>{escape(figure.title)}</h3>{captioned(image(file, figure.title), figure.title)}"
         for figure in added
         if (file := reader.path / figure.file).is_file()
     ]
@@ -252,7 +287,12 @@ def _case(summary: Summary, words: CaseWords) -> str:
     ]
     text = pairs([("Model", MODELS.get(kind, kind)), ("Mesh", mesh_in_words(summary))])
     text += "".join(f"<h3>{head}</h3>{pairs(rows)}" for head, rows in parts if rows)
-    return _section("case", "The case", text)
+    body = (summary.limit or {}).get("body") or {}
+    listed = words.assumptions(kind, body.get("taken", ()), bool(body.get("meshes")))
+    items = "".join(f"<li>{escape(sentence)}</li>" for sentence in listed)
+    return _section("case", "The case", text) + _section(
+        "assumptions", "Assumptions", f"<ul>{items}</ul>"
+    )
 
 
 def mesh_in_words(summary: Summary) -> str:

@@ -208,6 +208,11 @@ class _Head(TypedDict, total=False):
     project: str
     number: str
     author: str
+    client: str
+    revision: str
+    prepared: str
+    checked: str
+    approved: str
 
 
 class _Surroundings(TypedDict, total=False):

@@ -152,3 +152,13 @@ def image(file: Path, words: str) -> str:
     except OSError as error:
         raise InputError(f"'{file}' cannot be read ({error.strerror}); draw it again.") from error
     return f'<img src="data:image/png;base64,{data}" alt="{escape(words)}">'
+
+
+def captioned(picture: str, words: str) -> str:
+    """Return a figure; the page's style numbers all of them.
+
+    Args:
+        picture: Its HTML.
+        words: HTML of its caption.
+    """
+    return f"<figure>{picture}<figcaption>{words}</figcaption></figure>"

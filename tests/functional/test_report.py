@@ -1,6 +1,7 @@
 """``perfplast report`` and ``run --report``: the page in a browser, and what is refused."""
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -26,7 +27,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     comm = MPI.COMM_WORLD
     place = comm.bcast(tmp_path_factory.mktemp("run"))
     text = CASE.replace("[50.0, 80.0]", "[50.0, 80.0, 95.0]")
-    text += '[report]\nproject = "Punches"\nnumber = "17 <b>"\n'
+    text += '[report]\nproject = "Punches"\nnumber = "17 <b>"\nrevision = "B"\nchecked = "A & B"\n'
     case, folder = write(comm, place, text), place / "results"
     with redirect_stdout(StringIO()) as out:
         assert main(["run", str(case), "-o", str(folder), "--report"]) == SOLVED
@@ -47,10 +48,26 @@ def test_the_run_writes_it(
     assert "on this mesh the bodies carry the loads up to ζ&nbsp;=&nbsp;95" in page
     assert "yield stress 100 MPa" in page
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
-    assert summary["report"] == {"project": "Punches", "number": "17 <b>"}
+    given = {"project": "Punches", "number": "17 <b>", "revision": "B", "checked": "A & B"}
+    assert summary["report"] == given
     head = page[page.index("<header>") : page.index("</header>")]
-    for told in ("Punches", "17 &lt;b&gt;", summary["surroundings"]["began"]):
+    for told in ("Punches", "17 &lt;b&gt;", "B", summary["surroundings"]["began"]):
         assert f"<dd>{told}</dd>" in head
+    signed = head[head.index('id="signatures"') :]
+    assert re.findall(r'row">(\w+)</th><td>(.*?)</td><td></td><td></td>', signed) == [
+        ("Prepared", ""),
+        ("Checked", "A &amp; B"),
+        ("Approved", ""),
+    ]
+    contents = page[page.index('<nav class="contents"') : page.index("</nav>")]
+    links = re.findall(r'href="#(\w+)"', contents)
+    assert links[0] == "bodies"
+    assert links[-1] == "again"
+    assert links == re.findall(r'<section id="(\w+)" aria-labelledby', page)
+    assumed = page[page.index('<section id="assumptions"') : page.index('<section id="again"')]
+    assert "<li>Surfaces in contact can press and part; they cannot pull.</li>" in assumed
+    assert "<li>Results hold for the mesh, not for the bodies.</li>" in assumed
+    assert re.search(r"<li>Taken as perfectly plastic .*associated flow: .*punch", assumed)
     assert summary["given"]["materials"]["punch"]["kind"] == "von-mises"
     assert escape(summary["case"]["text"]) in page
 

@@ -105,15 +105,27 @@ class OutputOptions:
 class ReportHead:
     """Whose computation it is: at the head of the report, with the date, and in ``summary.json``.
 
+    With any of the keys from ``client`` on the report has lines to sign, a date beside each.
+
     Args:
         project: Project that the case belongs to.
         number: Number of the case or the document, as text, such as ``"2026-17 b"``.
         author: Who answers for it.
+        client: Whom the report is for.
+        revision: Revision of the document, as text, such as ``"B"``.
+        prepared: Name of the person who prepared the document.
+        checked: Name of the person who checks it.
+        approved: Name of the person who approves it.
     """
 
     project: str = ""
     number: str = ""
     author: str = ""
+    client: str = ""
+    revision: str = ""
+    prepared: str = ""
+    checked: str = ""
+    approved: str = ""
 
     @property
     def given(self) -> dict[str, str]:
