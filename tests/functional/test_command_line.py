@@ -208,7 +208,9 @@ def test_limit_load_by_default(
     with (results / "path.csv").open(encoding="utf-8", newline="") as file:
         (row,) = csv.DictReader(file)
     assert row["body_lower"] == ""
-    assert not (results / "bounds.h5").exists()  # a proof has quadratic velocities
+    proven = check(results / "bounds.h5")
+    assert list(proven) == ["upper"]
+    assert proven["upper"].proven == pytest.approx(body["upper"], rel=1e-9)
     assert body["certificates"]["inadmissible"] < 1e-9
     log = (results / "run.log").read_text(encoding="utf-8")
     assert log.count(" step ") == limit["iterations"]

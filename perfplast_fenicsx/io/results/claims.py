@@ -53,8 +53,7 @@ def proven_by(path: Path) -> dict[str, Checked]:
 def check_claims(limit: dict[str, Any], proofs: Proofs) -> None:
     """Make sure that files prove the bounds that ``summary.json`` says are strict.
 
-    A bound of the body whose proof is missing is taken out of the table, with the reason: linear
-    elements have strict bounds, and no proof.
+    A bound of the body whose proof is missing is taken out of the table, with the reason.
 
     Args:
         limit: Its table of the limit load.

@@ -132,7 +132,7 @@ def proofs(
         of = low.weaker or low.problem
         value, question = low.lower.value, low.question
         stress = StressProof(of, value, low.stress, question, aside, divisor=divisor)
-    if high.upper.strict and high.upper.value is not None and high.problem.degree == 2:
+    if high.upper.strict and high.upper.value is not None:
         flow = high.flow
         value, question = high.upper.value, high.question
         velocity = VelocityProof(flow.problem, value, flow.velocity, question, divisor)
@@ -151,8 +151,8 @@ def write_proof(
         upper: The upper half; its bodies may be meshed differently.
 
     Raises:
-        InputError: If cells or obstacles are curved, elements linear, or a load is of a kind that
-            the file cannot say; or where the system refuses.
+        InputError: If cells or obstacles are curved, or a load is of a kind that the file
+            cannot say; or where the system refuses.
     """
     blocks: Blocks = {}
     numbers: dict[str, dict[str, float | int]] = {}
@@ -293,13 +293,18 @@ def _forces(proof: ForceProof) -> Blocks:
 
 
 def _velocity(proof: VelocityProof) -> Blocks:
-    """Return the velocity at its nodes, and the nodes of the cells. Collective."""
-    V, mesh = proof.problem.V, proof.problem.tagged_mesh.mesh
-    if proof.problem.degree != 2:
-        raise InputError(
-            "elements are linear, and a proof has quadratic velocities; use degree = 2."
-        )
-    d, index_map = mesh.topology.dim, V.dofmap.index_map
+    """Return the velocity at its nodes, and the nodes of the cells. Collective.
+
+    The file has quadratic velocities, and a linear one is also quadratic.
+    """
+    velocity, mesh = proof.velocity, proof.problem.tagged_mesh.mesh
+    d = mesh.topology.dim
+    if proof.problem.degree == 1:
+        velocity = fem.Function(fem.functionspace(mesh, ("P", 2, (d,))))
+        velocity.interpolate(proof.velocity)
+        velocity.x.scatter_forward()
+    V = velocity.function_space
+    index_map = V.dofmap.index_map
     nodes = node_ordering(mesh, V.dofmap.list, index_map)
     layout = V.dofmap.dof_layout
     columns = [layout.entity_dofs(0, i)[0] for i in range(d + 1)]
@@ -311,7 +316,7 @@ def _velocity(proof: VelocityProof) -> Blocks:
     columns += [edges[pair] for pair in combinations(range(d + 1), 2)]
     numbers = with_ghosts(index_map, nodes.numbers())
     owned = mesh.topology.index_map(d).size_local
-    values = proof.velocity.x.array.reshape(-1, d)[: index_map.size_local]
+    values = velocity.x.array.reshape(-1, d)[: index_map.size_local]
     return {
         "velocity": block(nodes, values),
         "nodes": block(cell_ordering(mesh), numbers[V.dofmap.list[:owned][:, columns]]),

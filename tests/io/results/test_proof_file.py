@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
@@ -22,7 +21,8 @@ from perfplast_fenicsx import (
     stacked_blocks,
 )
 from perfplast_fenicsx.io.results.proof_file import VelocityProof, judge, write_proof
-from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.limit_analysis import limit_bounds, limit_load
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import bounds_of_mesh
 from perfplast_fenicsx.proof import check
 from tests.checks import assert_refused
 from tests.models import STEEL, Read
@@ -38,23 +38,40 @@ def refused(problem: Problem, folder: Path, words: list[str]) -> None:
     assert not results.file("bounds.h5").exists()
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"degree": 1}, ["linear", "degree = 2"]),
-        ({"obstacles": [Sphere("top", (0.5, 0.5, 5.0), 2.0)]}, ["'top'", "curved", "planes"]),
-    ],
-)
-def test_what_no_proof_can_say(shared_tmp_path: Path, changes: Any, words: list[str]) -> None:
-    arguments: dict[str, Any] = {"degree": 2} | changes
+def test_what_no_proof_can_say(shared_tmp_path: Path) -> None:
     problem = Problem(
         stacked_blocks(COMM, 1),
         {"lower": STEEL, "upper": STEEL},
         [Support("bottom"), Support("upper_bottom")],
         [Pressure("lower_top", 1.0)],
-        **arguments,
+        obstacles=[Sphere("top", (0.5, 0.5, 5.0), 2.0)],
+        degree=2,
     )
-    refused(problem, shared_tmp_path, words)
+    refused(problem, shared_tmp_path, ["'top'", "curved", "planes"])
+
+
+@pytest.mark.mpi2
+def test_the_upper_bound_of_linear_elements(shared_tmp_path: Path) -> None:
+    problem = Problem(
+        stacked_blocks(COMM, 2),
+        {"lower": STEEL, "upper": STEEL},
+        [Support("bottom"), Support("x0", "x"), Support("y0", "y")],
+        [Pressure("top", 1.0)],
+        [Contact("lower_top", "upper_bottom")],
+        degree=1,
+    )
+    bounds = bounds_of_mesh(problem, limit_load(problem))
+    assert bounds.upper.strict
+    results = ResultFolder(COMM, shared_tmp_path)
+    path = results.file("bounds.h5")
+    _, high = judge(results, path, bounds, bounds)
+    assert high.upper.strict
+    found = check(path)
+    assert list(found) == ["upper"]
+    assert found["upper"].proven == pytest.approx(bounds.upper.value, rel=1e-9)
+    assert found["upper"].proven is not None
+    over = found["upper"].proven / STEEL.yield_stress - 1.0
+    assert -1e-12 < over < 1e-4, "the search ends when both sides of the mesh are 1e-4 apart"
 
 
 def test_curved_cells(shared_tmp_path: Path, read: Read) -> None:
