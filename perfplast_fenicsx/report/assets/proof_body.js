@@ -1,9 +1,9 @@
 // The bodies of a proof: cells, facets, supports, loads and contact, as docs/proof.md has them.
 
-const LOADS = ["body_force", "traction", "pore_pressure"];
+const LOADS = ["body_force", "traction", "pore_pressure", "rigid_force", "rigid_moment"];
 const KINDS = ["", "constant_", "any_"];
 
-const KNOWN = new Set([...KINDS.flatMap((kind) => [...LOADS, "rigid_force", "rigid_moment"].map((name) => kind + name)),
+const KNOWN = new Set([...KINDS.flatMap((kind) => LOADS.map((name) => kind + name)),
   ..."vertices cells cone cone_bound cone_slope cone_matrix cone_sine cone_tension cell_strength".split(" "),
   ..."facets surface held guided contacts contact_adhesion contact_friction obstacles".split(" "),
   ..."obstacle_normals obstacle_adhesion obstacle_friction rigid rigid_held cell_kept".split(" "),
@@ -17,8 +17,7 @@ function bodyOf(A) {
   if (d !== 2 && d !== 3) refuse("vertices are neither in the plane nor in space");
   const cells = of("cells"), n = cells.shape[0], facets = of("facets"), f = facets.shape[0];
   if (!n) refuse("there are no cells");
-  if (A.numbers.revolved) refuse("this checker does not know bodies of revolution");
-  if (A.rigid?.data.length) refuse("this checker does not know rigid surfaces");
+  const revolved = !!A.numbers.revolved, turns = 2 * d - 3, plates = A.rigid?.shape[0] ?? 0;
   const data = (name, shape, fill = 0) => {
     const size = shape.reduce((a, b) => a * b, 1);
     if (!A[name]) return new Float64Array(size).fill(fill);
@@ -27,16 +26,16 @@ function bodyOf(A) {
   };
   const pairs = A.contacts?.shape[0] ?? 0, planes = A.obstacles?.shape[0] ?? 0;
   const body = {
-    d, w, n, f, x: data("vertices", [x.shape[0], d]), cells: data("cells", [n, w]),
+    d, w, n, f, revolved, values: revolved ? 6 : w, x: data("vertices", [x.shape[0], d]), cells: data("cells", [n, w]),
     cone: data("cone", [n]), strength: data("cell_strength", [n, w], 1),
     facets: data("facets", [f, d]), surface: data("surface", [f]), held: data("held", [f, d]),
     guided: data("guided", [f, d]), contacts: data("contacts", [pairs, 2]),
     obstacles: data("obstacles", [planes]), towards: data("obstacle_normals", [planes, d]),
     rubs: ["contact", "obstacle"].map((of, i) => ["adhesion", "friction"].map(
       (name) => data(`${of}_${name}`, [i ? planes : pairs]))),
-    loads: KINDS.map((kind) => ({
-      body_force: data(`${kind}body_force`, [n, d]), traction: data(`${kind}traction`, [f, d, d]),
-      pore_pressure: data(`${kind}pore_pressure`, [n, w]) })),
+    rigid: data("rigid", [plates]), rigidHeld: data("rigid_held", [plates, d]),
+    loads: KINDS.map((kind) => Object.fromEntries(LOADS.map((name, k) => [name, data(
+      kind + name, [[n, d], [f, d, d], [n, w], [plates, d], [plates, turns]][k])]))),
   };
   const numbers = [body.x, body.strength, body.guided, body.towards, ...body.rubs.flat(),
     ...body.loads.flatMap((kind) => LOADS.map((name) => kind[name]))];
@@ -52,14 +51,20 @@ function bodyOf(A) {
   all(body.strength, (s) => s > 0, "cell_strength is not positive");
   body.rubs.flat().forEach((of) => all(of, (r) => r >= 0, "friction is negative"));
   const tags = new Set(body.surface);
-  for (const of of [body.contacts, body.obstacles]) {
-    all(of, (tag) => tag > 0 && tags.has(tag), "contact is of a surface that does not exist");
+  for (const of of [body.contacts, body.obstacles, body.rigid]) {
+    all(of, (tag) => tag > 0 && tags.has(tag), "contact, or a plate, is of a surface that does not exist");
   }
   for (const of of [body.guided, body.towards]) for (let i = 0; i < of.length; i += d) {
     const size = norm(of.subarray(i, i + d));
     if (size !== 0 && !(Math.abs(size - 1) <= 1e-12)) refuse("a direction is no unit vector");
   }
-  body.cones = conesOf(A, d === 2 ? 3 : 6);
+  if (plates && !A.rigid_held) refuse("rigid_held is missing");
+  if (new Set(body.rigid).size < plates) refuse("rigid names a surface twice");
+  if (revolved) checkSections(body);
+  const glued = new Set(body.rigid), onAxis = (i) => revolved && range(d).every((k) => !body.x[body.facets[i * d + k] * d]);
+  body.glued = range(f).map((i) => glued.has(body.surface[i]));
+  body.onAxis = range(f).map(onAxis);
+  body.cones = conesOf(A, revolved ? 4 : d === 2 ? 3 : 6);
   all(body.cone, (c) => c >= -1 && c < body.cones.length, "there are cones that do not exist");
   if (body.cone.every((c) => c < 0)) refuse("this checker does not know blocks that cannot yield");
   body.radius = (c) => (body.cone[c] < 0 ? Infinity
@@ -67,17 +72,48 @@ function bodyOf(A) {
   for (const kind of body.loads) kind.some = LOADS.some((name) => kind[name].some((y) => y !== 0));
   const named = range(pairs).map((k) => [...body.contacts.subarray(2 * k, 2 * k + 2)].sort().join());
   if (new Set(named).size < pairs) refuse("contacts names two surfaces twice");
-  const { body_force: pull, traction: push, pore_pressure: pores } = body.loads[0];
-  const loose = range(f * d).some((i) => { // a traction that not only supports bear
-    const facet = Math.floor(i / d), free = range(d).map((k) => (body.held[facet * d + k] ? 0 : push[i * d + k]));
-    const guide = [...body.guided.subarray(facet * d, facet * d + d)];
-    return free.some((y) => y) && (!norm(guide) || norm(cross(free, guide)) > 1e-9 * norm(free));
-  });
-  if (![...pull, ...pores].some((y) => y) && !loose) refuse("nothing is loaded but supports");
   shape(body);
   glue(body);
+  checkLoaded(body);
   overlap(body);
   return body;
+}
+
+/** Refuse what cannot be sections of rings, or is not known of them. */
+function checkSections(body) {
+  if (body.d !== 2 || !body.x.every((y, i) => i % 2 || y >= 0)) refuse("bodies of revolution reach to negative radii");
+  if (!body.rigidHeld.every((y, i) => y === 1 - (i % 2))) refuse("a rigid surface moves otherwise than along the axis");
+  if (body.loads.some((of) => largest(of.pore_pressure))) refuse("pressures in pores are not known around an axis");
+  if (!body.strength.every((y) => y === 1)) refuse("strengths that vary are not known around an axis");
+}
+
+/** Refuse loads that push nothing but supports. Plates are pushed by resultants alone. */
+function checkLoaded(body) {
+  const { d, f } = body, [{ body_force: pull, traction: push, pore_pressure: pores, rigid_force: force, rigid_moment: turn }] = body.loads;
+  if (largest(pull) || largest(pores)) return;
+  const moves = (of, facet) => {
+    const free = of.map((y, k) => (body.held[facet * d + k] ? 0 : y)), guide = [...body.guided.subarray(facet * d, facet * d + d)];
+    return free.some((y) => y) && (!norm(guide) || norm(cross(free, guide)) > 1e-9 * norm(free));
+  };
+  const at = (facet, j) => [...push.subarray((facet * d + j) * d, (facet * d + j + 1) * d)];
+  if (range(f).some((i) => !body.glued[i] && !body.onAxis[i] && range(d).some((j) => moves(at(i, j), i)))) return;
+  const loaded = range(body.rigid.length).some((g) => {
+    const held = body.rigidHeld.subarray(g * d, g * d + d), still = held.some((y) => y), facets = range(f).filter((i) => body.surface[i] === body.rigid[g]);
+    const centre = body.point(body.facets[facets[0] * d]), sums = new Array(3 * d - 3).fill(0);
+    let size = 0, far = 0;
+    for (const i of facets) range(d).forEach((j) => {
+      const own = body.radiiOn(i)[j], part = at(i, j).map((y) => (y * own * norm(body.area[body.outer[i]])) / d);
+      const corner = body.point(body.facets[i * d + j]), middle = range(d).map((a) => range(d).reduce(
+        (sum, k) => sum + body.x[body.facets[i * d + k] * d + a], corner[a]) / body.w - centre[a]);
+      [...part, ...cross(middle, part)].forEach((y, k) => { sums[k] += y; });
+      far = Math.max(far, norm(middle));
+      size += norm(part);
+    });
+    const own = force.subarray(g * d, g * d + d), about = cross(centre, [...own]).map((y, m) => turn[g * (2 * d - 3) + m] - y);
+    return sums.some((y, k) => (k < d ? !held[k] && (Math.abs(y) > 1e-12 * size || own[k])
+      : !still && !body.revolved && (Math.abs(y) > 1e-12 * size * far || about[k - d])));
+  });
+  if (!loaded) refuse("nothing is loaded but supports");
 }
 
 /** Area vectors N times (d − 1)!, outward, and volumes D times d!, both exact; and as doubles. */
@@ -122,7 +158,34 @@ function shape(body) {
 
 /** Find the other side of each side, and the side of each outer facet. */
 function glue(body) {
-  const { d, w, n, f, cells, facets, N } = body, sides = new Map();
+  const { d, w, n, f, x, cells, facets, N } = body, sides = new Map();
+  const pairs = range(w).flatMap((a) => range(w).slice(a + 1).map((b) => [a, b]));
+  // Numbers of coefficients of what is quadratic in a cell: vertices, and then edges
+  body.number = range(w).map((a) => range(w).map((b) => (a === b ? a
+    : w + pairs.findIndex(([i, j]) => i === Math.min(a, b) && j === Math.max(a, b)))));
+  body.pairs = pairs;
+  body.point = (v) => range(d).map((i) => x[v * d + i]);
+  const along = (r, of) => r.map((y, a) => y * of[a]).concat((r.length === 2 ? [[0, 1]] : pairs).map(
+    ([a, b]) => (r[a] * of[b] + r[b] * of[a]) / 2));
+  /** Coefficients of r times what is linear in a cell, and of r on a facet; around an axis. */
+  body.timesRadius = (c, of) => along(range(w).map((k) => x[cells[c * w + k] * d]), of);
+  body.radiiOn = (i) => (body.revolved ? along(body.ofFacet(i).map((v) => x[v * d]), [1, 1]) : new Array(d).fill(1));
+  body.ends = (side) => body.corners[side % w].map((k) => cells[Math.floor(side / w) * w + k]);
+  body.ofFacet = (i) => [...facets.subarray(i * d, i * d + d)];
+  /** Numbers in a cell of what is known of a stress on a facet with these vertices. */
+  body.on = (c, vertices) => {
+    const at = vertices.map((v) => range(w).find((k) => cells[c * w + k] === v));
+    return body.revolved ? [...at, body.number[at[0]][at[1]]] : at;
+  };
+  /** The traction times area of a moment of 1 on a side. */
+  body.bend = (side) => {
+    const ends = body.ends(side).map(body.point), area = norm(body.area[side]) * (1 - 1e-12);
+    if (d === 2) return 6 / area;
+    const arms = ends.map((p) => norm(p.map((y, i) => y - ends.reduce((sum, q) => sum + q[i], 0) / d)));
+    return (9 * Math.max(...arms) * arms.reduce((sum, y) => sum + y * y, 0) * UP) / area ** 2;
+  };
+  body.reach = range(n).map((c) => Math.max(...range(d).map((k) => norm(body.point(cells[c * w + k + 1]).map(
+    (y, i) => y - x[cells[c * w] * d + i])))));
   const key = (vertices) => vertices.sort((a, b) => a - b).join();
   body.corners = range(w).map((k) => range(w).filter((j) => j !== k));
   body.across = new Int32Array(n * w).fill(-1);
@@ -156,9 +219,8 @@ function glue(body) {
 
 /** Refuse cells that overlap: what is just inside of an outer facet is in its own cell alone. */
 function overlap(body) {
-  const { d, w, n, x, cells } = body;
-  const point = (v) => range(d).map((i) => x[v * d + i]);
-  const cell = (c) => range(w).map((k) => point(cells[c * w + k]));
+  const { d, w, n, cells } = body;
+  const cell = (c) => range(w).map((k) => body.point(cells[c * w + k]));
   const box = (points) => [0, 1].map((end) => range(d).map(
     (i) => Math[end ? "max" : "min"](...points.map((p) => p[i]))));
   const mix = (a, b) => a.map((y, i) => 0.999 * y + 0.001 * b[i]); // less is rounding of contact

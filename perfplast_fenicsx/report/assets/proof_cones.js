@@ -1,8 +1,9 @@
 // Cones ‖Mσ‖ ≤ c − q·σ, or (1 + s)σ₁ − (1 − s)σ₃ ≤ c and σ₁ ≤ f, and what their flow dissipates.
 
-/** σ or ε of d × d numbers as a vector: normal components, and √2 times shear ones. */
-function vector(t, d) {
+/** σ or ε of d × d numbers as a vector: normal components (around an axis hoop too), and √2 times shear ones. */
+function vector(t, d, hoop) {
   const r = Math.SQRT1_2;
+  if (hoop !== undefined) return [t[0], t[3], hoop, r * (t[1] + t[2])];
   return d === 2 ? [t[0], t[3], r * (t[1] + t[2])]
     : [t[0], t[4], t[8], r * (t[5] + t[7]), r * (t[2] + t[6]), r * (t[1] + t[3])];
 }
@@ -13,6 +14,7 @@ function principal(v, out) {
     const mean = (v[0] + v[1]) / 2, radius = Math.hypot((v[0] - v[1]) / 2, v[2] * Math.SQRT1_2);
     return [mean - radius, out ?? mean, mean + radius];
   }
+  if (v.length === 4) return [...principal([v[0], v[1], v[3]], v[2])].sort((y, z) => y - z);
   const [a, b, c] = v.slice(3).map((y) => y * Math.SQRT1_2);
   return eigen([[v[0], c, b], [c, v[1], a], [b, a, v[2]]]).values.sort((y, z) => y - z);
 }
@@ -71,7 +73,7 @@ function principalCone(c, s, f) {
 
 function roundCone(c, q, M, m) {
   const square = range(m).map((i) => range(m).map((j) => M.reduce((sum, row) => sum + row[i] * row[j], 0)));
-  const { values, vectors } = eigen(square), most = Math.max(...values), n = m === 3 ? 2 : 3;
+  const { values, vectors } = eigen(square), most = Math.max(...values), n = m === 3 ? 2 : 3; // normal components
   const times = (matrix, v) => matrix.map((row) => row.reduce((sum, y, i) => sum + y * v[i], 0));
   const dots = (a, b) => a.reduce((sum, y, i) => sum + y * b[i], 0);
   const least = values.indexOf(Math.min(...values)), free = vectors.map((row) => row[least]);

@@ -16,6 +16,7 @@ function contactOf(body) {
   const centre = points.map((of) => range(d).map((i) => of.reduce((sum, p) => sum + p[i], 0) / d));
   const close = points.map((of) => 1e-6 * Math.max(...range(d).map(
     (i) => Math.max(...of.map((p) => p[i])) - Math.min(...of.map((p) => p[i])))));
+  if (body.revolved) points.forEach((of, i) => { close[i] = Math.min(close[i], 1e-6 * Math.max(...of.map((p) => p[0]))); });
   const on = (tag) => range(body.f).filter((i) => body.surface[i] === tag);
   const foot = (p, q, n) => { // of p − q across n
     const y = minus(p, q), height = dots(y, n);
@@ -38,6 +39,10 @@ function contactOf(body) {
       if (b < 0 || back.get(b)[1] !== a) return;
       const order = points[a].map((p) => points[b].findIndex((q) => foot(q, p, unit[a])[1] <= close[a]));
       if (new Set(order).size < d || order.includes(-1)) return;
+      if (body.revolved) { // rings of one size, with a third value at the edge
+        if (order.some((q, j) => Math.abs(points[a][j][0] - points[b][q][0]) > close[a])) return;
+        order.push(2);
+      }
       met.add(a).add(b);
       const [c, mu] = body.rubs[0].map((of) => of[k]);
       rows.push({ a, b, order, normal: body.N[body.outer[a]], e: body.e * (d - 1), c, mu });

@@ -1,154 +1,160 @@
-// A lower bound: a stress in equilibrium with the loads, within the strength of every cell.
-// Forces of cells are in units of 1/d!, moments of 1/((d + 1) d!), both exact, about the origin.
+// A lower bound: a stress in equilibrium with the loads, within the strength of every cell. What it
+// leaves is balanced by another stress, whose size lowers the bound (docs/proof.md, a lower bound).
 
-const OF_STRESS = { 2: [2.78, 0.96], 3: [12.2, 3.26] }; // docs/proof.md, a lower bound, 4.
+/** 1/2π, times 2^226. */
+const ROUND = 0xA2F9836E4E441529FC2757D1F534DDC0DB6295993C439041FE5163ABn;
+
+const OF_STRESS = { 2: [2.78, 0.96], 3: [12.2, 3.26], rings: [3.7, 1.56] };
 
 /** The stress on file, and the factors of the loads that it balances. */
 function readStress(body, A) {
-  const { d, w, n } = body, stress = A.stress?.data ?? refuse("there is no stress");
+  const { d, n } = body, stress = A.stress?.data ?? refuse("there is no stress");
   const { bound, factor = bound, any_factor: other = 0 } = A.numbers;
-  if (stress.length !== n * w * d * d || !stress.every(Number.isFinite)) refuse("the stress fits nothing");
+  if (stress.length !== n * body.values * d * d || !stress.every(Number.isFinite)) refuse("the stress fits nothing");
   if (largest(stress) > 1e60) refuse("the stress is larger than 1e60");
-  for (let i = 0; i < n * w; i++) for (let j = 0; j < d; j++) for (let k = 0; k < j; k++) {
-    const at = i * d * d;
-    if (stress[at + j * d + k] !== stress[at + k * d + j]) refuse("the stress is not symmetric");
-  }
   if (![factor, other].every(Number.isFinite)) refuse("a factor is not finite");
   return { stress, factors: [factor, 1, other] };
 }
 
+/**
+ * Forces without balance, whole numbers times 2^e. Those of cells are in units of 1/unit, moments
+ * about the origin in 1/((d + 1) d!). Around an axis they are those along it alone, over 2π.
+ */
+class Left {
+  constructor(body, e) {
+    const { d, n } = body;
+    Object.assign(this, { body, e, unit: body.revolved || d === 3 ? 6 : 2, factorial: d === 2 ? 2 : 6 });
+    this.F = range(n).map(() => new Array(d).fill(0n));
+    this.M = range(n).map(() => new Array(2 * d - 3).fill(0n));
+    // Tractions times area on sides, forces of which only the size is known, and forces in cells
+    for (const name of ["onSides", "loose", "within"]) this[name] = new Float64Array(n);
+    this.acts = new Uint8Array(n * d); // whether loads act along axes
+  }
+
+  size(v) { return norm(v.map((y) => sizeOf(y, this.e))) * UP; }
+
+  /** Let −r act on a side, r at its vertices (or coefficients), with errors of `off`. */
+  act(side, vertices, r, off) {
+    const { body, F, M } = this, { X, d, w } = body, c = Math.floor(side / w);
+    if (body.revolved) F[c][1] -= 2n * r.reduce((sum, y) => sum + y[1], 0n);
+    else {
+      const sum = range(d).map((i) => vertices.reduce((y, v) => y + X[v * d + i], 0n));
+      vertices.forEach((v, j) => {
+        F[c] = F[c].map((y, i) => y - r[j][i]);
+        cross(sum.map((y, i) => y + X[v * d + i]), r[j]).forEach((y, i) => { M[c][i] -= y; });
+      });
+    }
+    this.onSides[c] += (Math.max(...r.map((y) => this.size(y))) + off) / (d - 1);
+    this.loose[c] += off / (d - 1);
+  }
+
+  /** Let a force, and a moment about the origin, act through a side. */
+  carry(side, F, M, off = 0) {
+    const c = Math.floor(side / this.body.w);
+    F.forEach((y, i) => { this.F[c][i] += y; });
+    M.forEach((y, i) => { this.M[c][i] += y; });
+    this.onSides[c] += this.traction(side, F, M, off, 2 * off * this.body.reach[c]);
+    this.loose[c] += off;
+  }
+
+  /** The traction times area by which a side passes a force and a moment on, with errors of both. */
+  traction(side, F, M, off, turn) {
+    const { body, e, unit } = this, { d, w, X } = body;
+    if (body.revolved) return 1.5 * (sizeOf(F[1], e) / unit + off) * UP; // zero on the axis
+    const ends = body.ends(side), sum = range(d).map((i) => ends.reduce((y, v) => y + X[v * d + i], 0n));
+    const shift = cross(sum.map((y) => BigInt(w) * y), F);
+    const moment = norm(M.map((y, i) => sizeOf(BigInt(d) * y - shift[i], e + body.e)));
+    const force = norm(F.map((y) => sizeOf(y, e))) / unit + off;
+    return (force + (moment / (d * w * this.factorial) + turn) * body.bend(side)) * UP;
+  }
+}
+
 /** The lower bound that a stress proves. */
 function lowerBound(body, { stress, factors }) {
-  const { d, w, n, f, N, D, across, facets, cells } = body, [factor] = factors;
+  const { d, w, n, f, N, D, X, across, facets, cells, revolved } = body, [factor] = factors;
+  for (let at = 0; at < stress.length; at += d * d) for (let j = 0; j < d; j++) for (let k = 0; k < j; k++) {
+    if (stress[at + j * d + k] !== stress[at + k * d + j]) refuse("the stress is not symmetric");
+  }
+  if (revolved && range(n).some((c) => body.timesRadius(c, [1, 1, 1]).some((rho, k) => rho === 0
+    && largest(stress.subarray((c * 6 + k) * 4, (c * 6 + k + 1) * 4))))) refuse("the stress is not zero on the axis");
   if (body.cones.some((cone) => !(cone.c > 0))) refuse("this checker does not know cones without a bound");
   const load = (name, size) => combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
   const [force, traction, pores] = [load("body_force", n * d), load("traction", f * d * d), load("pore_pressure", n * w)];
-  const es = Math.min(Math.floor(Math.log2(largest(stress) || 1)) - 160, force.e + body.e, traction.e, pores.e);
-  const S = rounded(stress, es), b = finer(force, es - body.e), t = finer(traction, es), u = finer(pores, es);
-  const e = es + body.e * (d - 1), factorial = d === 2 ? 2 : 6, s = d - 1;
-  const X = (v, i) => body.X[v * d + i];
+  const ring = revolved ? 1 : 0, es = Math.min(Math.floor(Math.log2(largest(stress) || 1)) - 160,
+    force.e + body.e * (1 + ring), traction.e + ring * (body.e - 1), pores.e);
+  const S = rounded(stress, es), b = finer(force, es - body.e * (1 + ring));
+  const t = finer(traction, es - ring * body.e), u = finer(pores, es);
+  const left = new Left(body, es + body.e * (d - 1)), { e } = left;
   const pull = (c, k, side) => range(d).map((i) => {
-    let sum = -u[c * w + k] * N[side][i];
-    for (let j = 0; j < d; j++) sum += S[(c * w + k) * d * d + i * d + j] * N[side][j];
+    let sum = revolved ? 0n : -u[c * w + k] * N[side][i];
+    for (let j = 0; j < d; j++) sum += S[(c * body.values + k) * d * d + i * d + j] * N[side][j];
     return sum;
   });
-  const F = new Array(n), M = new Array(n), onSides = new Float64Array(n), loose = new Float64Array(n);
-  const pulls = new Float64Array(n), size = (v) => norm(v.map((y) => sizeOf(y, e))) * UP;
+  const hoop = revolved ? range(n).map(() => []) : null;
   for (let c = 0; c < n; c++) {
-    const rest = range(d).map((i) => b[c * d + i] * D[c]);
-    const middle = range(d).map((i) => range(w).reduce((sum, k) => sum + X(cells[c * w + k], i), 0n));
-    for (let k = 0; k < w; k++) pull(c, k, c * w + k).forEach((y, i) => { rest[i] -= y; });
-    F[c] = rest; M[c] = cross(middle, rest); pulls[c] = size(rest) / factorial;
+    for (let i = 0; i < d; i++) if (b[c * d + i] !== 0n) left.acts[c * d + i] = 1;
+    if (revolved) for (let a = 0; a < 3; a++) { // 2V(div S + r b); along r it is a hoop stress
+      const rest = range(2).map((i) => D[c] * X[cells[c * 3 + a] * 2] * b[c * 2 + i]);
+      for (let k = 0; k < 3; k++) pull(c, body.number[a][k], c * 3 + k).forEach((y, i) => { rest[i] -= 2n * y; });
+      left.F[c][1] += rest[1];
+      left.within[c] = Math.max(left.within[c], sizeOf(rest[1], e) / 2);
+      hoop[c].push(num(rest[0], e) / num(D[c], 2 * body.e));
+    } else {
+      const rest = range(d).map((i) => b[c * d + i] * D[c]);
+      for (let k = 0; k < w; k++) pull(c, k, c * w + k).forEach((y, i) => { rest[i] -= y; });
+      const middle = range(d).map((i) => range(w).reduce((sum, k) => sum + X[cells[c * w + k] * d + i], 0n));
+      Object.assign(left.F, { [c]: rest });
+      Object.assign(left.M, { [c]: cross(middle, rest) });
+      left.within[c] = left.size(rest) / left.factorial;
+    }
   }
-  /** Let −r act at the vertices of a side, d vectors with errors of `off`. */
-  const act = (side, vertices, r, off) => {
-    const c = Math.floor(side / w), sum = range(d).map((i) => vertices.reduce((y, v) => y + X(v, i), 0n));
-    vertices.forEach((v, j) => {
-      F[c] = F[c].map((y, i) => y - r[j][i]);
-      cross(sum.map((y, i) => y + X(v, i)), r[j]).forEach((y, i) => { M[c][i] -= y; });
-    });
-    onSides[c] += (Math.max(...r.map(size)) + off) / s;
-    loose[c] += off / s;
-  };
   for (let side = 0; side < n * w; side++) {
     const other = across[side];
     if (other < side) continue;
-    const [c, o] = [side, other].map((y) => Math.floor(y / w));
-    const corners = body.corners[side % w], vertices = corners.map((k) => cells[c * w + k]);
-    const jumps = corners.map((k, j) => {
-      const there = pull(o, range(w).find((i) => cells[o * w + i] === vertices[j]), other);
-      return pull(c, k, side).map((y, i) => y + there[i]);
+    const [c, o] = [side, other].map((y) => Math.floor(y / w)), vertices = body.ends(side);
+    const there = body.on(o, vertices), jumps = body.on(c, vertices).map((k, j) => {
+      const pulled = pull(o, there[j], other);
+      return pull(c, k, side).map((y, i) => y + pulled[i]);
     });
     const bears = (y) => body.radius(y) * (1 + 1e-3 * Math.sign(body.volume[y] - body.volume[c]));
-    act(bears(o) > bears(c) ? other : side, vertices, jumps, 0);
+    left.act(bears(o) > bears(c) ? other : side, vertices, jumps, 0);
   }
-  const roots = new Array(f), rest = range(f).map((i) => {
-    const side = body.outer[i], c = Math.floor(side / w);
-    roots[i] = rootOf(dot(N[side], N[side]));
-    return body.places[i].map((k, j) => pull(c, k, side).map((y, a) => y - t[(i * d + j) * d + a] * roots[i]));
+  const rest = range(f).map((i) => {
+    const side = body.outer[i], root = rootOf(dot(N[side], N[side])), vertices = body.ofFacet(i);
+    const at = range(d).map((j) => range(d).map((a) => t[(i * d + j) * d + a]));
+    const [p, q] = vertices.map((v) => X[v * d]), [one, two] = at; // r times tractions are quadratic
+    const loads = revolved ? [one.map((y) => p * y), two.map((y) => q * y), one.map((y, a) => (q * y + p * two[a]) / 2n)] : at;
+    return body.on(Math.floor(side / w), vertices).map((k, j) => pull(Math.floor(side / w), k, side).map(
+      (y, a) => y - loads[j][a] * root));
   });
-  const anchors = [];
-  const frees = (i) => range(d).map((a) => (body.held[i * d + a] ? 0 : 1));
-  /** What contact presses with: factors of a direction that leave least. */
-  const press = (i, j, along, free, ea) => {
-    const a = along.map((y, k) => num(y, ea) * free[k]), square = a.reduce((sum, y) => sum + y * y, 0);
-    const all = along.reduce((sum, y) => sum + num(y, ea) ** 2, 0);
-    if (!(square > 1e-12 * all)) return null;
-    return -rest[i][j].reduce((sum, y, k) => sum + num(y, e) * a[k], 0) / square;
-  };
-  const exert = (i, j, along, q, ea) => { // q times a direction, q a double in units of 2^(e − ea)
-    const grid = e - ea, whole = BigInt(Math.round(q * 2 ** -grid));
-    rest[i][j] = rest[i][j].map((y, k) => y + whole * along[k]);
-  };
-  /** Contact that rubs exerts what the stress has, as far as c + μp lets it. */
-  const rub = (a, o, j, p, normal, c, mu) => {
-    const unit = normal.map((y) => y / norm(normal)), area = norm(body.area[body.outer[a]]) * s * (1 - 8 * U);
-    const from = o < 0 || frees(a).every((is) => is) ? rest[a][j] : rest[o][p].map((y) => -y);
-    const v = from.map((y) => num(y, e)), along = v.reduce((sum, y, k) => sum + y * unit[k], 0);
-    const off = 32 * U * norm(v), across = v.map((y, k) => y - along * unit[k]), slip = norm(across);
-    const most = Math.max(0, (c * area + mu * Math.max(-along, 0)) * (1 - 64 * U) - off);
-    const share = slip > most ? most / slip : 1, pressed = Math.max(-along, 0) + off;
-    const whole = across.map((y, k) => BigInt(Math.round((share * y - pressed * unit[k]) * 2 ** -e)));
-    rest[a][j] = rest[a][j].map((y, k) => y - whole[k]);
-    if (o >= 0) rest[o][p] = rest[o][p].map((y, k) => y + whole[k]);
-    // Of what presses, and of what friction has left, a part each, so that all together neither pull nor slip.
-    const room = Math.min(pressed - off, (most - share * slip) / (1 + mu)) / s / (2 * w);
-    for (const way of [unit, ...range(d).map((i) => range(d).map((k) => (i === k ? 1 : 0)))]) {
-      if (room > 0) anchors.push({ i: a, j, o, p: p ?? 0, along: way, most: room });
-    }
-  };
-  for (const { a, b: other, order, normal, e: ea, c, mu } of contactOf(body)) {
-    for (let j = 0; j < d; j++) {
-      if (c > 0 || mu > 0) { rub(a, other, j, order?.[j], normal.map((y) => num(y, ea)), c, mu); continue; }
-      let q = press(a, j, normal, frees(a), ea);
-      const back = normal.map((y) => -y);
-      if (q === null && other >= 0) q = press(other, order[j], back, frees(other), ea);
-      if (!(q > 0)) continue;
-      exert(a, j, normal, q, ea);
-      if (other >= 0) exert(other, order[j], back, q, ea);
-      const unit = normal.map((y) => num(y, ea)), long = norm(unit);
-      anchors.push({ i: a, j, o: other, p: other >= 0 ? order[j] : 0, along: unit.map((y) => -y / long),
-        most: (q * long) / s / (2 * w) });
-    }
+  const anchors = exerted(body, rest, e);
+  for (let i = 0; i < f; i++) { // what nothing exerts, and the error of the roots
+    const bare = range(d).map((a) => (body.held[i * d + a] ? 0 : 1)), c = Math.floor(body.outer[i] / w);
+    for (let j = 0; j < d * d; j++) if (t[i * d * d + j] !== 0n && !body.glued[i]) left.acts[c * d + (j % d)] = 1;
+    const size = Math.max(...range(d).map((j) => norm(bare.map((is, a) => is * sizeOf(t[(i * d + j) * d + a], es)))));
+    const off = size * 2 ** (body.e * (d - 1)) * UP;
+    if (!body.glued[i]) left.act(body.outer[i], body.ofFacet(i), rest[i].map((r) => r.map((y, a) => (bare[a] ? y : 0n))), off);
+    else left.loose[c] += off; // of which a plate asks
   }
-  for (let i = 0; i < f; i++) {
-    const guide = [...body.guided.subarray(i * d, i * d + d)], free = frees(i);
-    for (let j = 0; j < d; j++) {
-      if (norm(guide)) {
-        const g = exact(guide), q = press(i, j, g.v, free, g.e);
-        if (q !== null) exert(i, j, g.v, q, g.e);
-        anchors.push({ i, j, o: -1, along: guide, most: Infinity });
-      }
-      free.forEach((is, k) => {
-        if (!is) anchors.push({ i, j, o: -1, along: free.map((_, a) => (a === k ? 1 : 0)), most: Infinity });
-      });
-    }
-    const vertices = [...facets.subarray(i * d, i * d + d)];
-    const off = Math.max(...range(d).map((j) => norm(free.map((is, a) => is * sizeOf(t[(i * d + j) * d + a], es))))) * 2 ** (body.e * (d - 1));
-    act(body.outer[i], vertices, rest[i].map((r) => r.map((y, a) => (free[a] ? y : 0n))), off);
-  }
-  const push = (forces) => anchors.forEach(({ i, j, o, p, along }, k) => {
-    const whole = along.map((y) => BigInt(Math.round(y * forces[k] * s * 2 ** -e)));
-    for (const [facet, at, sign] of [[i, j, -1n], [o, p, 1n]]) {
-      const r = range(d).map((m) => whole.map((y) => (m === at ? sign * y : 0n)));
-      if (facet >= 0) act(body.outer[facet], [...facets.subarray(facet * d, facet * d + d)], r, 0);
-    }
+  anchors.push(...plates(body, left, rest, factors));
+  reactions(body, anchors, left).forEach((p, i) => {
+    const c = Math.floor(body.outer[i] / w);
+    left.onSides[c] += p;
+    left.loose[c] += p;
   });
-  const pushes = reactions(body, anchors, F, M, loose, e, push);
-  pushes.forEach((p, i) => { const c = Math.floor(body.outer[i] / w); onSides[c] += p; loose[c] += p; });
-  passOn(body, F, M, loose, onSides, e);
-  const [ofSides, ofForce] = OF_STRESS[d];
+  passOn(body, left);
   let over = 0;
   for (let c = 0; c < n; c++) {
     if (body.cone[c] < 0) continue;
-    const cone = body.cones[body.cone[c]], [large, inverse] = body.stretch[c];
-    const regular = body.volume[c] / (d === 2 ? Math.sqrt(3) / 4 : Math.SQRT2 / 12);
-    const inside = ofSides * onSides[c] + ofForce * pulls[c];
-    const tau = inside > 0 ? (large * large * inverse * inside * UP) / regular : 0;
-    for (let k = 0; k < w; k++) {
-      const at = (c * w + k) * d * d, v = vector(stress.subarray(at, at + d * d), d);
-      const ratio = cone.ratio(v) + (tau + 256 * U * norm(v)) * cone.weak;
-      over = Math.max(over, ratio / body.strength[c * w + k]);
+    const cone = body.cones[body.cone[c]], tau = revolved ? ofRing(body, left, c) : ofCell(body, left, c);
+    const theta = revolved ? body.timesRadius(c, hoop[c]) : [], most = revolved ? Math.max(...hoop[c].map(Math.abs)) : 0;
+    const rho = revolved ? body.timesRadius(c, [1, 1, 1]) : new Array(w).fill(1);
+    for (let k = 0; k < body.values; k++) {
+      if (!(rho[k] > 0)) continue;
+      const at = (c * body.values + k) * d * d;
+      const v = vector(stress.subarray(at, at + d * d), d, theta[k]).map((y) => y / rho[k]);
+      const ratio = cone.ratio(v) + (tau + 256 * U * (norm(v) + most)) * cone.weak;
+      over = Math.max(over, ratio / body.strength[c * w + (k < w ? k : 0)]);
       if (!(over < Infinity)) refuse("what the stress leaves cannot be balanced");
     }
   }
@@ -157,6 +163,122 @@ function lowerBound(body, { stress, factors }) {
   return { proven, power: 0 };
 }
 
+/**
+ * Let supports and contact exert on `rest` what leaves least. Returns forces that they can exert
+ * besides: { i, j, o, p, along, most } at a value j of facet i, and opposite at p of o.
+ */
+function exerted(body, rest, e) {
+  const { d, w, f } = body, s = d - 1, anchors = [], axes = range(d).map((i) => range(d).map((k) => (i === k ? 1 : 0)));
+  const frees = (i) => range(d).map((a) => (body.held[i * d + a] ? 0 : 1));
+  const radii = (i, j) => (body.revolved ? body.radiiOn(i)[j] : 1);
+  /** What contact presses with: the factor of a direction that leaves least. */
+  const press = (i, j, along, free, ea) => {
+    const a = along.map((y, k) => num(y, ea) * free[k]), square = a.reduce((sum, y) => sum + y * y, 0);
+    const all = along.reduce((sum, y) => sum + num(y, ea) ** 2, 0);
+    if (!(square > 1e-12 * all)) return null;
+    return -rest[i][j].reduce((sum, y, k) => sum + num(y, e) * a[k], 0) / square;
+  };
+  const exert = (i, j, along, q, ea) => { // q times a direction, q a double in units of 2^(e − ea)
+    const whole = BigInt(Math.round(q * 2 ** (ea - e)));
+    rest[i][j] = rest[i][j].map((y, k) => y + whole * along[k]);
+  };
+  /** Contact that rubs exerts what the stress has, as far as c + μp lets it. */
+  const rub = (a, o, j, p, normal, c, mu) => {
+    const unit = normal.map((y) => y / norm(normal)), area = norm(body.area[body.outer[a]]) * s * (1 - 8 * U);
+    const from = o < 0 || frees(a).every((is) => is) ? rest[a][j] : rest[o][p].map((y) => -y);
+    const v = from.map((y) => num(y, e)), along = v.reduce((sum, y, k) => sum + y * unit[k], 0);
+    const off = 32 * U * norm(v), across = v.map((y, k) => y - along * unit[k]), slip = norm(across);
+    const most = Math.max(0, (c * radii(a, j) * area + mu * Math.max(-along, 0)) * (1 - 64 * U) - off);
+    const share = slip > most ? most / slip : 1, pressed = Math.max(-along, 0) + off;
+    const whole = across.map((y, k) => BigInt(Math.round((share * y - pressed * unit[k]) * 2 ** -e)));
+    rest[a][j] = rest[a][j].map((y, k) => y - whole[k]);
+    if (o >= 0) rest[o][p] = rest[o][p].map((y, k) => y + whole[k]);
+    // Of what presses, and of what friction has left, a part each, so that all together neither pull nor slip.
+    const room = Math.min(pressed - off, (most - share * slip) / (1 + mu)) / s / (2 * w);
+    for (const way of room > 0 ? [unit, ...axes] : []) anchors.push({ i: a, j, o, p, along: way, most: room });
+  };
+  const rows = contactOf(body), times = new Int32Array(f);
+  for (const { a, b, c, mu } of rows) {
+    for (const i of b < 0 ? [a] : [a, b]) times[i]++;
+    if (b >= 0 && c + mu > 0 && [a, b].every((i) => frees(i).includes(0))) refuse("supports hold both sides of facets that rub");
+  }
+  for (let i = 0; i < f; i++) {
+    if (times[i] + (norm(body.guided.subarray(i * d, i * d + d)) > 0) > 1) refuse("a facet touches two others");
+    if (body.glued[i] && (times[i] || frees(i).includes(0))) refuse("a rigid surface is in contact, or held by supports");
+  }
+  for (const { a, b: o, order, normal, e: ea, c, mu } of rows) for (let j = 0; j < rest[a].length; j++) {
+    const p = o < 0 ? 0 : order[j], back = normal.map((y) => -y), unit = normal.map((y) => num(y, ea));
+    if (c > 0 || mu > 0) { rub(a, o, j, p, unit, c, mu); continue; }
+    let q = press(a, j, normal, frees(a), ea);
+    if (q === null && o >= 0) q = press(o, p, back, frees(o), ea);
+    if (!(q > 0)) continue;
+    exert(a, j, normal, q, ea);
+    if (o >= 0) exert(o, p, back, q, ea);
+    const long = norm(unit);
+    anchors.push({ i: a, j, o, p, along: unit.map((y) => -y / long), most: (q * long) / s / (2 * w) });
+  }
+  for (let i = 0; i < f; i++) for (let j = 0; j < rest[i].length; j++) {
+    const guide = [...body.guided.subarray(i * d, i * d + d)], free = frees(i);
+    const ways = axes.filter((_, k) => !free[k]);
+    if (norm(guide)) {
+      const g = exact(guide), q = press(i, j, g.v, free, g.e);
+      if (q !== null) exert(i, j, g.v, q, g.e);
+      ways.push(guide);
+    }
+    for (const along of radii(i, j) > 0 ? ways : []) anchors.push({ i, j, o: -1, p: 0, along, most: Infinity });
+  }
+  return anchors;
+}
+
+/**
+ * Let rigid surfaces pass on what the tractions on them lack of their loads' resultants, each
+ * through its largest facet. Returns forces along axes k < d, or moments, that they can exert
+ * besides through facets i, and with the other sign o: where they are held, or joined to more pieces.
+ */
+function plates(body, left, rest, factors) {
+  const { d, X } = body, { e, unit } = left, turns = 2 * d - 3, anchors = [], high = d + (body.revolved ? 0 : turns);
+  const load = (name, size) => combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
+  const [force, moment] = [load("rigid_force", d * body.rigid.length), load("rigid_moment", turns * body.rigid.length)];
+  /** times y 2^ey in units of 2^to, rounded: less than one is lost. */
+  const inUnits = (y, ey, to, times) => (ey >= to ? (times * y) << BigInt(ey - to) : (times * y) >> BigInt(to - ey));
+  body.rigid.forEach((tag, g) => {
+    const facets = range(body.f).filter((i) => body.surface[i] === tag), held = body.rigidHeld.subarray(g * d, g * d + d);
+    const area = (i) => norm(body.area[body.outer[i]]), still = held.some((y) => y);
+    const F = range(d).map((k) => { // around an axis over 2π, which is a number of 224 bits
+      const [y, ey] = [force.v[g * d + k], force.e];
+      return body.revolved ? inUnits(y * ROUND, ey - 226, e, BigInt(unit)) : inUnits(y, ey, e, BigInt(unit));
+    });
+    const M = range(turns).map((k) => inUnits(moment.v[g * turns + k], moment.e, e + body.e, BigInt(body.w * left.factorial)));
+    for (const i of facets) {
+      const vertices = body.ofFacet(i), sum = range(d).map((a) => vertices.reduce((y, v) => y + X[v * d + a], 0n));
+      rest[i].forEach((r, j) => {
+        r.forEach((y, a) => { F[a] -= body.revolved ? 2n * y : y; });
+        if (!body.revolved) cross(sum.map((y, a) => y + X[vertices[j] * d + a]), r).forEach((y, a) => { M[a] -= y; });
+      });
+    }
+    const pieceOf = (i) => body.pieces.of(Math.floor(body.outer[i] / body.w)), on = new Map();
+    for (const i of facets) if (!on.has(pieceOf(i)) || area(i) > area(on.get(pieceOf(i)))) on.set(pieceOf(i), i);
+    const [through, ...joined] = [...on.values()].sort((i, k) => area(k) - area(i));
+    const centre = body.ofFacet(through)[0], p = range(d).map((a) => X[centre * d + a]);
+    const about = cross(p.map((y) => BigInt(body.w) * y), F).map((y, i) => M[i] - y); // about the centre
+    held.forEach((is, k) => { if (is || (body.revolved && k === 0)) F[k] = 0n; });
+    const turned = still || body.revolved ? about.map(() => 0n) : about;
+    const arms = cross(p.map((y) => BigInt(body.w) * y), F), none = body.revolved ? M.map(() => 0n) : null;
+    const extent = Math.max(...facets.flatMap((i) => body.ofFacet(i).map((v) => norm(
+      p.map((y, a) => num(X[v * d + a] - y, body.e))))));
+    const at = Math.floor(body.outer[through] / body.w), pushed = range(d).filter((k) => body.loads.some(
+      (of) => of.rigid_force[g * d + k] || facets.some((i) => range(d).some((j) => of.traction[(i * d + j) * d + k]))));
+    const off = (facets.reduce((sum, i) => sum + left.loose[Math.floor(body.outer[i] / body.w)], 0)
+      + 4 * 2 ** e) * (1 + extent / body.reach[at]);
+    for (const k of pushed) left.acts[at * d + k] = 1;
+    left.carry(body.outer[through], F, none ?? arms.map((y, i) => y + turned[i]), off);
+    const every = range(high).filter((k) => (k < d ? !(body.revolved && k === 0) : true));
+    const besides = (i, o, ks) => ks.forEach((k) => anchors.push({ i, o, k, centre, extent, most: Infinity }));
+    if (still && !body.revolved) besides(through, -1, every.filter((k) => k >= d || held[k]));
+    for (const i of joined) besides(i, through, every.filter((k) => (k < d ? !held[k] : !still)));
+  });
+  return anchors;
+}
 /** The inverse of a matrix of doubles, or null. */
 function inverted(matrix) {
   const n = matrix.length, a = matrix.map((row, i) => [...row, ...range(n).map((j) => (i === j ? 1 : 0))]);
@@ -176,12 +298,12 @@ function inverted(matrix) {
 }
 
 /**
- * Largest forces that supports and contact exert besides on facets, so that pieces balance. First
- * `push` lets them exert what is found in doubles; with that they have little left to exert.
+ * Largest forces that supports, contact and plates exert besides on facets, so that pieces balance.
+ * First they exert what is found in doubles; with that they have little left to exert.
  */
-function reactions(body, anchors, F, M, loose, e, push) {
-  const { d, w, n, cells } = body, sums = new Map(), turns = 2 * d - 3, high = d + turns;
-  const factorial = d === 2 ? 2 : 6, held = new Float64Array(body.f);
+function reactions(body, anchors, left) {
+  const { d, w, n, cells, revolved } = body, { F, M, loose, e, unit } = left, sums = new Map();
+  const turns = 2 * d - 3, high = revolved ? 1 : d + turns, held = new Float64Array(body.f);
   for (let c = 0; c < n; c++) {
     const p = body.pieces.of(c), x = range(d).map((i) => body.X[cells[c * w] * d + i]);
     if (!sums.has(p)) sums.set(p, { x, far: 0, row: sums.size * high });
@@ -190,6 +312,7 @@ function reactions(body, anchors, F, M, loose, e, push) {
       at.far = Math.max(at.far, norm(at.x.map((y, i) => num(body.X[cells[c * w + k] * d + i] - y, body.e))));
     }
   }
+  /** Forces, and moments over extents, that are missing on the pieces, and errors. */
   const rest = () => {
     for (const at of sums.values()) Object.assign(at, { F: new Array(d).fill(0n), M: new Array(turns).fill(0n), off: 0 });
     for (let c = 0; c < n; c++) {
@@ -200,31 +323,43 @@ function reactions(body, anchors, F, M, loose, e, push) {
     }
     const missing = [], errors = [];
     for (const at of sums.values()) {
-      const shift = cross(at.x.map((y) => BigInt(w) * y), at.F), parts = at.F.map((y) => [y, e, factorial]);
-      at.M.forEach((y, i) => parts.push([y - shift[i], e + body.e, factorial * w * at.far]));
-      for (const [y, ey, over] of parts) {
-        missing.push(num(y, ey) / over);
-        errors.push((2 * at.off + 8 * U * Math.abs(num(y, ey) / over)) * UP);
+      const shift = cross(at.x.map((y) => BigInt(w) * y), at.F), parts = at.F.map((y) => num(y, e) / unit);
+      at.M.forEach((y, i) => parts.push(num(y - shift[i], e + body.e) / (left.factorial * w * at.far)));
+      for (const y of revolved ? [parts[1]] : parts) {
+        missing.push(y);
+        errors.push((2 * at.off + 8 * U * Math.abs(y)) * UP);
       }
     }
     return [missing, errors];
   };
-  let [missing, errors] = rest();
-  const some = errors.map((y, i) => y > 0 || missing[i] !== 0);
-  if (!some.includes(true)) return held;
   const radii = range(n).map((c) => body.radius(c)).filter(Number.isFinite);
+  const cellOf = (i) => Math.floor(body.outer[i] / w), unitOf = (k) => range(d).map((i) => (i === k ? 1 : 0));
   const weight = anchors.map((of) => {
-    const side = body.outer[of.i], radius = body.radius(Math.floor(side / w));
-    return Math.min(of.most, norm(body.area[side]) * (Number.isFinite(radius) ? radius : Math.max(...radii)));
+    const radius = body.radius(cellOf(of.i));
+    return Math.min(of.most, norm(body.area[body.outer[of.i]]) * (Number.isFinite(radius) ? radius : Math.max(...radii)));
   });
-  const columns = anchors.map((of, k) => [[of.i, of.j, 1], [of.o, of.p, -1]].flatMap(([i, j, sign]) => {
-    if (i < 0) return [];
-    const at = sums.get(body.pieces.of(Math.floor(body.outer[i] / w)));
-    const x = range(d).map((m) => body.places[i].concat(body.places[i][j]).map(
-      (q) => body.X[cells[Math.floor(body.outer[i] / w) * w + q] * d + m] - at.x[m])
-      .reduce((sum, y) => sum + num(y, body.e), 0) / (d * w * at.far));
-    return [...of.along.map((y) => y / d), ...cross(x, of.along)].map((y, m) => [at.row + m, sign * y * weight[k]]);
-  }));
+  /** The force of size 1, and its moment over the extent, of an anchor on the piece of a facet. */
+  const wrench = (of, i, j) => {
+    const at = sums.get(body.pieces.of(cellOf(i))), vertices = body.ofFacet(i);
+    const from = (v) => range(d).map((m) => num(body.X[v * d + m] - at.x[m], body.e) / at.far);
+    if (of.k === undefined) {
+      const many = revolved ? 3 : d, force = of.along.map((y) => y / many);
+      if (revolved) return [force[1]];
+      const x = from(vertices[j]).map((y, m) => vertices.reduce((sum, v) => sum + from(v)[m], y) / (d * w));
+      return [...force, ...cross(x, of.along)];
+    }
+    if (revolved) return [1];
+    const turn = range(turns).map((m) => (of.k === d + m ? of.extent / at.far : 0));
+    return of.k < d ? [...unitOf(of.k), ...cross(from(of.centre), unitOf(of.k))] : [...unitOf(-1), ...turn];
+  };
+  const columns = anchors.map((of, k) => [[of.i, of.j, 1], [of.o, of.p, -1]].flatMap(([i, j, sign]) => (i < 0 ? []
+    : wrench(of, i, j).map((y, m) => [sums.get(body.pieces.of(cellOf(i))).row + m, sign * y * weight[k]]))));
+  let [missing, errors] = rest();
+  const idle = errors.map((_, i) => !revolved && i % high < d); // along axes along which nothing acts all cancels
+  left.acts.forEach((is, i) => { if (is) idle[sums.get(body.pieces.of(Math.floor(i / d))).row + (i % d)] = false; });
+  for (const column of columns) for (const [i, y] of column) if (y !== 0) idle[i] = false;
+  const some = errors.map((y, i) => !idle[i] && (y > 0 || missing[i] !== 0));
+  if (!some.includes(true)) return held;
   for (let more = true; more;) { // rows that forces of active ones reach
     more = false;
     for (const column of columns) {
@@ -254,26 +389,40 @@ function reactions(body, anchors, F, M, loose, e, push) {
   const first = inverse.map((row) => row.reduce((sum, y, k) => sum - y * scale[k] * missing[rows[k]], 0));
   const pushed = columns.map((column, k) => weight[k] * column.reduce((sum, [i, y]) => (place.has(i)
     ? sum + y * scale[place.get(i)] * first[place.get(i)] : sum), 0));
-  push(pushed);
+  /** F and M of an anchor of a plate, of size q. */
+  const whole = (of, q, round = Math.round) => {
+    const size = BigInt(round(q * unit * 2 ** -e)), p = range(d).map((m) => body.X[of.centre * d + m]);
+    const force = unitOf(of.k).map((y) => BigInt(y) * size), arm = revolved ? [0n] : cross(p, force);
+    const turn = round(q * of.extent * w * left.factorial * 2 ** -(e + body.e));
+    return [force, of.k < d ? arm.map((y) => BigInt(w) * y) : range(turns).map((m) => (of.k === d + m ? BigInt(turn) : 0n))];
+  };
+  anchors.forEach((of, k) => {
+    for (const [i, j, sign] of [[of.i, of.j, 1], [of.o, of.p, -1]]) {
+      if (i < 0) continue;
+      if (of.k !== undefined) { left.carry(body.outer[i], ...whole(of, sign * pushed[k])); continue; }
+      const force = of.along.map((y) => BigInt(Math.round(-sign * y * pushed[k] * (d - 1) * 2 ** -e)));
+      left.act(body.outer[i], body.ofFacet(i), range(revolved ? 3 : d).map((m) => (m === j ? force : force.map(() => 0n))), 0);
+    }
+  });
   [missing, errors] = rest();
   const needed = inverse.map((row) => row.reduce((sum, y, k) => sum
     + Math.abs(y) * scale[k] * (Math.abs(missing[rows[k]]) + errors[rows[k]]), 0) * UP);
   const worst = 2 * off * Math.max(...needed);
   columns.forEach((column, k) => {
-    const force = weight[k] * UP * column.reduce((sum, [i, y]) => (place.has(i)
+    const of = anchors[k], force = weight[k] * UP * column.reduce((sum, [i, y]) => (place.has(i)
       ? sum + Math.abs(y) * scale[place.get(i)] * (needed[place.get(i)] + worst) : sum), 0);
-    if (!(force + Math.abs(pushed[k]) * UP <= anchors[k].most)) lost();
-    held[anchors[k].i] += force;
-    if (anchors[k].o >= 0) held[anchors[k].o] += force;
+    if (!(force + Math.abs(pushed[k]) * UP <= of.most)) lost();
+    for (const i of [of.i, of.o]) if (i >= 0) {
+      held[i] += of.k === undefined ? force : left.traction(body.outer[i], ...whole(of, force, Math.ceil), 0, 0) * UP;
+    }
   });
   return held;
 }
 
 /** Let each cell of a tree pass on what acts on it and all beyond, through one of its facets. */
-function passOn(body, F, M, loose, onSides, e) {
-  const { d, w, n, cells, across } = body, towards = new Int32Array(n).fill(-1), order = [];
-  const factorial = d === 2 ? 2 : 6, seen = new Uint8Array(n);
-  const roots = [...range(n)].sort((a, b) => body.volume[b] - body.volume[a]);
+function passOn(body, left) {
+  const { d, w, n, cells, across } = body, { F, M, loose, onSides } = left, towards = new Int32Array(n).fill(-1);
+  const order = [], seen = new Uint8Array(n), roots = [...range(n)].sort((a, b) => body.volume[b] - body.volume[a]);
   for (const root of roots) {
     if (seen[root]) continue;
     seen[root] = 1;
@@ -283,29 +432,40 @@ function passOn(body, F, M, loose, onSides, e) {
       seen[c] = 1; towards[c] = other; order.push(c);
     }
   }
-  const point = (v) => range(d).map((i) => body.x[v * d + i]);
-  const ends = (c) => body.corners[towards[c] % w].map((k) => cells[c * w + k]);
-  const centre = (c) => range(d).map((i) => ends(c).reduce((sum, v) => sum + body.x[v * d + i], 0) / d);
-  const apart = (p, q) => norm(p.map((y, i) => y - q[i]));
-  const all = Float64Array.from(loose), bent = Float64Array.from(loose, (y, c) => {
-    const first = point(cells[c * w]);
-    return y ? 2 * y * Math.max(...range(d).map((k) => apart(point(cells[c * w + k + 1]), first))) : 0;
-  });
+  const centre = (c) => range(d).map((i) => body.ends(towards[c]).reduce((sum, v) => sum + body.x[v * d + i], 0) / d);
+  const all = Float64Array.from(loose), bent = loose.map((y, c) => 2 * y * body.reach[c]);
   for (const c of order.reverse()) {
     if (towards[c] < 0) continue;
-    const there = Math.floor(across[towards[c]] / w), middle = centre(c);
-    const sum = range(d).map((i) => ends(c).reduce((y, v) => y + body.X[v * d + i], 0n));
-    const shift = cross(sum.map((y) => BigInt(w) * y), F[c]);
-    const moment = norm(M[c].map((y, i) => sizeOf(BigInt(d) * y - shift[i], e + body.e))) / (d * w * factorial);
-    const arms = ends(c).map((v) => apart(point(v), middle)), area = norm(body.area[towards[c]]);
-    const bend = d === 2 ? 6 / area
-      : (9 * Math.max(...arms) * arms.reduce((y, a) => y + a * a, 0)) / area ** 2;
-    const force = norm(F[c].map((y) => sizeOf(y, e))) / factorial + all[c];
-    const passed = (force + (moment + bent[c]) * bend) * UP;
+    const there = Math.floor(across[towards[c]] / w), passed = left.traction(towards[c], F[c], M[c], all[c], bent[c]);
     onSides[c] += passed; onSides[there] += passed;
     F[c].forEach((y, i) => { F[there][i] += y; });
     M[c].forEach((y, i) => { M[there][i] += y; });
     all[there] += all[c];
-    bent[there] += bent[c] + (towards[there] < 0 ? 0 : all[c] * apart(middle, centre(there)));
+    if (towards[there] < 0) continue;
+    const next = centre(there);
+    bent[there] += bent[c] + all[c] * norm(centre(c).map((y, i) => y - next[i]));
   }
+}
+
+/** The size of a stress that balances what acts on a cell. */
+function ofCell(body, left, c) {
+  const [ofSides, ofForce] = OF_STRESS[body.d], [large, inverse] = body.stretch[c];
+  const regular = body.volume[c] / (body.d === 2 ? Math.sqrt(3) / 4 : Math.SQRT2 / 12);
+  const inside = ofSides * left.onSides[c] + ofForce * left.within[c];
+  return inside > 0 ? (large * large * inverse * inside * UP) / regular : 0;
+}
+
+/** The same around an axis, where radial forces in the cell put it in balance as a plane body. */
+function ofRing(body, left, c) {
+  const x = range(3).map((k) => body.point(body.cells[c * 3 + k])), r = x.map((p) => p[0]);
+  const mean = (of) => of.reduce((sum, y) => sum + y, 0) / 3, middle = mean(x.map((p) => p[1]));
+  const heights = x.map((p) => p[1] - middle), spread = heights.reduce((sum, y) => sum + y * y, 0) / 12;
+  const extent = norm(range(2).map((i) => Math.max(...x.map((p) => p[i])) - Math.min(...x.map((p) => p[i]))));
+  const sides = left.onSides[c], within = left.within[c], [ofSides, ofForce] = OF_STRESS.rings;
+  const turn = ((sides + within) * extent) / spread, radial = sides + turn * Math.max(...heights.map(Math.abs));
+  const inside = ofSides * sides + ofForce * (within + radial), [large, inverse] = body.stretch[c];
+  if (!(inside > 0)) return 0;
+  const some = Math.min(...r.filter((y) => y > 0)), near = r.includes(0) ? Math.min(some, mean(r)) / 2 : some;
+  const section = (large * large * inverse * inside) / (body.volume[c] / (Math.sqrt(3) / 4));
+  return (section / near + radial / body.volume[c]) * UP;
 }

@@ -23,9 +23,7 @@ function readVelocity(body, A) {
   const v = A.velocity?.data ?? refuse("there is no velocity"), nodes = A.nodes?.data;
   if (nodes?.length !== n * wide || A.velocity.shape[1] !== d) refuse("nodes or velocity fit nothing");
   if (!v.every(Number.isFinite) || !nodes.every((k) => k >= 0 && k < v.length / d)) refuse("a velocity is missing");
-  const ends = range(w).flatMap((a) => range(w).slice(a + 1).map((b) => [a, b]));
-  const number = range(w).map((a) => range(w).map((b) => (a === b ? a
-    : w + ends.findIndex(([i, j]) => i === Math.min(a, b) && j === Math.max(a, b)))));
+  const { number, pairs: ends } = body;
   const edges = new Map(), P = new Int32Array(n * wide), pairs = [], nodeAt = [];
   for (let c = 0; c < n; c++) for (let k = 0; k < wide; k++) {
     let place = cells[c * w + k];
@@ -47,20 +45,28 @@ function readVelocity(body, A) {
       .map(([a, b]) => P[c * wide + number[a][b]]);
   });
   const held = Q.map(() => new Array(d).fill(false)), guides = new Map();
+  const axis = (v) => body.revolved && x[v * d] === 0;
+  if (body.revolved) held.forEach((of, p) => { if (p < count ? axis(p) : pairs[p - count].every(axis)) of.fill(true); });
   facet.forEach((places, i) => places.forEach((p) => {
     for (let k = 0; k < d; k++) held[p][k] ||= body.held[i * d + k] === 1;
     const g = [...body.guided.subarray(i * d, i * d + d)];
     if (norm(g)) guides.set(p, [...(guides.get(p) ?? []), exact(g).v]);
   }));
-  const flow = { Q, P, ev, wide, number, facet, held, guides, pairs, count, top, v: (p, i) => v[nodeAt[p] * d + i], resting: [] };
-  flow.elastic = sets(body, flow, (c, o) => body.cone[c] < 0 && body.cone[o] < 0).filter((of) => body.cone[of[0]] < 0);
-  flow.resting = sets(body, flow, (c, o, glued) => glued && body.cone[c] >= 0 && body.cone[c] === body.cone[o])
-    .filter((of) => body.cone[of[0]] >= 0 && rigid(body, flow, of, true).off <= 1e-5 * top);
+  const flow = { Q, P, ev, wide, number, facet, held, guides, pairs, count, top, v: (p, i) => v[nodeAt[p] * d + i] };
+  const placesOf = (some) => [...new Set(some.flatMap((c) => [...P.subarray(c * wide, (c + 1) * wide)]))];
+  // Groups of places that move as rigid bodies: elastic cells, rigid surfaces, and cells that may
+  flow.groups = sets(body, (c, o) => body.cone[c] < 0 && body.cone[o] < 0)
+    .filter((of) => body.cone[of[0]] < 0).map((of) => ({ every: placesOf(of), lock: [] }));
+  body.rigid.forEach((tag, g) => flow.groups.push({ plate: g, every: [...new Set(facet.filter(
+    (_, i) => body.surface[i] === tag).flat())], lock: [...body.rigidHeld.subarray(g * d, g * d + d)] }));
+  flow.resting = sets(body, (c, o, glued) => glued && body.cone[c] >= 0 && body.cone[c] === body.cone[o])
+    .filter((of) => body.cone[of[0]] >= 0).map((of) => ({ every: placesOf(of), lock: [] }))
+    .filter((of) => rigid(body, flow, of, true).off <= 1e-5 * top);
   return flow;
 }
 
 /** Sets of cells that share vertices, or facets, and that a test joins. */
-function sets(body, flow, test) {
+function sets(body, test) {
   const { w, n, cells, across } = body, joined = new Joined(n), first = new Map(), found = new Map();
   for (let c = 0; c < n; c++) for (let k = 0; k < w; k++) {
     const other = across[c * w + k], v = cells[c * w + k], before = first.get(v);
@@ -72,20 +78,20 @@ function sets(body, flow, test) {
   return [...found.values()];
 }
 
-/** The rigid motion next to that of some cells, and which parts of it supports leave free. */
-function rigid(body, flow, some, loose = false) {
-  const { d, w, x, cells } = body, { held, guides } = flow, turns = 2 * d - 3, size = d + turns;
-  const mine = [...new Set(some.flatMap((c) => [...cells.subarray(c * w, c * w + w)]))];
-  const every = [...new Set(some.flatMap((c) => [...flow.P.subarray(c * flow.wide, (c + 1) * flow.wide)]))];
-  const fixed = loose ? undefined : mine.find((v) => held[v].some((y) => y)), centre = fixed ?? mine[0];
-  const arm = (v) => range(d).map((i) => x[v * d + i] - x[centre * d + i]);
-  const turned = (a, m) => (d === 2 ? [-a[1], a[0]] : cross(range(3).map((i) => (i === m ? 1 : 0)), a));
-  const free = new Array(size).fill(true);
+/** The rigid motion next to that of a group, and which parts of it supports leave free. */
+function rigid(body, flow, { every, lock }, loose = false) {
+  const { d, x, revolved } = body, { held, guides } = flow, turns = revolved ? 1 : 2 * d - 3, size = d + turns;
+  const mine = every.filter((p) => p < flow.count), centre = (loose ? undefined : mine.find((v) => held[v].some((y) => y))) ?? mine[0];
+  const arm = (v) => range(d).map((i) => x[v * d + i] - (revolved ? 0 : x[centre * d + i]));
+  // Around an axis it is a shift along it, of which v = ru has the radius
+  const turned = (a, m) => (revolved ? [0, a[0]] : d === 2 ? [-a[1], a[0]] : cross(range(3).map((i) => (i === m ? 1 : 0)), a));
+  const free = range(size).map((i) => !(revolved && i < d));
   if (!loose) for (const v of mine) {
     const a = arm(v);
     for (let i = 0; i < d; i++) if (held[v][i]) free[i] = false;
     for (let m = 0; m < turns; m++) if (turned(a, m).some((y, i) => held[v][i] && y !== 0)) free[d + m] = false;
   }
+  if (!loose && !revolved && lock.some((y) => y)) lock.map((is) => !is).concat(new Array(turns).fill(false)).forEach((is, i) => { free[i] &&= is; });
   const stuck = !loose && mine.some((v) => guides.has(v));
   if (stuck) free.fill(false, d);
   const far = Math.max(...mine.map((v) => norm(arm(v)))), gram = range(size).map((i) => new Array(size).fill(0));
@@ -105,7 +111,7 @@ function rigid(body, flow, some, loose = false) {
   const off = loose ? Math.max(...every.map((p) => Math.max(...range(d).map((k) => Math.abs(
     place(p).reduce((sum, column, m) => sum + column[k] * motion[m], 0) - flow.v(p, k)))))) : 0;
   const grid = flow.ev - body.e; // of rotations, times 2 as coefficients are
-  return { off, every, mine, centre, free: free.slice(0, d).map((is) => is && !stuck), stuck,
+  return { off, every, mine, centre, free: free.slice(0, d).map((is) => is && !stuck), stuck, lock,
     shift: motion.slice(0, d).map((y) => 2n * BigInt(Math.round(y * 2 ** -(flow.ev + 1)))),
     turn: motion.slice(d).map((y) => 2n * BigInt(Math.round((y / far) * 2 ** -(grid + 1)))) };
 }
@@ -137,22 +143,27 @@ function bent(body, flow, rows, resting) {
     }, none);
   };
   for (const [p, directions] of guides) Q[p] = moveAcross(Q[p], held[p], directions);
-  const groups = [...flow.elastic, ...(resting ? flow.resting : [])], joined = new Joined(groups.length), owner = new Map();
-  groups.forEach((cells, g) => cells.forEach((c) => P.subarray(c * wide, (c + 1) * wide).forEach((p) => {
+  const groups = [...flow.groups, ...(resting ? flow.resting : [])], joined = new Joined(groups.length), owner = new Map();
+  groups.forEach(({ every }, g) => every.forEach((p) => {
     if (owner.has(p)) joined.join(g, owner.get(p)); else owner.set(p, g);
-  })));
-  const merged = new Map();
-  groups.forEach((cells, g) => merged.set(joined.of(g), [...(merged.get(joined.of(g)) ?? []), ...cells]));
-  const units = [...merged.values()].map((cells) => rigid(body, flow, cells));
+  }));
+  const merged = new Map(), plateUnit = [];
+  groups.forEach(({ every, lock }, g) => {
+    const at = merged.get(joined.of(g)) ?? { every: [], lock: range(d).map(() => 0) };
+    merged.set(joined.of(g), { every: at.every.concat(every), lock: at.lock.map((y, i) => y || lock[i]) });
+  });
+  const roots = [...merged.keys()];
+  const units = roots.map((g) => rigid(body, flow, { every: [...new Set(merged.get(g).every)], lock: merged.get(g).lock }));
+  groups.forEach(({ plate }, g) => { if (plate !== undefined) plateUnit[plate] = units[roots.indexOf(joined.of(g))]; });
   units.forEach((unit, k) => {
     unit.every.forEach((p) => { unitOf[p] = k; });
     if (unit.stuck) {
       const directions = unit.every.flatMap((p) => guides.get(p) ?? []);
-      unit.shift = moveAcross(unit.shift, unit.free.map((_, i) => unit.mine.some((v) => held[v][i])), directions);
+      unit.shift = moveAcross(unit.shift, unit.free.map((_, i) => unit.lock[i] || unit.mine.some((v) => held[v][i])), directions);
     }
     for (const p of unit.mine) {
       const arm = range(d).map((i) => X[p * d + i] - X[unit.centre * d + i]), [t] = unit.turn;
-      const turned = d === 2 ? [-t * arm[1], t * arm[0]] : cross(unit.turn, arm);
+      const turned = body.revolved ? [0n, t * X[p * d]] : d === 2 ? [-t * arm[1], t * arm[0]] : cross(unit.turn, arm);
       Q[p] = unit.shift.map((y, i) => y + turned[i]);
     }
     for (const p of unit.every) if (p >= flow.count) {
@@ -184,13 +195,22 @@ function bent(body, flow, rows, resting) {
   for (let c = 0; c < n; c++) P.subarray(c * wide, (c + 1) * wide).forEach((p) => {
     if (byPlace.has(p)) bound.join(body.pieces.of(c), body.pieces.of(byPlace.get(p))); else byPlace.set(p, c);
   });
+  for (const unit of units) unit.every.forEach((p) => bound.join(body.pieces.of(byPlace.get(p)), body.pieces.of(byPlace.get(unit.every[0]))));
   const movers = new Map();
+  const radiusOf = (p) => (p < flow.count ? 2n * X[p * d] : flow.pairs[p - flow.count].reduce((sum, v) => sum + X[v * d], 0n));
+  const widest = body.revolved ? largest(body.x.filter((_, i) => i % 2 === 0)) : 1;
+  /** How much of its motion a mover gives a place: around an axis, its share of the largest radius. */
+  const share = (of, p) => (body.revolved && of[0][0] !== "p" ? num(radiusOf(p), body.e) / 2 / widest : 1);
   const moverOf = (p, whole) => {
     const key = whole ? `b${bound.of(bodyOf_[p])}` : unitOf[p] >= 0 ? `u${unitOf[p]}` : `p${p}`;
     if (!movers.has(key)) {
       const places = whole ? range(Q.length).filter((k) => bound.of(bodyOf_[k]) === bound.of(bodyOf_[p]))
         : unitOf[p] >= 0 ? units[unitOf[p]].every : [p];
-      const free = range(d).map((i) => (places.some((k) => held[k][i] || guides.has(k)) ? 0 : 1));
+      const locked = new Set(places.map((k) => unitOf[k])), locks = units.filter((_, k) => locked.has(k)).map((of) => of.lock);
+      // Around an axis a body moves along it, by its radius times that
+      const sunk = (i) => (body.revolved && key[0] !== "p" ? i === 0 || places.some((k) => held[k][1] && radiusOf(k) > 0n)
+        : places.some((k) => held[k][i] || guides.has(k)) || locks.some((of) => of[i] && !body.revolved));
+      const free = range(d).map((i) => (sunk(i) || (body.revolved && places.some((k) => guides.has(k))) ? 0 : 1));
       movers.set(key, { places, free });
     }
     return [key, movers.get(key)];
@@ -203,16 +223,17 @@ function bent(body, flow, rows, resting) {
       if (!(depth[k] > -1e3 * worst)) return [];
       const sides = [row.p, row.q].map((p) => (p < 0 ? null : moverOf(p, whole)));
       if (sides[0][0] === sides[1]?.[0]) return [];
-      const ways = sides.map((of) => of && row.unit.map((y, i) => y * of[1].free[i]));
+      const ways = sides.map((of, m) => of && row.unit.map((y, i) => y * of[1].free[i] * share(of, m ? row.q : row.p)));
       const gain = ways.reduce((sum, way) => sum + (way ? norm(way) ** 2 : 0), 0);
-      return gain > 0.01 ? [{ row, sides, ways, gain, depth: depth[k] }] : [];
+      return gain > (body.revolved ? 1e-8 : 0.01) ? [{ row, sides, ways, gain, depth: depth[k] }] : [];
     });
     let more = true;
     for (let sweep = 0; sweep < 100 && more; sweep++) {
       more = false;
       for (const { row, sides, ways, gain, depth: deep } of near) {
         const own = sides.map((of) => (of && moves.get(of[0])?.way) ?? row.unit.map(() => 0));
-        const m = own[0].map((y, i) => y - own[1][i]), along = m.reduce((sum, y, i) => sum + y * row.unit[i], 0);
+        const [one, two] = sides.map((of, k) => of && share(of, k ? row.q : row.p));
+        const m = own[0].map((y, i) => y * one - own[1][i] * two), along = m.reduce((sum, y, i) => sum + y * row.unit[i], 0);
         const now = deep + along + row.mu * norm(m.map((y, i) => y - along * row.unit[i]));
         const wanted = whole ? deep - 2 * worst : deep > 0 ? -deep : Math.min(0, deep);
         if (now <= wanted + 0.25 * (whole ? worst : Math.max(deep, 0))) continue;
@@ -221,9 +242,10 @@ function bent(body, flow, rows, resting) {
           (y, i) => y + (k ? 1 : -1) * ((now - wanted) / gain) * ways[k][i]) }); });
       }
     }
-    for (const { mover, way } of whole && more ? [] : moves.values()) {
-      const move = way.map((y) => 2n * BigInt(Math.round(y * 2 ** -(ev + 1))));
-      for (const p of mover.places) Q[p] = Q[p].map((y, i) => y + move[i]);
+    for (const [key, { mover, way }] of whole && more ? [] : moves) {
+      const turns = body.revolved && key[0] !== "p", grid = turns ? ev - body.e : ev;
+      const move = way.map((y) => BigInt(Math.round((y / (turns ? widest : 1)) * 2 ** -(grid + 1))));
+      for (const p of mover.places) Q[p] = Q[p].map((y, i) => y + move[i] * (turns ? radiusOf(p) : 2n));
     }
   }
   const bad = jumps.findIndex((row) => enters(row) > 0);
@@ -236,18 +258,23 @@ function bent(body, flow, rows, resting) {
   }, 0) * UP ** 0.001;
   const still = range(n).map((c) => unitOf[P[c * wide]] >= 0
     && P.subarray(c * wide, (c + 1) * wide).every((p) => unitOf[p] === unitOf[P[c * wide]]));
-  return { Q, still, slip, flow, rows };
+  return { Q, still, slip, flow, rows, plateUnit };
 }
 
-/** Points of a simplex whose edges are halved three times, and shares of its volume there. */
-function halvings(d) {
+/** Parts of a simplex whose edges are halved three times. */
+function halved(d) {
   const children = d === 2 ? "00 01 02,01 11 12,02 12 22,01 02 12"
     : "00 01 02 03,01 11 12 13,02 12 22 23,03 13 23 33,01 02 03 13,01 02 12 13,02 03 13 23,02 12 13 23";
   const middle = (p, q) => p.map((y, i) => (y + q[i]) / 2);
   let parts = [range(d + 1).map((i) => range(d + 1).map((j) => (i === j ? 1 : 0)))];
   for (let times = 0; times < 3; times++) parts = parts.flatMap((part) => children.split(",").map(
     (child) => child.split(" ").map(([a, b]) => middle(part[a], part[b]))));
-  const found = new Map();
+  return parts;
+}
+
+/** Points of these parts, and shares of the volume there. */
+function halvings(d) {
+  const parts = halved(d), found = new Map();
   for (const part of parts) for (const [k, point] of part.entries()) { // ∫ hat × coordinate
     const at = found.get(point.join()) ?? { point, share: point.map(() => 0) };
     found.set(point.join(), at);
@@ -258,30 +285,36 @@ function halvings(d) {
 }
 
 /** The bound that admissible coefficients prove. */
-function boundOf(body, { Q, still, slip, flow, rows }) {
+function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
   const { d, w, n, f, N, D, e, area, volume, cells } = body, { P, wide, ev, number, facet } = flow;
-  const factorial = d === 2 ? 2 : 6, points = halvings(d), s = d - 1;
+  const factorial = d === 2 ? 2 : 6, points = halvings(d);
   const eg = ev + e * (d - 1) + 1, changes = new Array(n * w).fill(0n); // of −∇v times d! times the volume
   const cone = (c) => body.cones[body.cone[c]], keeps = range(n).map((c) => !still[c] && body.cone[c] >= 0 && cone(c).keeps);
   const takes = range(n).map((c) => !still[c] && body.cone[c] >= 0 && cone(c).takes);
   let total = 0, size = 0, errors = 0;
-  const lacks = new Float64Array(n).fill(-Infinity);
+  const lacks = new Float64Array(n).fill(-Infinity), rings = range(n).map(() => ({ reach: 1, rate: 1, radius: 1 }));
   for (let c = 0; c < n; c++) {
     if (still[c]) continue;
     if (body.cone[c] < 0) refuse("an elastic cell strains");
-    const own = cone(c), rates = range(w).map((k) => {
+    const own = cone(c), gradients = range(w).map((k) => {
       const g = new Array(d * d).fill(0n);
       for (let b = 0; b < w; b++) {
         const q = Q[P[c * wide + number[k][b]]], normal = N[c * w + b];
         for (let i = 0; i < d; i++) for (let j = 0; j < d; j++) g[i * d + j] -= q[i] * normal[j];
       }
       changes[c * w + k] = range(d).reduce((sum, i) => sum + g[i * d + i], 0n);
-      return vector(g.map((y) => num(y, eg) / factorial), d);
+      return g;
     });
+    const rates = body.revolved ? ringRates(body, gradients, range(6).map((k) => Q[P[c * 6 + k]]), c, ev)
+      : gradients.map((g) => vector(g.map((y) => num(y, eg) / factorial), d));
     const strength = body.strength.subarray(c * w, c * w + w), most = Math.max(...rates.map(norm));
     const off = 16 * U * most + 2 * own.digits * most;
     const at = (share) => share.reduce((sum, y, k) => sum + y * strength[k], 0);
-    if (own.linear) {
+    const rho = body.revolved ? body.timesRadius(c, [1, 1, 1]) : null;
+    if (body.revolved) {
+      rings[c] = ofRingCell(body, c);
+      if (most > 0) total += ringPower(own, rates, rho.slice(0, 3));
+    } else if (own.linear) {
       const powers = rates.map(own.power), sum = powers.reduce((a, b) => a + b, 0);
       total += powers.reduce((y, p, k) => y + (p + sum) * strength[k], 0) / (w * (w + 1));
     } else if (most > 0) {
@@ -294,26 +327,29 @@ function boundOf(body, { Q, still, slip, flow, rows }) {
         total += own.power(y) * at(share);
       }
     }
-    const steep = own.steep * Math.max(...strength);
+    const steep = own.steep * Math.max(...strength) * rings[c].reach;
     size += most * steep;
     errors += off * steep;
-    if (own.grows) lacks[c] = Math.max(...rates.map(own.short)) + off * own.alert;
+    if (own.grows) lacks[c] = Math.max(...rates.filter((_, k) => !rho || rho[k] > 0).map(own.short)) + off * own.alert;
     else if (!own.keeps && !own.takes) refuse("a cone leaves another stress free than the mean one");
   }
   const left = undone(body, { Q, flow, rows }, changes, eg, keeps, takes);
   let cost = 0;
   for (let c = 0; c < n; c++) {
     if (!(left.gradients[c] > 0)) continue;
-    if (body.cone[c] >= 0) cost += left.gradients[c] * cone(c).steep * Math.max(...body.strength.subarray(c * w, c * w + w));
+    const steep = body.cone[c] >= 0 ? cone(c).steep * Math.max(...body.strength.subarray(c * w, c * w + w)) : 0;
+    cost += left.gradients[c] * rings[c].rate * steep;
   }
   for (let c = 0; c < n; c++) {
-    if (body.cone[c] >= 0 && !(lacks[c] + cone(c).alert * left.gradients[c] <= 0)) refuse("cells that dilate grow too little for their strain");
+    if (body.cone[c] < 0) continue;
+    const more = cone(c).alert * left.gradients[c] * rings[c].rate * rings[c].radius;
+    if (!(lacks[c] + more <= 0)) refuse("cells that dilate grow too little for their strain");
   }
   // Sums of n numbers in a row are rounded by n U at most.
-  const dissipation = total + (errors + cost) * UP + slip + (n * (w + 2) + points.length + 64) * U * (size + slip);
+  const dissipation = total + (errors + cost) * UP + slip + (n * (w + 2) + 512) * U * (size + slip);
   const usual = () => works[0][0] / works[0][3]; // the mean velocity with which loads do their work
   const works = [];
-  for (const loads of body.loads) works.push(workOf(body, { Q, flow, changes, eg }, loads, left, works.length === 2 ? usual() : 0));
+  for (const loads of body.loads) works.push(workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, works.length === 2 ? usual() : 0));
   const [work, off] = works[0], [dead, deadOff] = works[1], [other, otherOff, most] = works[2], excess = dissipation - dead + deadOff;
   if (!(work - off > 0) || !Number.isFinite(excess)) refuse("the loads do no work beyond rounding");
   // Loads of any factor may do as much work as rounding of the velocity makes of them.
@@ -323,8 +359,77 @@ function boundOf(body, { Q, still, slip, flow, rows }) {
     others: body.loads[2].some ? (1e-3 * Math.abs(proven) * (work - off)) / (Math.abs(other) + otherOff) : null };
 }
 
+/** Coefficients of r²ε times the volume, from those of v = ru and its gradients; exact but for one rounding. */
+function ringRates(body, gradients, Q, c, ev) {
+  const { e, D, X, cells, pairs } = body, r = range(3).map((k) => X[cells[c * 3 + k] * 2]);
+  return range(6).map((k) => {
+    const [a, b] = k < 3 ? [k, k] : pairs[k - 3], g = range(4).map((i) => r[a] * gradients[b][i] + r[b] * gradients[a][i]);
+    const u = Q[k].map((y) => D[c] * y);
+    return vector([g[0] - u[0], g[1], g[2] - u[1], g[3]].map((y) => num(y, ev + 2 * e) / 2), 2, num(u[0], ev + 2 * e) / 2);
+  });
+}
+
+/** ∫ of a rate of size 1 over r, what ‖∇w‖ = 1 makes of it, and the largest radius (docs/proof.md). */
+function ofRingCell(body, c) {
+  const x = range(3).map((k) => body.point(body.cells[c * 3 + k])), r = x.map((p) => p[0]);
+  const near = Math.min(...r.filter((y) => y > 0)), touches = r.includes(0);
+  const far = range(3).flatMap((a) => range(3).map((b) => (touches && (r[a] > 0 || r[b] === 0) ? 0
+    : norm(x[a].map((y, i) => y - x[b][i])))));
+  return { reach: overRadius(r).reduce((sum, y) => sum + y, 0) * UP,
+    rate: (1 + Math.SQRT2 * Math.max(...far) / near) * UP, radius: Math.max(...r) };
+}
+
+/** ∫ B/r over a triangle of area 1 from above, B being Bernstein's polynomials; 0 where r²ε is zero. */
+function overRadius(r) {
+  const axis = range(3).filter((k) => r[k] === 0), away = range(3).filter((k) => r[k] > 0);
+  const found = new Array(6).fill(0), edge = (a, b) => (a + b) + 2; // numbers of edges 01, 02, 12
+  if (!axis.length) for (let k = 0; k < 3; k++) { // 1/r is at most linear between vertices
+    for (let j = 0; j < 3; j++) found[j] += (j === k ? 3 : 1) / 30 / r[k];
+    for (const [a, b] of [[0, 1], [0, 2], [1, 2]]) found[edge(a, b)] += (a === k || b === k ? 2 : 1) / 30 / r[k];
+  } else if (axis.length === 1) { // it is so along the edge opposite, over the distance from the axis
+    const [b, c] = away, [s, t] = [1 / r[b], 1 / r[c]];
+    found[b] = s / 6 + t / 18; found[c] = s / 18 + t / 6; found[edge(b, c)] = (s + t) / 9;
+    found[edge(axis[0], b)] = (2 * s + t) / 9; found[edge(axis[0], c)] = (s + 2 * t) / 9;
+  } else {
+    const [a] = away;
+    found[a] = 1 / r[a] / 3;
+    for (const b of axis) found[edge(a, b)] = 2 / r[a] / 3;
+  }
+  return found;
+}
+
+/** ∫ of what r²ε dissipates over r, at most that of its coefficients on parts of the triangle. */
+function ringPower(own, rates, r) {
+  const { parts, images } = ringParts();
+  const q = rates.map(own.image), y = new Array(q[0].length);
+  let total = 0;
+  parts.forEach((part, p) => {
+    const shares = overRadius(part.map((at) => at[0] * r[0] + at[1] * r[1] + at[2] * r[2]));
+    shares.forEach((share, k) => {
+      if (share === 0) return;
+      const of = images[p][k];
+      for (let i = 0; i < y.length; i++) {
+        y[i] = 0;
+        for (let j = 0; j < 6; j++) y[i] += of[j] * q[j][i];
+      }
+      total += (share * own.power(y)) / parts.length;
+    });
+  });
+  return total;
+}
+
+let ringTable = null;
+/** Parts of a triangle, and coefficients there of quadratics from those of the whole. */
+function ringParts() {
+  if (ringTable) return ringTable;
+  const parts = halved(2), pairs = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
+  const images = parts.map((part) => pairs.map(([u, v]) => pairs.map(([a, b]) => part[u][a] * part[v][b]
+    + (a === b ? 0 : part[u][b] * part[v][a]))));
+  return (ringTable = { parts, images });
+}
+
 /** The work of loads, exact but for what is returned beside it. */
-function workOf(body, { Q, flow, changes, eg }, loads, left, usual) {
+function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
   const { d, w, n, f, D, N, e, x, cells } = body, { P, wide, facet, ev } = flow, factorial = d === 2 ? 2 : 6;
   if (!loads.some) return [0, 0, 0, 0];
   let found = 0, off = 0, most = 0, forces = 0; // the work, its error, and what loads could do where they are
@@ -367,6 +472,24 @@ function workOf(body, { Q, flow, changes, eg }, loads, left, usual) {
     off += worst * left.change[c];
   }
   found += num(sum, u.e + eg) / (factorial * w * (w + 1));
+  if (body.rigid.length) {
+    const F = exact(loads.rigid_force), M = exact(loads.rigid_moment), turns = 2 * d - 3;
+    plateUnit.forEach(({ mine, centre, turn }, g) => {
+      const force = range(d).map((k) => F.v[g * d + k]), p = range(d).map((k) => body.X[centre * d + k]);
+      const v = mine.find((k) => body.X[k * d] !== 0n); // around an axis v = ru
+      let part;
+      if (body.revolved) part = num(force[1] * (Q[v][1] / body.X[v * d]), F.e + ev - e) / (2 * Math.PI);
+      else {
+        const parts = [[dot(force, Q[centre]), F.e + ev], [-dot(cross(p, force), turn), F.e + ev],
+          [dot(range(turns).map((m) => M.v[g * turns + m]), turn), M.e + ev - e]];
+        const grid = Math.min(...parts.map((of) => of[1]));
+        part = num(parts.reduce((y, [z, ez]) => y + (z << BigInt(ez - grid)), 0n), grid);
+      }
+      found += part;
+      off += 8 * U * Math.abs(part);
+    });
+    most += [...loads.rigid_force, ...loads.rigid_moment].reduce((sum, y) => sum + Math.abs(y), 0) * flow.top;
+  }
   return [found, (off + 8 * U * Math.abs(found)) * UP, most, forces];
 }
 
@@ -393,7 +516,7 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
   const kindOf = (side) => { // 0 a free surface, 1 a cell that dilates, 2 contact that parts, 9 no way out
     const c = Math.floor(across[side] / w), i = body.facetAt[side];
     if (i < 0) return takes[c] ? 0 : !keeps[c] && body.cone[c] >= 0 && body.cones[body.cone[c]].grows ? 1 : 9;
-    if (norm(body.guided.subarray(i * d, i * d + d)) || !(free(side) > 0.1 * norm(area[side]))) return 9;
+    if (body.glued[i] || body.onAxis[i] || norm(body.guided.subarray(i * d, i * d + d)) || !(free(side) > 0.1 * norm(area[side]))) return 9;
     if (!touched.has(body.surface[i])) return 0;
     const own = meets.get(i);
     return own && !(own.c > 0) && !(own.mu > 0) && free(side) === norm(area[side]) ? 2 : own ? 9 : 0;

@@ -57,7 +57,8 @@ async function verdictOn(halves) {
   caught(kinds, () => { // data that are of no body make the whole file no proof
     for (const kind of kinds) {
       const old = kind === "upper" && ready.lower && Object.keys(halves.upper.arrays).length === 2;
-      const body = old && halves.upper.same ? ready.lower.body : bodyOf(arrays[kind]);
+      const alike = !!arrays.lower?.numbers.revolved === !!arrays[kind].numbers.revolved;
+      const body = old && halves.upper.same && alike ? ready.lower.body : bodyOf(arrays[kind]);
       if (!Number.isFinite(found[kind].claimed)) refuse("bound is not a number");
       if (found[kind].claimed < 0 && !body.loads[1].some) refuse("bound is negative");
       ready[kind] = { body, half: read[kind](body, arrays[kind]) };
