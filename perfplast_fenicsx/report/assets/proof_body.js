@@ -217,39 +217,52 @@ function glue(body) {
   body.outer.forEach((side, i) => { body.facetAt[side] = i; });
 }
 
-/** Refuse cells that overlap: what is just inside of an outer facet is in its own cell alone. */
-function overlap(body) {
-  const { d, w, n, cells } = body;
-  const cell = (c) => range(w).map((k) => body.point(cells[c * w + k]));
-  const box = (points) => [0, 1].map((end) => range(d).map(
-    (i) => Math[end ? "max" : "min"](...points.map((p) => p[i]))));
-  const mix = (a, b) => a.map((y, i) => 0.999 * y + 0.001 * b[i]); // less is rounding of contact
-  const every = range(n).map(cell), boxes = every.map(box);
-  const grid = new Map(), levels = new Set();
-  const placesOf = ([low, high], level, visit) => {
+const boxOfPoints = (points) => [0, 1].map((end) => range(points[0].length).map(
+  (i) => Math[end ? "max" : "min"](...points.map((p) => p[i]))));
+
+/** Boxes, by places on grids of their size, so that those near another box are found. */
+class Grid {
+  constructor(boxes) {
+    Object.assign(this, { boxes, at: new Map(), levels: new Set(), tries: 0 });
+    boxes.forEach((box, i) => {
+      const level = Math.ceil(Math.log2(Math.max(...box[1].map((y, k) => y - box[0][k]))));
+      this.levels.add(level);
+      this.places(box, level, (at) => (this.at.get(at) ?? this.at.set(at, []).get(at)).push(i));
+    });
+  }
+
+  places([low, high], level, visit) {
     const [a, b] = [low, high].map((p) => p.map((y) => Math.floor(y / 2 ** level)));
     for (let i = a[0]; i <= b[0]; i++) for (let j = a[1]; j <= b[1]; j++) {
       for (let k = a[2] ?? 0; k <= (b[2] ?? 0); k++) visit(`${level},${i},${j},${k}`);
     }
-  };
-  boxes.forEach((b, c) => {
-    const level = Math.ceil(Math.log2(Math.max(...b[1].map((y, i) => y - b[0][i]))));
-    levels.add(level);
-    placesOf(b, level, (at) => (grid.get(at) ?? grid.set(at, []).get(at)).push(c));
-  });
-  let tries = 0;
+  }
+
+  /** Visit the numbers of boxes that meet one. */
+  near(box, visit) {
+    const seen = new Set();
+    for (const level of this.levels) this.places(box, level, (at) => (this.at.get(at) ?? [-1]).forEach((i) => {
+      if (++this.tries > 2e7) refuse("cells are too many beside each other to be told apart here");
+      if (i < 0 || seen.has(i)) return;
+      seen.add(i);
+      if (box[0].some((y, k) => y > this.boxes[i][1][k]) || box[1].some((y, k) => y < this.boxes[i][0][k])) return;
+      visit(i);
+    }));
+  }
+}
+
+/** Refuse cells that overlap: what is just inside of an outer facet is in its own cell alone. */
+function overlap(body) {
+  const { d, w, n } = body, every = range(n).map((c) => cornersOf(body, c)), grid = new Grid(every.map(boxOfPoints));
+  const mix = (a, b) => a.map((y, i) => 0.999 * y + 0.001 * b[i]); // less is rounding of contact
   for (const side of body.outer) {
     const own = Math.floor(side / w), apex = every[own][side % w];
     const base = body.corners[side % w].map((k) => mix(every[own][k], apex));
     const middle = range(d).map((i) => base.reduce((sum, p) => sum + p[i], 0) / d);
-    const slice = [...base, mix(middle, apex)], b = box(slice), seen = new Set([own]);
-    for (const level of levels) placesOf(b, level, (at) => (grid.get(at) ?? [-1]).forEach((c) => {
-      if (++tries > 2e7) refuse("cells are too many beside each other to be told apart here");
-      if (c < 0 || seen.has(c)) return;
-      seen.add(c);
-      if (b[0].some((y, i) => y > boxes[c][1][i]) || b[1].some((y, i) => y < boxes[c][0][i])) return;
-      if (!apart(slice, every[c])) refuse(`cells overlap near (${slice[0].join(", ")})`);
-    }));
+    const slice = [...base, mix(middle, apex)];
+    grid.near(boxOfPoints(slice), (c) => {
+      if (c !== own && !apart(slice, every[c])) refuse(`cells overlap near (${slice[0].join(", ")})`);
+    });
   }
 }
 

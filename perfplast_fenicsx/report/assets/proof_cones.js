@@ -54,7 +54,7 @@ function principalCone(c, s, f) {
   };
   const wide = Math.sqrt(2 * (1 + s * s)) / c;
   return {
-    c, digits: 256 * U, grows: s > 0 || cut, linear: s > 0 && !cut, keeps: !(s > 0 || cut),
+    c, s, f, digits: 256 * U, grows: s > 0 || cut, linear: s > 0 && !cut, keeps: !(s > 0 || cut),
     takes: false, radius: Math.min(1 / wide, cut ? f : Infinity),
     weak: Math.max(wide, cut ? 1 / f : 0) * UP, alert: root * (1 + s) * UP,
     steep: (s && !cut ? (root * c) / (2 * s) : root * (Math.abs(mean) * (2 + s) + half)) * UP,
@@ -97,7 +97,7 @@ function roundCone(c, q, M, m) {
   const head = (v) => dots(free, v) / pull;
   const lacks = (v, z) => norm(times(back, v.map((y, i) => y - z * q[i])));
   return {
-    c, digits, grows, linear: grows, keeps: gone && !grows && off <= 1e-13, takes: !gone && !grows,
+    c, q, M, digits, grows, linear: grows, keeps: gone && !grows && off <= 1e-13, takes: !gone && !grows,
     alert: grows ? alert : 0, radius: c / Math.sqrt(most),
     weak: ((Math.sqrt(most) + norm(q)) / c) * UP,
     steep: c * (grows ? alert : (size * (1 + norm(r))) / rest) * UP * (1 + digits),

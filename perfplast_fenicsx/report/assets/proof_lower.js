@@ -72,6 +72,7 @@ class Left {
 /** The lower bound that a stress proves. */
 function lowerBound(body, { stress, factors }) {
   const { d, w, n, f, N, D, X, across, facets, cells, revolved } = body, [factor] = factors;
+  if (!stress.every(Number.isFinite)) refuse("the stress is not finite");
   for (let at = 0; at < stress.length; at += d * d) for (let j = 0; j < d; j++) for (let k = 0; k < j; k++) {
     if (stress[at + j * d + k] !== stress[at + k * d + j]) refuse("the stress is not symmetric");
   }

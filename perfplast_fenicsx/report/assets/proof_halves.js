@@ -1,0 +1,204 @@
+// Whether both halves are of the same bodies, however each is meshed (docs/proof.md, same bodies).
+
+/** Refuse halves of unlike bodies. Those of the upper half may be stronger, and rub more. */
+function compare(lower, upper) {
+  const { d } = lower, is = (name) => lower[name].length === upper[name].length && lower[name].every((y, i) => y === upper[name][i]);
+  if (d !== upper.d || lower.revolved !== upper.revolved) refuse("the halves are of bodies of different kinds");
+  const alike = is("x") && is("cells") && is("facets");
+  const places = (body, i) => body.ofFacet(i).map(body.point), sizes = (body, i) => norm(body.area[body.outer[i]]);
+  const pairs = alike ? range(lower.f).map((i) => [i, i]) : sharedFacets(lower, upper);
+  const most = lower.loads.map(({ traction }) => { // by surface
+    const found = new Map();
+    lower.surface.forEach((tag, i) => found.set(tag, Math.max(found.get(tag) ?? 0, largest(traction.subarray(i * d * d, (i + 1) * d * d)))));
+    return found;
+  });
+  for (const [a, b] of pairs) {
+    const own = (name, body, i) => [...body[name].subarray(i * d, (i + 1) * d)];
+    if (lower.onAxis[a] !== upper.onAxis[b]) refuse("the halves have bodies of different place");
+    if (lower.surface[a] !== upper.surface[b]) refuse("the halves have different surfaces");
+    const [g, h] = [own("guided", lower, a), own("guided", upper, b)];
+    const turned = Math.min(...[1, -1].map((sign) => largest(g.map((y, k) => y - sign * h[k]))));
+    if (own("held", lower, a).some((y, k) => y !== own("held", upper, b)[k]) || turned > 1e-9) {
+      refuse("the halves have different supports");
+    }
+    const [small, large] = sizes(lower, a) <= sizes(upper, b) ? [[lower, a], [upper, b]] : [[upper, b], [lower, a]];
+    lower.loads.forEach((_, kind) => {
+      const at = ([body, i]) => range(d).map((j) => [...body.loads[kind].traction.subarray((i * d + j) * d, (i * d + j + 1) * d)]);
+      if (!at(small).flat().some((y) => y) && !at(large).flat().some((y) => y)) return;
+      const there = places(...small).map((p) => linear(places(...large), at(large), p));
+      if (differ(at(small).flat(), there.flat(), 1e-14 * most[kind].get(lower.surface[a]))) refuse("the halves have different loads");
+    });
+  }
+  compareCells(lower, upper, alike);
+  const rows = (body, [tags, normals, c, mu]) => range(c.length).map((k) => [
+    [...tags.subarray((k * tags.length) / c.length, ((k + 1) * tags.length) / c.length)].sort((p, q) => p - q).join(),
+    [...normals.subarray(k * d, (k + 1) * d)], c[k], mu[k]]).sort((p, q) => (p[0] < q[0] ? -1 : p[0] > q[0] ? 1 : p[2] - q[2] || p[3] - q[3]));
+  for (const of of [(body) => [body.contacts, new Float64Array(0), ...body.rubs[0].slice(0, 2)],
+    (body) => [body.obstacles, body.towards, ...body.rubs[1].slice(0, 2)]]) {
+    const [one, other] = [lower, upper].map((body) => rows(body, of(body)));
+    if (one.length !== other.length || one.some(([tags, normal, c, mu], k) => tags !== other[k][0] || c > other[k][2] || mu > other[k][3]
+      || normal.some((y, i) => !(Math.abs(y - other[k][1][i]) <= 1e-9)))) {
+      refuse("the halves have different contacts, or the upper one rubs less");
+    }
+  }
+  const order = [lower, upper].map((body) => range(body.rigid.length).sort((i, j) => body.rigid[i] - body.rigid[j]));
+  const extent = largest(lower.x), turns = 2 * d - 3, wrong = () => refuse("the halves have different rigid surfaces, or loads of these");
+  if (order[0].length !== order[1].length) wrong();
+  order[0].forEach((g, k) => {
+    const h = order[1][k], row = (values, size, i) => [...values.subarray(i * size, (i + 1) * size)];
+    if (lower.rigid[g] !== upper.rigid[h] || row(lower.rigidHeld, d, g).some((y, i) => y !== row(upper.rigidHeld, d, h)[i])) wrong();
+    lower.loads.forEach((of, kind) => {
+      const pull = row(of.rigid_force, d, g), other = upper.loads[kind];
+      if (differ(pull, row(other.rigid_force, d, h), 0) || differ(row(of.rigid_moment, turns, g),
+        row(other.rigid_moment, turns, h), 1e-9 * extent * largest(pull))) wrong();
+    });
+  });
+}
+
+/** Whether numbers differ by more than rounding, and more than what counts as none. */
+const differ = (one, other, none) => !(largest(one.map((y, i) => y - other[i]))
+  <= Math.max(1e-9 * Math.max(largest(one), largest(other)), none));
+
+/** A function that is linear on a simplex of any dimension, at a place in its plane. */
+function linear(vertices, values, place) {
+  const minus = (p, q) => p.map((y, i) => y - q[i]), dots = (p, q) => p.reduce((sum, y, i) => sum + y * q[i], 0);
+  const edges = vertices.slice(1).map((p) => minus(p, vertices[0])), from = minus(place, vertices[0]);
+  const inverse = inverted(edges.map((p) => edges.map((q) => dots(p, q))));
+  const shares = inverse.map((row) => row.reduce((sum, y, k) => sum + y * dots(edges[k], from), 0));
+  return values[0].map((y, i) => shares.reduce((sum, s, k) => sum + s * (values[k + 1][i] - y), y));
+}
+
+/** Pairs of outer facets that lie on each other; refuses halves in which these do not cover all. */
+function sharedFacets(lower, upper) {
+  const { d } = lower, bodies = [lower, upper], minus = (p, q) => p.map((y, i) => y - q[i]);
+  const dots = (p, q) => p.reduce((sum, y, i) => sum + y * q[i], 0);
+  const all = bodies.map((body) => range(body.f).map((i) => {
+    const x = body.ofFacet(i).map(body.point), vector = body.area[body.outer[i]], area = norm(vector);
+    const edges = x.map((p, k) => norm(minus(p, x[(k + 1) % d]))), reach = 1e-11 * largest(x.flat());
+    return { x, area, normal: vector.map((y) => y / area), reach, width: d === 2 ? area : (2 * area) / Math.max(...edges), covered: 0 };
+  }));
+  const boxOf = ({ x, reach }) => [0, 1].map((end) => range(d).map((i) => (end ? Math.max(...x.map((p) => p[i])) + reach
+    : Math.min(...x.map((p) => p[i])) - reach)));
+  const grid = new Grid(all[1].map(boxOf)), pairs = [];
+  all[0].forEach((one, a) => grid.near(boxOf(one), (b) => {
+    const other = all[1][b];
+    if (!(dots(one.normal, other.normal) > 0.5)) return;
+    const [small, large] = one.area >= other.area ? [other, one] : [one, other];
+    const slack = Math.min(Math.max(one.reach, other.reach), 1e-3 * Math.min(one.width, other.width));
+    if (small.x.some((p) => Math.abs(dots(minus(p, large.x[0]), large.normal)) > slack)) return;
+    const common = commonArea(large, small);
+    if (!(common > 1e-6 * small.area)) return;
+    one.covered += common;
+    other.covered += common;
+    pairs.push([a, b]);
+  }));
+  if (all.flat().some(({ covered, area }) => !(Math.abs(covered - area) <= 1e-6 * area))) {
+    refuse("the halves have bodies of different volume or place");
+  }
+  return pairs;
+}
+
+/** The length, or area, that two facets in one plane have in common: one is cut by sides of the other. */
+function commonArea({ x, normal }, small) {
+  const minus = (p, q) => p.map((y, i) => y - q[i]), dots = (p, q) => p.reduce((sum, y, i) => sum + y * q[i], 0);
+  if (x.length === 2) {
+    const [u, v] = [x, small.x].map((of) => of.map((p) => dots(minus(p, x[0]), [-normal[1], normal[0]])));
+    return Math.max(0, Math.min(Math.max(...u), Math.max(...v)) - Math.max(Math.min(...u), Math.min(...v)));
+  }
+  let polygon = small.x;
+  x.forEach((p, k) => {
+    const side = cross(normal, minus(x[(k + 1) % 3], p)), sign = Math.sign(dots(side, minus(x[(k + 2) % 3], p)));
+    const depth = polygon.map((q) => sign * dots(side, minus(q, p)));
+    polygon = polygon.flatMap((q, i) => {
+      const j = (i + 1) % polygon.length, cut = depth[i] / (depth[i] - depth[j]);
+      const on = q.map((y, m) => y + cut * (polygon[j][m] - y));
+      return [...(depth[i] >= 0 ? [q] : []), ...(depth[i] * depth[j] < 0 ? [on] : [])];
+    });
+  });
+  return polygon.reduce((sum, q, i) => (i < 2 ? sum
+    : sum + norm(cross(minus(polygon[i - 1], polygon[0]), minus(q, polygon[0]))) / 2), 0);
+}
+
+/** Refuse halves in which cells with a common volume have other loads, or are weaker above. */
+function compareCells(lower, upper, alike) {
+  const { d, w } = lower, bodies = [lower, upper], shapes = bodies.map(coneShapes), holds = new Map();
+  const wet = bodies.some((body) => body.loads.some((of) => largest(of.pore_pressure)));
+  const varies = bodies.some((body) => body.strength.some((y) => y !== 1));
+  const force = (body, c, kind) => [...body.loads[kind].body_force.subarray(c * d, (c + 1) * d)];
+  const rows = new Set(bodies.flatMap((body) => range(body.n).map((c) => [body.cone[c], ...range(3).flatMap((k) => force(body, c, k))].join())));
+  const stronger = (a, b) => {
+    const key = `${lower.cone[a]},${upper.cone[b]}`, [one, other] = [shapes[0].at(lower.cone[a]), shapes[1].at(upper.cone[b])];
+    if (!holds.has(key)) holds.set(key, isIn(one, other, 1, 1));
+    if (!varies) return holds.get(key);
+    return overlapEnds(lower, a, upper, b).every((p) => isIn(one, other, ...[[lower, a], [upper, b]].map(
+      ([body, c]) => shares(body, c, p).reduce((sum, y, k) => sum + y * body.strength[c * w + k], 0))));
+  };
+  const nothing = range(3).map((kind) => 1e-14 * Math.max(...bodies.map((body) => largest(body.loads[kind].pore_pressure))));
+  const loaded = (a, b) => range(3).some((kind) => {
+    if (differ(force(lower, a, kind), force(upper, b, kind), 0)) return true;
+    const pores = (body, c) => [...body.loads[kind].pore_pressure.subarray(c * w, (c + 1) * w)];
+    const [small, large] = lower.volume[a] <= upper.volume[b] ? [[lower, a], [upper, b]] : [[upper, b], [lower, a]];
+    if (!wet || ![...pores(...small), ...pores(...large)].some((y) => y)) return false;
+    const there = cornersOf(...small).map((p) => shares(...large, p).reduce((sum, y, k) => sum + y * pores(...large)[k], 0));
+    return differ(pores(...small), there, nothing[kind]);
+  });
+  if (!wet && !varies && rows.size === 1 && stronger(0, 0)) return;
+  const visit = (a, b) => {
+    const [weak, other] = [!stronger(a, b), loaded(a, b)];
+    if (!(weak || other) || (!alike && apart(cornersOf(lower, a), cornersOf(upper, b)))) return;
+    refuse(weak ? "the upper half has weaker bodies than the lower one, or of cones of other shapes"
+      : "the halves have different loads");
+  };
+  if (alike) { range(lower.n).forEach((c) => visit(c, c)); return; }
+  const box = (body, c) => boxOfPoints(cornersOf(body, c)), grid = new Grid(range(upper.n).map((c) => box(upper, c)));
+  range(lower.n).forEach((a) => grid.near(box(lower, a), (b) => visit(a, b)));
+}
+
+const cornersOf = (body, c) => range(body.w).map((k) => body.point(body.cells[c * body.w + k]));
+
+/** Barycentric coordinates of a place in a cell. */
+const shares = (body, c, place) => range(body.w).map((k) => {
+  const on = body.point(body.ends(c * body.w + k)[0]), area = body.area[c * body.w + k];
+  return -area.reduce((sum, y, i) => sum + y * (place[i] - on[i]), 0) / (body.d * body.volume[c]);
+});
+
+/** Places whose hull is the overlap of two cells: ends of the parts of edges of each in the other. */
+function overlapEnds(lower, a, upper, b) {
+  const small = 1e-9, found = [];
+  for (const [mine, c, other, o] of [[lower, a, upper, b], [upper, b, lower, a]]) for (const [i, j] of mine.pairs) {
+    const [p, q] = [i, j].map((k) => cornersOf(mine, c)[k]), [s, t] = [p, q].map((x) => shares(other, o, x));
+    let first = 0, last = 1, outside = false;
+    s.forEach((y, k) => {
+      const rate = t[k] - y;
+      if (rate > small) first = Math.max(first, -y / rate);
+      else if (rate < -small) last = Math.min(last, -y / rate);
+      else if (y < -small) outside = true;
+    });
+    if (!outside && first <= last + small) for (const at of [first, last]) found.push(p.map((y, k) => y + at * (q[k] - y)));
+  }
+  return found;
+}
+
+/** Shapes of the cones of a half by number: families that differ in size alone, slopes and bounds. */
+function coneShapes(body) {
+  const m = body.revolved ? 4 : body.d === 2 ? 3 : 6, normals = m === 3 ? 2 : 3, unit = (i, j) => (i === j ? 1 : 0);
+  const deviator = range(m).map((i) => range(m).map((j) => unit(i, j) - (i < normals && j < normals ? 1 / normals : 0)));
+  const squared = (M, size) => range(m).flatMap((i) => range(m).map((j) => M.reduce((sum, row) => sum + row[i] * row[j], 0) / size ** 2));
+  const found = body.cones.map(({ c, q, M, s, f }) => {
+    const isPrincipal = s !== undefined, size = isPrincipal ? 1 : norm(M.flat()), rows = isPrincipal ? range(m).map((i) => range(m).map((j) => unit(i, j))) : M;
+    const slope = isPrincipal ? s : norm(q) / size, along = isPrincipal || !norm(q) ? new Array(m).fill(0) : q.map((y) => y / norm(q));
+    const lost = norm(rows.map((row) => row.reduce((sum, y, i) => sum + y * along[i], 0)));
+    return { family: [...squared(rows, norm(rows.flat())), ...along, isPrincipal ? 1 : 0, isPrincipal && f > 0 ? c / f : 0],
+      slope, bound: c / size, axial: isPrincipal || lost <= 1e-11 * size };
+  });
+  const elastic = { family: [...squared(deviator, norm(deviator.flat())), ...new Array(m).fill(0), 0, 0], slope: 0, bound: Infinity, axial: false };
+  return { at: (k) => (k < 0 ? elastic : found[k]) };
+}
+
+/** Whether a cone is known to be in another, with bounds times factors. */
+function isIn(one, other, factor, times) {
+  if (one.family.some((y, i) => Math.abs(y - other.family[i]) > 1e-11)) return false;
+  const [c, most] = [one.bound * factor, other.bound * times * (1 + 1e-12)];
+  if (Math.abs(one.slope - other.slope) <= 1e-11) return c <= most;
+  return one.axial && one.slope > 0 && one.slope < other.slope && c * other.slope <= most * one.slope;
+}
