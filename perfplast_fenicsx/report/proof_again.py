@@ -24,7 +24,7 @@ OF_ONE_HALF = {"stress", "velocity", "nodes", "joint_force", "joint_traction"}
 """Names of arrays that are not of the bodies."""
 
 
-CHECKER = ("exact", "cones", "body", "contact", "lower", "upper", "verdict")
+CHECKER = ("exact", "cones", "body", "contact", "lower", "upper", "halves", "verdict")
 """Files of the checker, in the order in which they are read."""
 
 

@@ -66,7 +66,9 @@ function bodyOf(A) {
   body.onAxis = range(f).map(onAxis);
   body.cones = conesOf(A, revolved ? 4 : d === 2 ? 3 : 6);
   all(body.cone, (c) => c >= -1 && c < body.cones.length, "there are cones that do not exist");
-  if (body.cone.every((c) => c < 0)) refuse("this checker does not know blocks that cannot yield");
+  body.blocks = body.cone.every((c) => c < 0); // that cannot yield
+  if (body.blocks && (revolved || !(pairs || planes))) refuse("no cell can yield, so that nothing limits the load");
+  if (revolved && body.cone.some((c) => c >= 0 && !body.cones[c].c)) refuse("a cone without a bound is not known around an axis");
   body.radius = (c) => (body.cone[c] < 0 ? Infinity
     : body.cones[body.cone[c]].radius * Math.min(...body.strength.subarray(c * w, c * w + w)));
   for (const kind of body.loads) kind.some = LOADS.some((name) => kind[name].some((y) => y !== 0));
