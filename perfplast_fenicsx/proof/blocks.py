@@ -1,7 +1,7 @@
 """Do forces on the joints of rigid blocks prove a lower bound? No cell of them can yield.
 
 A block is what inner facets join, and bears any stress: only force and moment on it must balance.
-Its outer facets have forces at their vertices, per thickness in the plane. Where surfaces adhere,
+Its joints have forces at the vertices of facets, per thickness in the plane. Where surfaces adhere,
 shear tractions act beside them, linear between vertices. λ is a lower bound of the limit load if
 
 - the loads at λ, the forces and the tractions are in balance on each block;
@@ -13,170 +13,545 @@ shear tractions act beside them, linear between vertices. λ is a lower bound of
 For admissible rigid motions have jumps w with w_n + μ‖w_t‖ ≤ 0 in the joints. There the forces do
 no negative work, and the tractions no less than −∫c‖w_t‖ (static theorem, D. C. Drucker, W. Prager,
 H. J. Greenberg, doi:10.1090/qam/45573; of blocks, J. Heyman, doi:10.1016/0020-7683(66)90018-7).
+
+Forces on file are taken apart into pressures and shears that keep to these conditions exactly, on
+the first side of each contact. They leave some force and moment on each block. The best forces have
+no room for others that balance that, as they are at their limits. So a file has a second set inside
+of the limits, with loads at another factor. A mean of both sets has room in proportion to the share
+of the second one, and the bound is the mean of both factors with the same shares.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from perfplast_fenicsx.proof.body import Body, Floats, Longs
-from perfplast_fenicsx.proof.guided import left_free
+from perfplast_fenicsx.proof.balance import HELD, MOST_NUMBERS, exerted_of
+from perfplast_fenicsx.proof.balls import Balls, U, crossed, put, stacked, upwards
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.lower import Left
 from perfplast_fenicsx.proof.pieces import pieces_of
-from perfplast_fenicsx.proof.rigid import moments
+from perfplast_fenicsx.proof.remainder import shapes_of, summed
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
-from perfplast_fenicsx.proof.verdict import share_of
+
+UNIT = 2e-12
+"""Twice the error in length of unit vectors on file."""
+
+Factors = tuple[float, float, float]
+"""Factors of the loads whose factor is sought, of constant ones and of those of any factor."""
 
 
-def measure_forces(body: Body, forces: Floats, tractions: Floats, kinds: Sequence[Loads]) -> Left:
-    """Return what is left of each condition, and what forbids to judge it.
+@dataclass(frozen=True)
+class JointForces:
+    """Forces on joints, as they are on file.
+
+    Attributes:
+        forces: On the cells at the vertices of outer facets, shape (num_facets, d, d).
+        tractions: By adhesion, at the same places, linear between (stress).
+        factors: Those of the loads that they balance.
+    """
+
+    forces: Floats
+    tractions: Floats
+    factors: Factors
+
+
+@dataclass(frozen=True)
+class Carried:
+    """The loads that forces on joints carry.
+
+    Attributes:
+        factor: Of the loads whose factor is sought; None if nothing is proven.
+        reason: Why nothing is proven, or None.
+        left: The sum of forces, and moments over extents, without balance of the first set.
+        loads: That of the loads.
+    """
+
+    factor: float | None
+    reason: str | None
+    left: float
+    loads: float
+
+
+def carried_by(
+    body: Body, best: JointForces, inner: JointForces | None, loads: Sequence[Loads]
+) -> Carried:
+    """Return the loads that forces on joints carry.
 
     Args:
         body: The bodies, none of which can yield.
-        forces: On the cells at the vertices of outer facets, shape (num_facets, d, d).
-        tractions: By adhesion, at the same places, linear between (stress).
-        kinds: All loads at λ, each kind by itself.
-
-    Returns:
-        ``equilibrium``, force and moment over the extent of each block that nothing balances,
-        relative to all forces on it; ``outer_tractions``, forces where nothing holds;
-        ``tension``, ``shear`` and ``unequal_pressures`` of contact, relative to the forces on the
-        block; ``left_of_load``, what no force balances in all, relative to the loads; and
-        ``shear_ratio``, the largest adhesive traction over c.
+        best: With the largest factor.
+        inner: Inside of the limits; None if a file has none.
+        loads: Loads of each kind.
     """
-    loads = sum(kinds[1:], start=kinds[0])
-    joints = _Joints(body, forces, tractions)
-    blocks, count = _numbered(pieces_of(body))
-    of_facets = blocks[body.outer // (body.dim + 1)]
-    pulls, pushes = loads.sizes(body.volumes, body.areas)
-    acting = np.linalg.norm(forces, axis=2).sum(axis=1)
-    acting += body.areas * np.linalg.norm(tractions, axis=2).mean(axis=1) + pushes
-    size = _summed(of_facets, acting, count) + _summed(blocks, pulls, count)
-    off = _off_balance(body, forces, loads.traction + tractions, loads, blocks)
-    lost = np.abs(off).sum(axis=1)
-    on_facets = size[of_facets]
-    measured = {"equilibrium": _largest(lost, size)}
-    left = {
-        "outer_tractions": joints.loose,
-        "tension": joints.tension,
-        "shear": joints.shear,
-        "unequal_pressures": joints.unequal,
-    }
-    measured |= {name: _largest(values, on_facets) for name, values in left.items()}
-    measured["shear_ratio"] = float(joints.ratio.max(initial=0.0))
-    total = float(lost.sum() + sum(values.sum() for values in left.values()))
-    sizes = [of.sizes(body.volumes, body.areas) for of in kinds]
-    loaded = float(sum(pull.sum() + push.sum() for pull, push in sizes))
-    measured["left_of_load"] = share_of(total, loaded) if loaded else 0.0
-    return Left(measured, total, loaded, joints.reason)
+    blocks = _Blocks(body, loads)
+    joints = _Joints(body, blocks)
+    second, loaded = best if inner is None else inner, blocks.loaded(best.factors)
+    if not all(np.isfinite(of).all() for it in (best, second) for of in (it.forces, it.tractions)):
+        return Carried(None, "forces on joints are not finite", np.inf, loaded)
+    parts = joints.of(best), joints.of(second)
+    missing, errors = joints.missing(parts[0], best.factors)
+    left = float((np.abs(missing) + errors).sum())
+    anchors = joints.anchors()
+    if joints.reason is not None:
+        return Carried(None, joints.reason, left, loaded)
+    if missing.size * anchors.count > MOST_NUMBERS:
+        return Carried(None, "there are too many blocks and joints", left, loaded)
+    rows, size = anchors.rows(blocks), loaded or 1.0
+    inside = anchors.room(joints, parts[1], size)
+    for share in _shares(rows[0], missing, inside):
+        pairs = zip(best.factors, second.factors, strict=True)
+        sought, _, others = ((1 - share) * a + share * b for a, b in pairs)
+        factors = sought, best.factors[1], others
+        mixed = joints.inside(parts[0].mixed(parts[1], share))
+        room = anchors.room(joints, mixed, size)
+        most = np.where(anchors.is_limited, room, np.inf)
+        # In proportion to the inner room, so that small numbers are not lost beside large ones.
+        weights = np.minimum(share * inside, most)
+
+        def push(
+            forces: Floats, mixed: _Parts = mixed, factors: Factors = factors
+        ) -> tuple[Floats, Floats]:
+            """Return what is missing, and its errors, when forces act besides."""
+            return joints.missing(mixed, factors, (anchors, forces))
+
+        without = joints.missing(mixed, factors)
+        if exerted_of(rows, (weights, most), without, push)[0] is not None:
+            return Carried(factors[0], None, left, loaded)
+    return Carried(None, HELD, left, loaded)
+
+
+def _shares(rows: Floats, missing: Floats, room: Floats) -> list[float]:
+    """Return shares of the inner forces that are tried.
+
+    The first is little more than what has room for forces that balance what is missing.
+
+    Args:
+        rows: Forces and moments on blocks of anchors, shape (num_rows, num_anchors).
+        missing: What is missing without inner forces.
+        room: Room in the inner forces.
+    """
+    scaled = rows * room
+    size = np.linalg.norm(scaled, axis=1)
+    scale = np.where(size > 0, size, 1.0)
+    needed = np.linalg.lstsq(scaled / scale[:, None], missing.ravel() / scale, rcond=1e-12)[0]
+    least = 1e-14 + 2 * float(np.abs(needed).max(initial=0.0))
+    growing = (least * 8.0**number for number in range(16))
+    return [*(share for share in growing if share < 1), 1.0]
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Forces on joints and supports, taken apart.
+
+    Attributes:
+        pressure: Of each spot, not negative, shape (num_spots,).
+        shear: Coefficients of the tangents, shape (num_spots, d − 1).
+        adhesion: The same of tractions.
+        held: Coefficients of directions that supports hold.
+    """
+
+    pressure: Floats
+    shear: Floats
+    adhesion: Floats
+    held: Floats
+
+    def mixed(self, other: "_Parts", share: float) -> "_Parts":
+        """Return a mean with this share of others. All sets are convex but for rounding."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return _Parts(*((1 - share) * one + share * two for one, two in pairs))
+
+
+class _Blocks:
+    """Blocks, and loads on them.
+
+    Attributes:
+        of_facets: The block of each outer facet.
+    """
+
+    def __init__(self, body: Body, loads: Sequence[Loads]) -> None:
+        numbers = np.unique(pieces_of(body), return_inverse=True)[1].ravel()
+        self._body, self._loads, self._of_cells = body, loads, numbers
+        self._count = int(numbers.max()) + 1
+        x, d = body.vertices[body.cells], body.dim
+        least, most = np.full((self._count, d), np.inf), np.full((self._count, d), -np.inf)
+        np.minimum.at(least, numbers, x.min(axis=1))
+        np.maximum.at(most, numbers, x.max(axis=1))
+        self._middle, self._over = (least + most) / 2, 1 / (most - least).max(axis=1)
+        self.of_facets = numbers[body.outer // (d + 1)]
+        shapes = shapes_of(body)
+        self._volumes = shapes.volumes
+        areas = shapes.areas.each(lambda part: part.reshape(-1, d)[body.outer])
+        self.areas, self.sizes = areas, (areas * areas).sum(axis=1).root()
+
+    def loaded(self, factors: Factors) -> float:
+        """Return the sum of the magnitudes of loads."""
+        body, found = self._body, 0.0
+        for factor, loads in zip(factors, self._loads, strict=True):
+            pulls, pushes = loads.sizes(body.volumes, body.areas)
+            found += abs(factor) * float(pulls.sum() + pushes.sum())
+        return found
+
+    def acting(self, factors: Factors) -> Balls:
+        """Return forces and moments of loads, shape (num_blocks, 3 or 6)."""
+        body, d = self._body, self._body.dim
+        kinds = list(zip(factors, self._loads, strict=True))
+        force, traction = (
+            summed([(factor, getattr(of, name)) for factor, of in kinds])
+            for name in ("body_force", "traction")
+        )
+        x = Balls.exact(body.vertices[body.cells]).sum(axis=1) * Balls.part(d + 1)
+        found = self.wrenches(self._of_cells, x, force * self._volumes[:, None])
+        facets, corners = np.nonzero(traction.size.any(axis=2))
+        pushes = traction[facets, corners] * self.hats(facets)[:, None]
+        middles = self.middles(facets, corners)
+        return found + self.wrenches(self.of_facets[facets], middles, pushes)
+
+    def hats(self, facets: Longs) -> Balls:
+        """Return areas that vertices stand for."""
+        return self.sizes[facets] * Balls.part(self._body.dim)
+
+    def middles(self, facets: Longs, corners: Longs) -> Balls:
+        """Return where tractions act that are zero at all vertices but one."""
+        x = Balls.exact(self._body.vertices[self._body.facets[facets]])
+        return (x.sum(axis=1) + x[np.arange(len(facets)), corners]) * Balls.part(self._body.dim + 1)
+
+    def turned(self, of: Longs, places: Balls, forces: Balls) -> Balls:
+        """Return forces with moments over extents, shape (n, 3 or 6)."""
+        arms = (places - Balls.exact(self._middle[of])) * Balls.exact(self._over[of])[:, None]
+        parts = forces, crossed(arms, forces)
+        return Balls(
+            *(np.hstack([getattr(p, name) for p in parts]) for name in ("mid", "low", "rad"))
+        )
+
+    def wrenches(self, of: Longs, places: Balls, forces: Balls) -> Balls:
+        """Return sums of forces and moments over extents of each block."""
+        each = self.turned(of, places, forces)
+        order = np.argsort(of, kind="stable")
+        of, each = of[order], each[order]
+        while (np.diff(of) == 0).any():  # pairs of each block are added, and pairs of these
+            starts = np.flatnonzero(np.diff(of, prepend=-1))
+            lengths = np.diff(starts, append=len(of))
+            within = np.arange(len(of)) - np.repeat(starts, lengths)
+            one = np.flatnonzero(within % 2 == 0)
+            other = np.minimum(one + 1, len(of) - 1)
+            two = (of[other] == of[one]) & (other > one)
+            each, of = each[one] + each[other].where(two[:, None]), of[one]
+        return put(Balls.exact(np.zeros((self._count, each.mid.shape[1]))), of, each)
+
+
+class _Spots(NamedTuple):
+    """Vertices of facets in contact, with those opposite; shapes (num_spots,).
+
+    Attributes:
+        facets: Facets of the first side.
+        corners: Places of the vertices in them.
+        second: Facets opposite, −1 of obstacles.
+        opposite: Places of the vertices there.
+        adhesion: Largest tractions by adhesion.
+        friction: μ.
+        rounding: Largest errors in length of normals.
+    """
+
+    facets: Longs
+    corners: Longs
+    second: Longs
+    opposite: Longs
+    adhesion: Floats
+    friction: Floats
+    rounding: Floats
 
 
 class _Joints:
-    """The rest that forces leave of the conditions of their facets.
+    """Where forces can act: spots of joints, and directions that supports hold.
+
+    Forces on a spot act along a normal and tangents of the first side, without rounding, and with
+    the other sign on the second one.
 
     Attributes:
-        loose: Forces, and tractions times areas, where nothing holds or touches, (num_facets,).
-        tension: Forces of contact that pull.
-        shear: Forces of contact along it, beyond μ times those across; tractions out of the facet.
-        unequal: What forces of both sides differ by.
-        ratio: Adhesive tractions over c.
         reason: Why the conditions cannot be judged, or None.
     """
 
-    def __init__(self, body: Body, forces: Floats, tractions: Floats) -> None:
-        count = len(body.facets)
-        self._body, self._forces, self._tractions = body, forces, tractions
-        self.loose, self.tension, self.shear, self.unequal, self.ratio = np.zeros((5, count))
-        self._times = np.zeros(count, dtype=int)
+    def __init__(self, body: Body, blocks: _Blocks) -> None:
+        self._body, self._blocks = body, blocks
         self.reason: str | None = None
+        d, times = body.dim, np.zeros(len(body.facets), dtype=int)
+        sizes = np.maximum(np.linalg.norm(blocks.areas.mid, axis=1), np.finfo(float).tiny)
+        units = blocks.areas * Balls.exact(1 / sizes)[:, None]
+        x = Balls.exact(body.vertices[body.facets])
+        over = Balls.exact(sizes ** (-1 / (d - 1)))[:, None]
+        along = stacked([(x[:, k] - x[:, 0]) * over for k in range(1, d)], 1)
+        spots, normals, tangents = [], list[Balls](), list[Balls]()
         rubs = zip(body.contact_adhesion, body.contact_friction, strict=True)
-        for one, other, (c, mu) in zip(*body.contacts.T, rubs, strict=True):
+        for one, other, terms in zip(*body.contacts.T, rubs, strict=True):
             pair = touching(body, one, other)
             if pair.apart:
                 self.reason = f"{pair.apart} facets of contact or more match none opposite"
-            opposite = [
-                np.take_along_axis(of[pair.second], pair.order[..., None], axis=1)
-                for of in (forces, tractions)
-            ]
-            apart = np.linalg.norm(forces[pair.first] + opposite[0], axis=2).sum(axis=1)
-            unlike = np.linalg.norm(tractions[pair.first] + opposite[1], axis=2).sum(axis=1)
-            self.unequal[pair.first] = apart + body.areas[pair.first] * unlike
-            for facets in (pair.first, pair.second):
-                self._judge(facets, body.normals[facets], c, mu)
+            np.add.at(times, np.append(pair.first, pair.second), 1)
+            spots.append(_spots(pair.first, (pair.second, pair.order), (*terms, 64 * U)))
+            normals.append(units[spots[-1].facets])
+            tangents.append(along[spots[-1].facets])
         for tag, normal, c, mu in obstacles_of(body):
             facets = body.on(tag)
-            self._judge(facets, np.tile(normal, (len(facets), 1)), c, mu)
-        free = self._times == 0
-        held = body.held.any(axis=1) | np.asarray(body.guided.any(axis=1))
-        rest = left_free(forces, body.held, body.guided)
-        self.loose[free] = np.linalg.norm(rest, axis=2).sum(axis=1)[free]
-        pulled = body.areas * np.linalg.norm(tractions, axis=2).sum(axis=1)
-        self.loose[free] += pulled[free]
-        if (self._times > 1).any():
+            times[facets] += 1
+            alone = np.full(len(facets), -1), np.tile(np.arange(d), (len(facets), 1))
+            spots.append(_spots(facets, alone, (float(c), float(mu), UNIT)))
+            count = len(spots[-1].facets)
+            normals.append(Balls.exact(np.tile(normal, (count, 1))))
+            tangents.append(Balls.exact(np.tile(_across(normal), (count, 1, 1))))
+        self._spots = _Spots(*(np.concatenate(of) for of in zip(*spots, strict=True)))
+        self._normal, self._tangents = _joined(normals), _joined(tangents)
+        self._find_supports(times)
+
+    def _find_supports(self, times: Longs) -> None:
+        """Find directions that supports hold, and what forbids to judge."""
+        body = self._body
+        guided = np.asarray(body.guided.any(axis=1))
+        if (times > 1).any():
             self.reason = "a facet touches two others"
-        if held[~free].any():
+        if (body.held.any(axis=1) | guided)[times > 0].any():
             self.reason = "supports hold facets in contact"
         if len(body.rigid) or body.is_revolved:
             self.reason = "blocks have rigid surfaces of plates, or are of revolution"
+        facets, axes = np.nonzero(body.held)
+        d = body.dim
+        self._held = np.repeat(np.append(facets, np.flatnonzero(guided)), d)
+        self._held_corners = np.tile(np.arange(d), len(self._held) // d)
+        self._held_along = np.repeat(np.append(np.eye(d)[axes], body.guided[guided], axis=0), d, 0)
 
-    def _judge(self, facets: Longs, into: Floats, c: float, mu: float) -> None:
-        """Judge forces on facets that push along a unit normal into what they touch."""
-        self._times[facets] += 1
-        along = np.einsum("fvi,fi->fv", self._forces[facets], into)
-        across = self._forces[facets] - along[..., None] * into[:, None]
-        self.tension[facets] = np.maximum(along, 0.0).sum(axis=1)
-        beyond = np.linalg.norm(across, axis=2) + mu * np.minimum(along, 0.0)
-        self.shear[facets] = np.maximum(beyond, 0.0).sum(axis=1)
-        traction = self._tractions[facets]
-        out = np.abs(np.einsum("fvi,fi->fv", traction, into)).sum(axis=1)
-        self.shear[facets] += self._body.areas[facets] * out
-        sizes = np.linalg.norm(traction, axis=2).max(axis=1, initial=0.0)
-        adheres = np.inf if c == 0 else 1 / c
-        self.ratio[facets] = np.where(sizes == 0, 0.0, sizes * adheres)
+    def of(self, given: JointForces) -> _Parts:
+        """Return parts of forces that keep to all conditions."""
+        normal, tangents = self._normal.mid, self._tangents.mid
+        at, along = (self._spots.facets, self._spots.corners), self._held_along
+        force, traction = given.forces[at], given.tractions[at]
+        pressure = np.maximum(-np.einsum("ni,ni->n", force, normal), 0.0)
+        back = np.linalg.inv(np.einsum("nik,njk->nij", tangents, tangents))
+        shear, adhesion = (
+            np.einsum("nij,njk,nk->ni", back, tangents, of) for of in (force, traction)
+        )
+        held = np.einsum("ni,ni->n", given.forces[self._held, self._held_corners], along)
+        parts = _Parts(pressure, shear, adhesion, held / np.einsum("ni,ni->n", along, along))
+        return self.inside(parts)
+
+    def inside(self, parts: _Parts) -> _Parts:
+        """Return parts with shears that are not beyond their limits."""
+        shrunk = []
+        for values, limit in zip((parts.shear, parts.adhesion), self._limits(parts), strict=True):
+            size = self._sizes(values)
+            beyond = size > limit
+            share = np.where(beyond, limit / np.where(beyond, size, 1.0) * (1 - 64 * U), 1.0)
+            shrunk.append(values * share[:, None])
+        shear, adhesion = shrunk
+        return _Parts(parts.pressure, shear, adhesion, parts.held)
+
+    def _sizes(self, values: Floats) -> Floats:
+        """Return lengths of tangent vectors, from above."""
+        return (self._tangents * Balls.exact(values)[..., None]).sum(axis=1).norms()
+
+    def _limits(self, parts: _Parts) -> tuple[Floats, Floats]:
+        """Return the largest shear forces, and adhesive tractions, from below."""
+        less = 1 - 2 * self._spots.rounding
+        return self._spots.friction * parts.pressure * less, self._spots.adhesion * (1 - 4 * U)
+
+    def rooms(self, parts: _Parts) -> tuple[Floats, Floats]:
+        """Return forces that may act besides on spots, and tractions, from below."""
+        mu, (limit, adheres) = self._spots.friction, self._limits(parts)
+        # Less pressure and more shear, each by the force, leave ‖f_t‖ ≤ μp.
+        beside = (limit - self._sizes(parts.shear)) / (1 + mu)
+        room = np.where(mu > 0, beside, parts.pressure)
+        less = 1 - 1e-9  # for rounding
+        return (
+            np.maximum(room * less, 0.0),
+            np.maximum((adheres - self._sizes(parts.adhesion)) * less, 0.0),
+        )
+
+    def missing(
+        self, parts: _Parts, factors: Factors, besides: tuple["_Anchors", Floats] | None = None
+    ) -> tuple[Floats, Floats]:
+        """Return forces and moments on blocks that nothing balances, and errors.
+
+        Args:
+            parts: Forces on joints and supports.
+            factors: Of the loads.
+            besides: Anchors, and their forces.
+        """
+        shear, adheres = (
+            (self._tangents * Balls.exact(of)[..., None]).sum(axis=1)
+            for of in (parts.shear, parts.adhesion)
+        )
+        pushes = shear - self._normal * Balls.exact(parts.pressure)[:, None]
+        found = [self._blocks.acting(factors), *self._on_both(pushes, self._vertices())]
+        if parts.adhesion.any():
+            adheres = adheres * self._blocks.hats(self._spots.facets)[:, None]
+            found += self._on_both(adheres, self._middles())
+        pulls = Balls.exact(self._held_along) * Balls.exact(parts.held)[:, None]
+        of = self._blocks.of_facets[self._held]
+        found.append(self._blocks.wrenches(of, self._supports(), pulls))
+        if besides is not None:
+            found += besides[0].acting(self._blocks, besides[1])
+        total = sum(found[1:], start=found[0])
+        return total.mid, upwards(total.rad + np.abs(total.low))
+
+    def _on_both(self, forces: Balls, places: tuple[Balls, Balls]) -> list[Balls]:
+        """Return what forces on spots do on both sides."""
+        spots, blocks = self._spots, self._blocks
+        two = np.flatnonzero(spots.second >= 0)
+        return [
+            blocks.wrenches(blocks.of_facets[spots.facets], places[0], forces),
+            blocks.wrenches(blocks.of_facets[spots.second[two]], places[1][two], -forces[two]),
+        ]
+
+    def _vertices(self) -> tuple[Balls, Balls]:
+        """Return the places of spots on both sides."""
+        x, ends, of = self._body.vertices, self._body.facets, self._spots
+        sides = (of.facets, of.corners), (of.second, of.opposite)
+        one, other = (Balls.exact(x[ends[at]]) for at in sides)
+        return one, other
+
+    def _middles(self) -> tuple[Balls, Balls]:
+        """Return where tractions act on both sides that are zero at all vertices but one."""
+        of = self._spots
+        one = self._blocks.middles(of.facets, of.corners)
+        return one, self._blocks.middles(of.second, of.opposite)
+
+    def _supports(self) -> Balls:
+        """Return where supports act."""
+        return Balls.exact(self._body.vertices[self._body.facets[self._held, self._held_corners]])
+
+    def anchors(self) -> "_Anchors":
+        """Return forces that can act besides on joints and supports."""
+        spots, d = self._spots, self._body.dim
+        rubs, smooth, adheres = (
+            np.flatnonzero(of)
+            for of in (spots.friction > 0, spots.friction == 0, spots.adhesion > 0)
+        )
+        of_spots = self._blocks.of_facets[spots.facets]
+        there = np.where(spots.second >= 0, self._blocks.of_facets[spots.second], -1)
+        vertices, middles = self._vertices(), self._middles()
+        share = 0.999  # of what spots leave, for rounding of lengths
+        found = list[tuple[int, Longs, Balls, tuple[Balls, Balls], Floats]]()
+        for axis in np.eye(d):
+            along = Balls.exact(np.tile(axis, (len(rubs), 1)))
+            found.append((0, rubs, along, vertices, np.full(len(rubs), share / d**0.5)))
+        found.append((0, smooth, self._normal[smooth], vertices, np.full(len(smooth), share)))
+        for k in range(d - 1):
+            along = self._tangents[adheres, k]
+            size: Floats = np.asarray(share / ((d - 1) * along.norms()), dtype=np.float64)
+            hats = self._blocks.hats(spots.facets[adheres])
+            found.append((1, adheres, along * hats[:, None], middles, size))
+        every, supports = np.arange(len(self._held)), self._supports()
+        along = Balls.exact(self._held_along)
+        held = self._blocks.of_facets[self._held]
+        blocks = [np.column_stack([of_spots[at], there[at]]) for _, at, *_ in found]
+        places = [(both[0][at], both[1][at]) for _, at, _, both, _ in found]
+        return _Anchors(
+            kind=np.repeat(
+                [*(of[0] for of in found), 2], [*(len(of[1]) for of in found), len(every)]
+            ),
+            spot=np.concatenate([*(of[1] for of in found), every]),
+            along=_joined([*(of[2] for of in found), along]),
+            block=np.concatenate([*blocks, np.column_stack([held, np.full(len(held), -1)])]),
+            places=(
+                _joined([*(of[0] for of in places), supports]),
+                _joined([*(of[1] for of in places), supports]),
+            ),
+            scale=np.concatenate([*(of[4] for of in found), np.ones(len(every))]),
+        )
 
 
-def _off_balance(
-    body: Body, forces: Floats, tractions: Floats, loads: Loads, blocks: Longs
-) -> Floats:
-    """Return forces and moments over the extent of each block, shape (num_blocks, 3 or 6)."""
-    d, count = body.dim, int(blocks.max()) + 1
-    x = body.vertices[body.cells]
-    weights = _summed(blocks, body.volumes, count)
-    sums = [_summed(blocks, body.volumes * x[..., i].mean(axis=1), count) for i in range(d)]
-    middle = np.stack(sums, axis=1) / weights[:, None]
-    extent = np.zeros(count)
-    away = np.linalg.norm(x - middle[blocks][:, None], axis=2).max(axis=1)
-    np.maximum.at(extent, blocks, away)
-    of_facets = blocks[body.outer // (d + 1)]
-    found = np.zeros((count, d + 2 * d - 3))
+@dataclass(frozen=True)
+class _Anchors:
+    """Forces that can act besides.
 
-    def act(of: Longs, places: Floats, values: Floats) -> None:
-        arms = (places - middle[of]) / extent[of][:, None]
-        np.add.at(found, of, np.hstack([values, moments(arms, values)]))
+    Attributes:
+        kind: 0 of forces on joints, 1 of tractions by adhesion, 2 of supports; shape (n,).
+        spot: The spot, or direction that supports hold.
+        along: Forces of size 1 on the first side, shape (n, d).
+        block: Block on which each acts, and the one on which it acts with the other sign, −1 for
+            none; shape (n, 2).
+        places: Where, on either.
+        scale: Forces are these shares of what a spot leaves.
+    """
 
-    means = (np.eye(d) + 1) / (d * (d + 1))  # of products of barycentric coordinates
-    spread = np.einsum("f,ab,fbi->fai", body.areas, means, tractions)
-    at = body.vertices[body.facets]
-    for vertex in range(d):
-        act(of_facets, at[:, vertex], forces[:, vertex] + spread[:, vertex])
-    act(blocks, x.mean(axis=1), body.volumes[:, None] * loads.body_force)
-    return found
+    kind: Longs
+    spot: Longs
+    along: Balls
+    block: Longs
+    places: tuple[Balls, Balls]
+    scale: Floats
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.kind)
+
+    @property
+    def is_limited(self) -> Flags:
+        """Whether something limits them."""
+        return np.asarray(self.kind < 2)
+
+    def room(self, joints: _Joints, parts: _Parts, size: float) -> Floats:
+        """Return the largest sizes that spots have room for.
+
+        Of supports it is the largest of these, so that small numbers are not lost beside it.
+        """
+        found = np.zeros(self.count)
+        for kind, room in enumerate(joints.rooms(parts)):
+            here = self.kind == kind
+            found[here] = room[self.spot[here]] * self.scale[here]
+        found[~self.is_limited] = float(found.max(initial=0.0)) or size
+        return found
+
+    def acting(self, blocks: _Blocks, forces: Floats) -> list[Balls]:
+        """Return forces and moments on blocks, of either side."""
+        values = self.along * Balls.exact(forces)[:, None]
+        two = np.flatnonzero(self.block[:, 1] >= 0)
+        return [
+            blocks.wrenches(self.block[:, 0], self.places[0], values),
+            blocks.wrenches(self.block[two, 1], self.places[1][two], -values[two]),
+        ]
+
+    def rows(self, blocks: _Blocks) -> tuple[Floats, Floats]:
+        """Return forces and moments on blocks, and errors, shape (num_rows, num_anchors)."""
+        first = blocks.turned(self.block[:, 0], self.places[0], self.along)
+        second = blocks.turned(np.maximum(self.block[:, 1], 0), self.places[1], -self.along)
+        wide = first.mid.shape[1]
+        mid, rad = np.zeros((2, int(blocks.of_facets.max()) + 1, wide, self.count))
+        for side, values in enumerate((first, second)):
+            at = np.flatnonzero(self.block[:, side] >= 0)
+            mid[self.block[at, side], :, at] += values.mid[at]
+            rad[self.block[at, side], :, at] += values.rad[at] + np.abs(values.low[at])
+        shape = (-1, self.count)
+        return mid.reshape(shape), upwards(rad + U * np.abs(mid)).reshape(shape)
 
 
-def _summed(of: Longs, values: Floats, count: int) -> Floats:
-    """Return the sum of values of each block, shape (count,)."""
-    return np.asarray(np.bincount(of, weights=values, minlength=count), dtype=np.float64)
+def _spots(
+    facets: Longs, opposite: tuple[Longs, Longs], terms: tuple[float, float, float]
+) -> _Spots:
+    """Return spots at all vertices of facets.
+
+    Args:
+        facets: Of the first side.
+        opposite: Facets opposite, and places of the vertices there, shape (n, d).
+        terms: Adhesion, μ, and errors of normals.
+    """
+    second, order = opposite
+    count, d = order.shape
+    each = (np.full(count * d, of) for of in terms)
+    corners = np.tile(np.arange(d), count)
+    return _Spots(np.repeat(facets, d), corners, np.repeat(second, d), order.ravel(), *each)
 
 
-def _numbered(pieces: Longs) -> tuple[Longs, int]:
-    """Return the number of the block of each cell, from 0, and how many there are."""
-    found, numbers = np.unique(pieces, return_inverse=True)
-    return numbers.ravel(), len(found)
+def _joined(parts: Sequence[Balls]) -> Balls:
+    """Return numbers one after the other."""
+    names = ("mid", "low", "rad")
+    return Balls(*(np.concatenate([getattr(p, of) for p in parts]) for of in names))
 
 
-def _largest(values: Floats, sizes: Floats) -> float:
-    """Return the largest share; ∞ where one is no number, or something of nothing."""
-    shares = np.where(values == 0, 0.0, np.divide(values, sizes))
-    largest = float(shares.max(initial=0.0))
-    return largest if np.isfinite(largest) else np.inf
+def _across(normal: Floats) -> Floats:
+    """Return vectors across another one, without rounding, shape (d − 1, d)."""
+    if len(normal) == 2:
+        return np.array([[-normal[1], normal[0]]])
+    axes = np.eye(3)[np.argsort(np.abs(normal))[:2]]
+    return np.asarray(np.cross(normal, axes), dtype=np.float64)

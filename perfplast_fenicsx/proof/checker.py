@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.proof.blocks import measure_forces
+from perfplast_fenicsx.proof.blocks import Factors, JointForces, carried_by
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.halves import differences, pair_of_drucker, pair_of_radenkovic
-from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.lower import Left, is_counted, measure_stress, overstress
+from perfplast_fenicsx.proof.lower import is_counted, measure_stress, overstress
 from perfplast_fenicsx.proof.overlap import overlapping
 from perfplast_fenicsx.proof.plain_arrays import (
     ProofError,
@@ -182,7 +181,8 @@ def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:
     The loads that it balances are those at ``factor``, or at ``bound`` where that is missing.
     Of bodies of revolution the coefficients of rσ (:mod:`rings`), shape (num_cells, 6, 2, 2). Where
     no cell can yield ``joint_force`` (num_facets, d, d) is in its place, and where joints adhere
-    ``joint_traction`` of the same shape beside it (:mod:`blocks`).
+    ``joint_traction`` of the same shape beside it; ``inner_force``, ``inner_traction``,
+    ``inner_factor`` and ``inner_any_factor`` are a second set of them (:mod:`blocks`).
 
     Raises:
         ProofError: If the arrays do not fit together.
@@ -206,61 +206,105 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     claimed = bound_of(arrays["bound"], bool(body.constant))
     factor = bound_of(arrays.get("factor", claimed), bool(body.constant))
     other = number_of("any_factor", arrays.get("any_factor", 0.0))
-    left = _left(body, arrays, (factor * body.sought, body.constant, other * body.others))
-    reasons, rows = _reasons(overlaps, left.reason), faults_of(left.measured)
+    factors = (factor, 1.0, other)
+    judge = _of_stress if body.plastic.any() else _of_blocks
+    found = judge(body, arrays, factors)
+    proven, reasons = found.factor, [*_reasons(overlaps, None), *found.reasons]
+    if reasons:
+        proven = None
+    if proven is None or not proven >= claimed - ROUNDED * abs(claimed):
+        only = [] if proven is None else [f"only {proven:.9g} is proven"]
+        faults = tuple(dict.fromkeys([*reasons, *only, *found.rows]))
+    else:
+        faults = ()
+    sums = (
+        f"Forces without balance are {found.forces:.2g} in all, of {found.loads:.6g} that the loads"
+        " are."
+    )
+    if found.counted and proven is not None:
+        sums += f" They and rounding cost {max(factor - proven, 0.0):.2g} of the bound."
+    words = (taken_as_written(body), *reduction_words(body, arrays), sums)
+    shown = None if faults else proven
+    checked_half = Checked("lower", claimed, shown, found.measured, faults, words, reached=proven)
+    return _Half(checked_half, body, overlaps, forces=0.0 if found.counted else found.forces)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """The load factor that a stress, or forces on joints, prove.
+
+    Attributes:
+        factor: None where they prove nothing.
+        reasons: Why they do not.
+        rows: Conditions that fail, in words.
+        measured: What is left of each condition.
+        forces: The sum of forces without balance.
+        loads: That of the loads.
+        counted: Whether what is left has made the factor smaller.
+    """
+
+    factor: float | None
+    reasons: tuple[str, ...]
+    rows: tuple[str, ...]
+    measured: Mapping[str, float]
+    forces: float
+    loads: float
+    counted: bool
+
+
+def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) -> _Found:
+    """Return what a stress proves, with loads at some factors."""
+    stress, d = checked(arrays, ("stress",))["stress"], body.dim
+    if stress.shape != (len(body.cells), 6 if body.is_revolved else d + 1, d, d):
+        raise ProofError("the stress does not fit the cells.")
+    every = (body.sought, body.constant, body.others)
+    left = measure_stress(body, stress, [by * of for by, of in zip(factors, every, strict=True)])
+    reasons, rows = [] if left.reason is None else [left.reason], faults_of(left.measured)
     counted = is_counted(body)
     if counted:
-        kinds = [(factor, body.sought), (1.0, body.constant), (other, body.others)]
-        over, why = overstress(body, checked(arrays, ("stress",))["stress"], kinds)
+        over, why = overstress(body, stress, list(zip(factors, every, strict=True)))
         exact = left.measured["asymmetry"] == 0 and left.measured.get("axis", 0.0) == 0
         reasons += [] if why is None else [why]
     else:
         over, exact = max(left.measured.get(name, 0.0) for name in RATIOS), not rows
     if (body.constant or body.loose) and not over <= 1:  # such a stress cannot be made smaller
         reasons.append(f"stresses are {over:.17g} times as large as they may be")
-    proven = None if reasons or not exact else _divided(factor, over)
-    if proven is None or not proven >= claimed - ROUNDED * abs(claimed):
-        only = [] if proven is None else [f"only {proven:.9g} is proven"]
-        faults = tuple(dict.fromkeys([*reasons, *only, *rows]))
-    else:
-        faults = ()
-    sums = (
-        f"Forces without balance are {left.forces:.2g} in all, of {left.loads:.6g} that the loads"
-        " are."
-    )
-    if counted and proven is not None:
-        sums += f" They and rounding cost {max(factor - proven, 0.0):.2g} of the bound."
-    words = (taken_as_written(body), *reduction_words(body, arrays), sums)
-    shown = None if faults else proven
-    found = Checked("lower", claimed, shown, left.measured, faults, words, reached=proven)
-    return _Half(found, body, overlaps, forces=0.0 if counted else left.forces)
+    factor = None if reasons or not exact else _divided(factors[0], over)
+    told = left.measured, left.forces, left.loads
+    return _Found(factor, tuple(reasons), tuple(rows), *told, counted=counted)
+
+
+def _of_blocks(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) -> _Found:
+    """Return what forces on the joints of rigid blocks prove, with loads at some factors."""
+    best = _joint_forces(body, arrays, "joint", factors)
+    inner = None
+    if "inner_force" in arrays:
+        if "inner_factor" not in arrays:
+            raise ProofError("inner_factor is missing.")
+        factor = number_of("inner_factor", arrays["inner_factor"])
+        other = number_of("inner_any_factor", arrays.get("inner_any_factor", 0.0))
+        inner = _joint_forces(body, arrays, "inner", (factor, 1.0, other))
+    every = (body.sought, body.constant, body.others)
+    found = carried_by(body, best, inner, every)
+    reasons = () if found.reason is None else (found.reason,)
+    return _Found(found.factor, reasons, (), {}, found.left, found.loads, counted=True)
+
+
+def _joint_forces(
+    body: Body, arrays: Mapping[str, npt.NDArray], prefix: str, factors: Factors
+) -> JointForces:
+    """Return forces on joints with loads at some factors."""
+    none = np.zeros((len(body.facets), body.dim, body.dim))
+    names = (f"{prefix}_force", f"{prefix}_traction")
+    forces, tractions = checked({names[1]: none, **arrays}, names).values()
+    if forces.shape != none.shape or tractions.shape != none.shape:
+        raise ProofError("forces on joints do not fit the facets.")
+    return JointForces(forces, tractions, factors)
 
 
 def _divided(claimed: float, over: float) -> float:
     """Return a bound of a stress that is so many times as large as it may be, from below."""
     return claimed if over <= 1 else float(np.nextafter(claimed / over, -np.inf))
-
-
-def _left(body: Body, arrays: Mapping[str, npt.NDArray], kinds: Sequence[Loads]) -> Left:
-    """Return what a stress, or forces on joints of blocks, leave of their conditions.
-
-    Args:
-        body: The bodies.
-        arrays: Arrays of the half.
-        kinds: All loads at the bound, each kind by itself.
-    """
-    d = body.dim
-    if not body.plastic.any():
-        none = np.zeros((len(body.facets), d, d))
-        names = ("joint_force", "joint_traction")
-        forces, tractions = checked({names[1]: none, **arrays}, names).values()
-        if forces.shape != none.shape or tractions.shape != none.shape:
-            raise ProofError("forces on joints do not fit the facets.")
-        return measure_forces(body, forces, tractions, kinds)
-    stress = checked(arrays, ("stress",))["stress"]
-    if stress.shape != (len(body.cells), 6 if body.is_revolved else d + 1, d, d):
-        raise ProofError("the stress does not fit the cells.")
-    return measure_stress(body, stress, kinds)
 
 
 def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:

@@ -14,9 +14,15 @@ FLOATS = (
     *("cell_strength", "obstacle_normals", "guided"),
     *EVERY,
     *("contact_adhesion", "contact_friction", "obstacle_adhesion", "obstacle_friction"),
-    *("stress", "velocity", "joint_force", "joint_traction"),
+    *("stress", "velocity", "joint_force", "joint_traction", "inner_force", "inner_traction"),
 )
 LONGS = ("cells", "cone", "facets", "surface", "contacts", "obstacles", "nodes", "rigid")
+NUMBERS = (
+    *("bound", "factor", "any_factor", "inner_factor", "inner_any_factor"),
+    *("revolved", "strength_factor"),
+)
+"""Attributes of a half."""
+
 FLAGS = ("held", "rigid_held", "revolved", "cell_kept", "contact_kept", "obstacle_kept")
 
 
@@ -129,8 +135,7 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
         found[name] = np.asarray(data)
     if "bound" not in group.attrs:
         raise ProofError("bound is missing.")
-    numbers = ("bound", "factor", "any_factor", "revolved", "strength_factor")
-    return found | {name: np.asarray(group.attrs[name]) for name in numbers if name in group.attrs}
+    return found | {name: np.asarray(group.attrs[name]) for name in NUMBERS if name in group.attrs}
 
 
 def equal(one: npt.NDArray, other: npt.NDArray) -> bool:

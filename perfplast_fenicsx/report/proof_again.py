@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.proof.plain_arrays import equal, plain, stored_arrays
+from perfplast_fenicsx.proof.plain_arrays import NUMBERS, equal, plain, stored_arrays
 from perfplast_fenicsx.proof.stored_file import stored_file
 from perfplast_fenicsx.report.frame import asset, data_of
 from perfplast_fenicsx.report.packing import Packed, deflated, size_of
 
-NUMBERS = ("bound", "factor", "any_factor", "revolved", "strength_factor")
-"""Names of the attributes of a half."""
-
-OF_ONE_HALF = {"stress", "velocity", "nodes", "joint_force", "joint_traction"}
+OF_ONE_HALF = {
+    *("stress", "velocity", "nodes", "joint_force", "joint_traction"),
+    *("inner_force", "inner_traction"),
+}
 """Names of arrays that are not of the bodies."""
 
 

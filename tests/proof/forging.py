@@ -25,14 +25,12 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
 from perfplast_fenicsx.proof import ProofError, check
+from perfplast_fenicsx.proof.plain_arrays import NUMBERS
 from tests.random_bodies import Stack, write_stack
 
 Arrays = dict[str, npt.NDArray]
 Halves = dict[str, Arrays]
 Forgery = Callable[[Halves], object]
-
-NUMBERS = ("bound", "factor", "any_factor", "revolved", "strength_factor")
-"""What halves have as attributes."""
 
 
 def written(folder: Path, low: BodyBounds, high: BodyBounds | None = None) -> Halves:

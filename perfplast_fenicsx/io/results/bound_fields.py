@@ -56,7 +56,7 @@ def _of_joints(problem: Problem, joints: JointProof) -> dict[str, fem.Function]:
     around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
     nodes = space.dofmap.list[body.geometry.cell[outer][:, None], around[body.geometry.side[outer]]]
     shares = np.broadcast_to(body.geometry.areas(outer)[:, None] / d, nodes.shape)
-    pushes = -np.einsum("fvi,fi->fv", joints.forces[chosen], body.geometry.normals(outer))
+    pushes = -np.einsum("fvi,fi->fv", joints.best.forces[chosen], body.geometry.normals(outer))
     for field, values in ((pressure, pushes), (areas, shares)):
         np.add.at(field.x.array, nodes, values)
         field.x.scatter_reverse(la.InsertMode.add)

@@ -87,7 +87,12 @@ class ForceProof:
     @property
     def aside(self) -> float:
         """Factor of the loads of any factor."""
-        return self.joints.aside
+        return self.joints.best.aside
+
+    @property
+    def factor(self) -> float:
+        """That of the loads that the forces balance."""
+        return self.joints.best.factor
 
 
 @dataclass(frozen=True)
@@ -163,11 +168,15 @@ def write_proof(
         proof = _stress(lower) if isinstance(lower, StressProof) else _forces(lower)
         blocks |= _named("lower", _body(lower, False) | proof)
         numbers["lower"] = {"bound": lower.bound}
-        factor = lower.factor if isinstance(lower, StressProof) else None
-        if factor is not None and factor != lower.bound:
-            numbers["lower"]["factor"] = factor
+        if lower.factor is not None and lower.factor != lower.bound:
+            numbers["lower"]["factor"] = lower.factor
         if lower.question is Question.STANDS:
             numbers["lower"]["any_factor"] = lower.aside
+        inner = lower.joints.inner if isinstance(lower, ForceProof) else None
+        if inner is not None:
+            numbers["lower"]["inner_factor"] = inner.factor
+            if lower.question is Question.STANDS:
+                numbers["lower"]["inner_any_factor"] = inner.aside
     if upper is not None:
         blocks |= _named("upper", _body(upper, True) | _velocity(upper))
         numbers["upper"] = {"bound": upper.bound}
@@ -284,11 +293,13 @@ def _stress(proof: StressProof) -> Blocks:
 
 def _forces(proof: ForceProof) -> Blocks:
     """The forces at the vertices of outer facets, and adhesive tractions if any. Collective."""
-    places = _places(proof.problem)
-    forces, tractions = proof.joints.forces, proof.joints.tractions
-    found = {"joint_force": block(places.of_facets, forces)}
-    if proof.problem.comm.allreduce(bool(tractions.any())):
-        found["joint_traction"] = block(places.of_facets, tractions)
+    places, found = _places(proof.problem), {}
+    for prefix, of in (("joint", proof.joints.best), ("inner", proof.joints.inner)):
+        if of is None:
+            continue
+        found[f"{prefix}_force"] = block(places.of_facets, of.forces)
+        if proof.problem.comm.allreduce(bool(of.tractions.any())):
+            found[f"{prefix}_traction"] = block(places.of_facets, of.tractions)
     return found
 
 

@@ -10,10 +10,12 @@ from scipy.sparse import coo_array, csr_array
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.limit_analysis.blocks.joint_program import (
+    JointForces,
     JointProgram,
     Outcome,
     Places,
     best_of_joints,
+    inner_forces,
 )
 from perfplast_fenicsx.limit_analysis.blocks.rigid_blocks import (
     Frames,
@@ -27,9 +29,29 @@ from perfplast_fenicsx.limit_analysis.statements.question import Question
 NOTHING = 1e-9
 """Load factors, in units in which loads are one, that are those of no forces at all."""
 
+ROUNDING = 1e-15
+"""Load factors, in the same units, that are zero but for rounding."""
+
 ENOUGH = 2.0
 """Multiple of the loads that is required, if all stay. Joints without adhesion that carry them
 at all carry any multiple of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundForces:
+    """Forces on joints that balance the loads.
+
+    Attributes:
+        factor: λ.
+        aside: Factor of the loads of any factor.
+        forces: On the blocks at the vertices of owned outer facets, shape (num_outer, d, d).
+        tractions: By adhesion, at the same places, linear between.
+    """
+
+    factor: float
+    aside: float
+    forces: Floats
+    tractions: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +61,8 @@ class BlockLimit:
     Attributes:
         lower: Of the forces: whether there are any, and λ.
         upper: Upper bound of the motion.
-        aside: Factor of the loads of any factor beside the forces.
-        forces: On the blocks at the vertices of owned outer facets, shape (num_outer, d, d).
-        tractions: By adhesion, at the same places, linear between.
+        best: The best forces.
+        inner: Forces inside of their limits, at another λ; None where none were found.
         motion: Motion of each block, shape (num_blocks · modes,), with L₁(v) = 1.
         programs: Number of linear programs.
         resists: Whether λ is more than nothing, where no load stays.
@@ -49,9 +70,8 @@ class BlockLimit:
 
     lower: tuple[Outcome, float]
     upper: tuple[Outcome, float]
-    aside: float
-    forces: Floats
-    tractions: Floats
+    best: FoundForces
+    inner: FoundForces | None
     motion: Floats
     programs: int
     resists: bool
@@ -70,10 +90,28 @@ def block_limit(
     """
     solved = on_rank0(comm, lambda: _solve(blocks, question, rtol))
     rows = comm.scatter(None if solved is None else solved.by_rank(comm.size), root=0)
-    motion, reactions, limits = comm.bcast(None if solved is None else solved.shared, root=0)
+    sets, motion, limits = comm.bcast(None if solved is None else solved.shared, root=0)
+    every = [_on_facets(blocks, *both) for both in zip(sets, rows, strict=True)]
+    lower, upper, programs, resists = limits
+    inner = every[1] if len(every) > 1 else None
+    return BlockLimit(lower, upper, every[0], inner, motion, programs, resists)
+
+
+def _on_facets(
+    blocks: RigidBlocks,
+    of: tuple[float, float, Floats],
+    rows: tuple[Longs, Floats, Floats],
+) -> FoundForces:
+    """Return forces on the facets of this rank.
+
+    Args:
+        blocks: The blocks.
+        of: λ, the factor of the loads of any factor, and reactions of the blocks.
+        rows: Places, forces and tractions of joints.
+    """
+    (factor, aside, reactions), (places, on_joints, along_joints) = of, rows
     d = blocks.corners.shape[2]
     forces, tractions = np.zeros((2, *blocks.corners.shape))
-    places, on_joints, along_joints = rows
     np.add.at(forces, places, on_joints)
     np.add.at(tractions, places, along_joints)
     held = held_directions(blocks.body)
@@ -83,8 +121,26 @@ def block_limit(
             @ reactions.reshape(blocks.count, -1)[blocks.of_outer][..., None]
         )
         forces[:, vertex] += np.einsum("fki,fkj,fjl->fi", held, held, moved)
-    lower, upper, aside, programs, resists = limits
-    return BlockLimit(lower, upper, aside, forces, tractions, motion, programs, resists)
+    return FoundForces(factor, aside, forces, tractions)
+
+
+@dataclass(frozen=True, eq=False)
+class _OnJoints:
+    """Forces on joints, on rank 0.
+
+    Attributes:
+        factor: λ.
+        aside: Factor of the loads of any factor.
+        forces: At the vertices of facets on the first side, shape (n, d, d).
+        tractions: The same by adhesion.
+        reactions: What supports exert on blocks.
+    """
+
+    factor: float
+    aside: float
+    forces: Floats
+    tractions: Floats
+    reactions: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,30 +149,38 @@ class _Solution:
 
     Attributes:
         facets: Facets of joints.
-        forces: At their vertices on the first side, shape (n, d, d).
-        tractions: The same by adhesion.
-        shared: Motion and reactions of blocks, and what else all ranks get.
+        sets: The best forces, and inner ones if there are any.
+        motion: Motions of the blocks.
+        limits: What else all ranks get.
     """
 
     facets: JointFacets
-    forces: Floats
-    tractions: Floats
-    shared: tuple[Floats, Floats, tuple]
+    sets: list[_OnJoints]
+    motion: Floats
+    limits: tuple
 
-    def by_rank(self, count: int) -> list[tuple[Longs, Floats, Floats]]:
-        """Return places and values of the facets of each rank, of both sides."""
+    @property
+    def shared(self) -> tuple[list[tuple[float, float, Floats]], Floats, tuple]:
+        """Return everything that all ranks get."""
+        return [(of.factor, of.aside, of.reactions) for of in self.sets], self.motion, self.limits
+
+    def by_rank(self, count: int) -> list[list[tuple[Longs, Floats, Floats]]]:
+        """Return places and values of the facets of each rank, of both sides, for each set."""
         facets, back = self.facets, np.argsort(self.facets.order, axis=1)[..., None]
-        opposite = [-np.take_along_axis(of, back, axis=1) for of in (self.forces, self.tractions)]
         two = ~facets.alone
         rank, place = (
             np.append(facets.rows[name], facets.others[name][two]) for name in ("rank", "place")
         )
-        forces = np.append(self.forces, opposite[0][two], axis=0)
-        tractions = np.append(self.tractions, opposite[1][two], axis=0)
-        return [
-            (place[mine], forces[mine], tractions[mine])
-            for mine in (np.flatnonzero(rank == number) for number in range(count))
-        ]
+        found: list[list[tuple[Longs, Floats, Floats]]] = [[] for _ in range(count)]
+        for of in self.sets:
+            forces, tractions = (
+                np.append(one, -np.take_along_axis(one, back, axis=1)[two], axis=0)
+                for one in (of.forces, of.tractions)
+            )
+            for number, rows in enumerate(found):
+                mine = np.flatnonzero(rank == number)
+                rows.append((place[mine], forces[mine], tractions[mine]))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,34 +248,72 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
     low, high, count = best_of_joints(programs[0], programs[1], rtol)
     if low.outcome is Outcome.FOUND and not most[1] and low.value <= NOTHING:
         low = replace(low, value=0.0, aside=0.0, cones=0 * low.cones, discs=0 * low.discs)
+    if low.outcome is Outcome.FOUND and abs(low.value) <= ROUNDING:
+        low = replace(low, value=0.0)
+    inner = None
+    if low.outcome is Outcome.FOUND and low.cones.any():
+        inner = inner_forces(programs[0], low)
     motion: Floats = np.asarray(blocks.free @ high.motion / scales[0], dtype=np.float64)
-    forces = np.zeros((len(number) * d, d))
-    tractions = np.zeros_like(forces)
-    aside = low.aside * unit / scales[2]
-    reactions: Floats = np.zeros(len(blocks.free))
-    if low.outcome is Outcome.FOUND:
-        forces[jumps.kept] = low.cones * unit
-        along = low.discs * unit
+    limits = (
+        (low.outcome, low.value * times),
+        (high.outcome, high.value * times),
+        count,
+        bool(most[1] or radius.any() or not low.value <= NOTHING),
+    )
+    placed = _Placed(blocks, facets, jumps, sticky, (unit, *scales), (sought, constant, others))
+    sets = [placed.of(forces) for forces in (low, inner) if forces is not None]
+    return _Solution(facets, sets, motion, limits)
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """Puts forces of programs on the facets of joints, in the units of the problem.
+
+    Attributes:
+        blocks: The blocks.
+        facets: Facets of joints.
+        jumps: Their vertices.
+        sticky: Places where adhesive tractions act.
+        units: A force of 1, and those of each kind of loads.
+        loads: Of each kind: those whose factor is sought, those that stay, and others.
+    """
+
+    blocks: RigidBlocks
+    facets: JointFacets
+    jumps: _Jumps
+    sticky: Longs
+    units: tuple[float, ...]
+    loads: tuple[Floats, Floats, Floats]
+
+    def of(self, given: JointForces) -> _OnJoints:
+        """Return forces with what supports exert besides."""
+        facets, jumps, sticky = self.facets, self.jumps, self.sticky
+        d, unit = self.blocks.corners.shape[2], self.units[0]
+        shape = (len(facets.rows), d, d)
+        forces: Floats = np.zeros((shape[0] * d, d))
+        tractions: Floats = np.zeros((shape[0] * d, d))
+        if given.outcome is not Outcome.FOUND:
+            none = np.zeros(len(self.blocks.free))
+            return _OnJoints(
+                given.value, 0.0, forces.reshape(shape), tractions.reshape(shape), none
+            )
+        forces[jumps.kept] = given.cones * unit
+        along = given.discs * unit
         axes = np.repeat(jumps.axes, d, axis=0)
-        acts = cones.T @ low.cones.ravel() * unit
+        acts = _some(jumps.vertices, jumps.kept, d).T @ given.cones.ravel() * unit
         if len(sticky):
             rows = _some(jumps.middles, sticky, d)[_across(len(sticky), d)]
             acts = acts + rows.T @ along.ravel()
         share = np.repeat(facets.rows["area"], d)[sticky, None] / d
         tractions[sticky] = np.einsum("nk,nki->ni", along / share, axes[sticky, 1:])
         forces = np.einsum("nk,nki->ni", forces, axes)
-        whole = acts + low.value * times * sought + constant + aside * others
-        reactions = _reactions(blocks.gram, whole)
-    limits = (
-        (low.outcome, low.value * times),
-        (high.outcome, high.value * times),
-        aside,
-        count,
-        bool(most[1] or radius.any() or not low.value <= NOTHING),
-    )
-    shape = (len(number), d, d)
-    shared = (motion, reactions, limits)
-    return _Solution(facets, forces.reshape(shape), tractions.reshape(shape), shared)
+        value, aside = (
+            of * unit / by
+            for of, by in ((given.value, self.units[1]), (given.aside, self.units[3]))
+        )
+        sought, constant, others = self.loads
+        reactions = _reactions(self.blocks.gram, acts + value * sought + constant + aside * others)
+        return _OnJoints(value, aside, forces.reshape(shape), tractions.reshape(shape), reactions)
 
 
 def _frictions(strengths: list[ContactStrength], follows: bool) -> Floats:

@@ -30,6 +30,9 @@ FIRST_EDGES = 8
 
 MOST_ROUNDS = 60
 
+INNER_STEPS = 7
+"""Powers of ten by which distances of inner forces from their limits may differ."""
+
 
 class Outcome(StrEnum):
     """The outcome of a linear program."""
@@ -204,6 +207,63 @@ def best_of_joints(
     assert isinstance(forces, JointForces)
     assert isinstance(motion, BlockMotion)
     return forces, motion, rounds + more
+
+
+def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None:
+    """Return forces inside of the limits, with loads at a factor near the best; None without any.
+
+    A linear program makes a sum of their distances from the sides of the cones large. The first
+    tenth of each distance counts ten times. Adhesive tractions use half of the adhesion.
+
+    Args:
+        program: With the joints of the forces.
+        best: Its solution.
+    """
+    every = (program.cones, program.discs)
+    generators = [_generators(of, _Edges.first(of), True) for of in every]
+    blocks = [_columns(*pair) for pair in zip(every, generators, strict=True)]
+    loads = np.column_stack([program.sought, program.others])[:, : 1 + program.others.any()]
+    of_cones, of_discs = (of[0] for of in generators)
+    count = program.cones.count
+    sums = coo_array((np.ones(len(of_cones)), (np.arange(len(of_cones)), of_cones)))
+    sums.resize((len(of_cones), count))
+    steps = 10.0 ** -np.arange(INNER_STEPS)  # parts of the loads of 1
+    inside = blocks[0] @ sums.tocsr()
+    columns = hstack([*blocks, coo_array(loads), *[inside] * INNER_STEPS], format="csr")
+    forces, total = sum(block.shape[1] for block in blocks), columns.shape[1]
+    first = forces + loads.shape[1]
+    objective, bounds = np.zeros(total), np.zeros((total, 2))
+    objective[first:] = -np.repeat(1 / steps, count)
+    bounds[:, 1] = np.inf
+    bounds[first:, 1] = np.repeat(steps, count)
+    bounds[forces] = best.value - max(abs(best.value), 1.0), best.value
+    bounds[forces + 1 : first] = -np.inf, np.inf
+    budget = None
+    if len(of_discs):
+        at = blocks[0].shape[1] + np.arange(len(of_discs))
+        shape = (program.discs.count, total)
+        budget = coo_array((np.ones(len(of_discs)), (of_discs, at)), shape=shape).tocsr()
+    found = linprog(
+        objective,
+        A_ub=budget,
+        b_ub=None if budget is None else np.full(program.discs.count, 0.5),
+        A_eq=columns,
+        b_eq=-program.constant,
+        bounds=bounds,
+        method="highs-ds",
+    )
+    if found.status != 0:
+        return None
+    margins = found.x[first:].reshape(INNER_STEPS, count).sum(axis=0)
+    sizes = found.x[:forces].copy()
+    sizes[: len(of_cones)] += margins[of_cones]
+    parts, start = list[Floats](), 0
+    for places, (of, vectors) in zip(every, generators, strict=True):
+        parts.append(np.zeros((places.count, places.components)))
+        np.add.at(parts[-1], of, vectors * sizes[start : start + len(of), None])
+        start += len(of)
+    aside = float(found.x[forces + 1]) if first > forces + 1 else 0.0
+    return JointForces(Outcome.FOUND, float(found.x[forces]), aside, *parts)
 
 
 def _sharpened(

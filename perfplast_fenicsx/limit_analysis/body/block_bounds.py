@@ -130,7 +130,7 @@ def _told(
         upper=upper,
         mechanism=mechanism,
         mesh=mesh,
-        joints=JointProof(found.forces, found.tractions, found.aside),
+        joints=JointProof(found.best, found.inner),
         steps=found.programs,
         question=question,
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.blocks.block_limit import FoundForces
 from perfplast_fenicsx.limit_analysis.body.bound_words import (
     least_words,
     proven_words,
@@ -65,15 +66,12 @@ class JointProof:
     """The proof of a lower bound of rigid blocks.
 
     Attributes:
-        forces: On the blocks at the vertices of owned outer facets in the order of their cells, per
-            thickness in the plane, shape (num_outer, d, d).
-        tractions: By adhesion, at the same places, linear between (stress).
-        aside: Factor of the loads of any factor, where there are any.
+        best: The best forces, on outer facets in the order of their cells.
+        inner: Forces inside of their limits; None where none were found.
     """
 
-    forces: Floats
-    tractions: Floats
-    aside: float
+    best: FoundForces
+    inner: FoundForces | None
 
 
 @dataclass(frozen=True)
