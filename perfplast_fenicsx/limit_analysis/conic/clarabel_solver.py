@@ -49,8 +49,8 @@ def by_clarabel(
     Raises:
         InputError: On several ranks, without Clarabel, or if a kind of cone has no rows.
     """
-    clarabel = check_clarabel()
     program, began = iteration.program, time.perf_counter()
+    clarabel = check_clarabel(program.comm.size)
     data = ConeProgram.of(program)
     stop: list[BaseException] = []
 
@@ -95,12 +95,20 @@ def by_clarabel(
     return _put(iteration, data, orders, solution, rtol)
 
 
-def check_clarabel() -> Any:
-    """Return Clarabel.
+def check_clarabel(ranks: int) -> Any:
+    """Return Clarabel. Not collective.
+
+    Args:
+        ranks: How many ranks there are.
 
     Raises:
-        InputError: If it is not installed.
+        InputError: If there are several, or it is not installed.
     """
+    if ranks > 1:
+        raise InputError(
+            f"conic = 'clarabel' works on one rank, and there are {ranks}; start the run without"
+            " mpirun, or leave conic out."
+        )
     try:
         return import_module("clarabel")
     except ImportError as missing:

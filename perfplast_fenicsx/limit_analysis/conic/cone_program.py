@@ -61,9 +61,11 @@ class ConeProgram:
         """Return the data of a program in its present units.
 
         Raises:
-            InputError: On several ranks, or if a kind of cone has no rows of a matrix.
+            InputError: If a kind of cone has no rows of a matrix.
+            ValueError: On several ranks.
         """
-        check_ranks(program.comm.size)
+        if program.comm.size > 1:
+            raise ValueError("matrices of a conic program are made on one rank")
         strains, parts = program.strains, 1 + program.strains.size
         points = np.arange(strains.count * parts).reshape(-1, parts)
         forces = points.size + np.arange(len(program.jumps))
@@ -130,19 +132,6 @@ class ConeProgram:
         return Unknowns(float(factors[0]), float(factors[1:].sum()), borne, tuple(found))
 
 
-def check_ranks(ranks: int) -> None:
-    """Refuse several ranks, since matrices are made on one.
-
-    Raises:
-        InputError: If there are several.
-    """
-    if ranks > 1:
-        raise InputError(
-            f"conic = 'clarabel' works on one rank, and there are {ranks}; start the run without"
-            " mpirun, or leave conic out."
-        )
-
-
 def _with_rows(block: Block) -> MatrixBlock:
     """Return a block that has rows.
 
@@ -152,6 +141,6 @@ def _with_rows(block: Block) -> MatrixBlock:
     if isinstance(block, MatrixBlock):
         return block
     raise InputError(
-        f"conic = 'clarabel' does not know the cones of {type(block).__name__}; leave conic out, or"
-        " give the class the methods rows and from_rows."
+        f"the cones of {type(block).__name__} have no rows of a matrix, which this solver needs;"
+        " leave conic out, or give the class the methods rows and from_rows."
     )

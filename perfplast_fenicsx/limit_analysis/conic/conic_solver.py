@@ -7,7 +7,6 @@ from typing import Protocol
 
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.limit_analysis.conic.clarabel_solver import by_clarabel, check_clarabel
-from perfplast_fenicsx.limit_analysis.conic.cone_program import check_ranks
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
     InteriorStep,
@@ -91,8 +90,7 @@ def check_solver(name: str, ranks: int) -> None:
         InputError: If it is not installed, or works on one rank only.
     """
     if name != USUAL:
-        check_ranks(ranks)
-        check_clarabel()
+        check_clarabel(ranks)
 
 
 def chosen_conic() -> ConicSolver:
