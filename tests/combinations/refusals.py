@@ -23,7 +23,6 @@ REFUSALS: Mapping[str, str] = {
         f"{STAYS}: elastic stresses of single loads are added up, which touching bodies forbid"
     ),
     "a rigid surface moves": f"{TO_COME}: given motions that vary",
-    "yield set that is one cone of stresses": f"{TO_COME}: Mohr–Coulomb's cone at each corner",
     "cells are curved": f"{STAYS}: bounds are of the body that straight cells fill",
 }
 """Words of the sentence, and what the page says of them."""

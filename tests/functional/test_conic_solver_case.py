@@ -15,7 +15,6 @@ from tests.models import steel_blocks_case, write_case
 
 BOUNDS = '[loading]\ncontrol = "bounds"\nlimit_tolerance = 1e-6\n'
 LEVELS = "[loading]\nvalues = [1.0]\n"
-SHAKEN = '[loading]\ncontrol = "shakedown"\n[loading.ranges]\ntop = [0.0, 1.0]\n'
 PATH = '[loading]\ncontrol = "work"\nuntil = "limit"\nlimit_method = "path"\n'
 
 
@@ -62,7 +61,6 @@ def test_where_it_cannot_run(
     [
         (BOUNDS, 'conic = "clarabell"', "conic = 'clarabell' is unknown"),
         (LEVELS, 'conic = "clarabel"', "this loading asks for neither"),
-        (SHAKEN, 'conic = "clarabel"', "this loading asks for neither"),
         (PATH, 'conic = "clarabel"', "a path is asked for"),
         (BOUNDS, 'conic = "clarabel"\nmethod = "newton"', "a path is asked for"),
     ],

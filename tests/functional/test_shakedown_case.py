@@ -118,8 +118,8 @@ RANGES = "ranges = { pull = [0, 1], heat = [0, 1] }"
         ("tie = [", "contact = [", "is for bodies that neither part nor slide"),
         (
             'law = "von-mises"\nyoung = 2e5\npoisson = 0.3\nyield_stress = 100.0',
-            'law = "tresca"\nyoung = 2e5\npoisson = 0.3\ncohesion = 50.0\ntensile_strength = 1.0',
-            "is not true of 'lower' (Tresca); give law",
+            'law = "mohr-coulomb"\nyoung = 2e5\npoisson = 0.3\ncohesion = 0\nfriction_angle = 30',
+            "cohesion = 0 in volume 'lower': shakedown needs a cohesion",
         ),
         (
             'components = "x" },\n]',

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any, ClassVar
 
 from mpi4py import MPI
 
@@ -21,6 +22,7 @@ from perfplast_fenicsx import (
     Support,
     Tie,
     Traction,
+    Tresca,
     VonMises,
     read_gmsh,
     shakedown_load,
@@ -28,6 +30,8 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.limit_analysis import shakedown_diagram
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import Failure
+from perfplast_fenicsx.materials import Material
+from perfplast_fenicsx.materials.von_mises import VonMisesLaw
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem import Temperature
 
@@ -142,6 +146,33 @@ def test_corners_and_heat(comm: MPI.Intracomm) -> None:
     assert wider.load == pytest.approx(2 * 100.0 / (3 * 2e5 * 1e-5), rel=2e-4)
 
 
+@pytest.mark.mpi2("20.0")
+@pytest.mark.parametrize("angle", [0.0, 20.0])
+def test_heat_in_ground(angle: float, comm: MPI.Intracomm) -> None:
+    """The same bar of Tresca, and of Mohr and Coulomb: EαΔT is the tension and the compression."""
+    c, phi = 10.0, math.radians(angle)
+    law: Material = Tresca(2e5, 0.3, c, expansion=1e-5)
+    if angle:
+        law = MohrCoulomb(2e5, 0.3, c, angle, expansion=1e-5)
+    strength = 2 * c * math.cos(phi)
+    pulled, pushed = (strength / (1 + sign * math.sin(phi)) for sign in (1, -1))
+    problem = Problem(
+        stacked_blocks(comm, 1),
+        {"lower": law, "upper": law},
+        [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z"), Support("top", "z")],
+        degree=2,
+        ties=[Tie("lower_top", "upper_bottom")],
+        initial=[Temperature("lower", 1.0, name="heat"), Temperature("upper", 1.0, name="heat")],
+    )
+    found = shakedown_load(problem, LoadDomain.of_ranges({"heat": (0.0, 1.0)}))
+    assert found.load == pytest.approx((pulled + pushed) / (2e5 * 1e-5), rel=2e-4)
+    assert found.upper == pytest.approx(found.load, rel=2e-4)
+    assert found.first_yield == pytest.approx(pushed / (2e5 * 1e-5), rel=1e-6)
+    assert found.over <= 1 + 1e-6
+    # ground dilates at either corner, and grows sideways
+    assert found.failure == (Failure.BOTH if angle else Failure.ALTERNATING)
+
+
 def test_a_diagram(comm: MPI.Intracomm) -> None:
     """Two independent pulls on the same face carry Y together."""
     one = Traction("top", (0.0, 0.0, 1.0), name="one")
@@ -153,6 +184,28 @@ def test_a_diagram(comm: MPI.Intracomm) -> None:
         assert row.first is not None
         assert row.second is not None
         assert row.first + 10 * row.second == pytest.approx(math.sqrt(3), rel=2e-4)
+
+
+class NoCone:
+    """A yield set of which no cone is known."""
+
+    def cones(self, size: int) -> None:
+        """Return none."""
+
+
+class UnknownLaw(VonMisesLaw):
+    """A law whose set has no cone."""
+
+    @property
+    def yields(self) -> Any:
+        """The set."""
+        return NoCone()
+
+
+class Unknown(VonMises):
+    """Its material."""
+
+    law: ClassVar = UnknownLaw
 
 
 PULL = Traction("top", (0.0, 0.0, 1.0), name="pull")
@@ -184,8 +237,10 @@ def test_more_is_refused(comm: MPI.Intracomm) -> None:
         with pytest.raises(InputError, match="that differ"):
             LoadDomain.of_corners(corners)
     ranges = LoadDomain.of_ranges({"pull": (0.0, 1.0)})
-    with pytest.raises(InputError, match="one cone of stresses"):
-        shakedown_load(block(comm, MohrCoulomb(2e5, 0.3, 1.0, 20.0), [PULL]), ranges)
+    with pytest.raises(InputError, match=r"one cone of stresses.*'lower' \(Unknown\)"):
+        shakedown_load(block(comm, Unknown(2e5, 0.3, 1.0), [PULL]), ranges)
+    with pytest.raises(InputError, match="cohesion = 0 in volume 'lower'"):
+        shakedown_load(block(comm, MohrCoulomb(2e5, 0.3, 0.0, 20.0), [PULL]), ranges)
     with pytest.raises(InputError, match="stresses no body that can yield"):
         shakedown_load(block(comm, Elastic(2e5, 0.3), [PULL]), ranges)
     touching = Problem(

@@ -3,6 +3,8 @@
 Bree's wall, a load that moves, plates with a hole: demos/verification/shakedown.py.
 """
 
+import math
+
 from mpi4py import MPI
 
 import numpy as np
@@ -11,15 +13,19 @@ import pytest
 from perfplast_fenicsx import (
     Force,
     LoadDomain,
+    MohrCoulomb,
     Pressure,
     Problem,
     RigidSurface,
     Support,
     Traction,
+    Tresca,
     VonMises,
     shakedown_load,
 )
+from perfplast_fenicsx.limit_analysis.conic.conic_solver import conic_solver
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import Failure
+from perfplast_fenicsx.materials import Material
 from tests.limit_analysis.test_shakedown import first_yield
 from tests.limit_analysis.test_static_bound import rectangle
 
@@ -63,26 +69,65 @@ def test_a_strip_that_a_plate_bends(comm: MPI.Intracomm) -> None:
     assert found.failure == Failure.COLLAPSE
 
 
-@pytest.mark.parametrize("ratio", [1.5, 2.0, 3.0])
-def test_a_tube_by_its_section(ratio: float, comm: MPI.Intracomm) -> None:
-    """As a body of revolution: twice the load of first yield, or the limit load if that is less."""
+def tube_section(comm: MPI.Intracomm, law: Material, ratio: float, cells: int = 12) -> Problem:
+    """A tube as a body of revolution, with a pressure inside."""
     thick, height = ratio - 1, 0.25
     surfaces = {
         "inner": lambda x: x[0] < 1e-9,
         "low": lambda x: x[1] < 1e-9,
         "high": lambda x: x[1] > height - 1e-9,
     }
-    mesh = rectangle((12, 2), (thick, height), {"tube": lambda x: x[0] < 9}, surfaces, comm=comm)
+    mesh = rectangle((cells, 2), (thick, height), {"tube": lambda x: x[0] < 9}, surfaces, comm=comm)
     x = mesh.mesh.geometry.x
     x[:, 0] = 1 + thick * (x[:, 0] / thick) ** 2  # finer towards the bore, where it yields first
-    problem = Problem(
+    return Problem(
         mesh.turned(),
-        {"tube": STEEL},
+        {"tube": law},
         [Support("low", "y"), Support("high", "y")],
         [Pressure("inner", 1.0, name="p")],
         degree=2,
     )
+
+
+@pytest.mark.parametrize("ratio", [1.5, 2.0, 3.0])
+def test_a_tube_by_its_section(ratio: float, comm: MPI.Intracomm) -> None:
+    """As a body of revolution: twice the load of first yield, or the limit load if that is less."""
+    problem = tube_section(comm, STEEL, ratio)
     found = shakedown_load(problem, LoadDomain.of_ranges({"p": (0.0, 1.0)}))
     twice, limit = 2 * first_yield(ratio), 2 * np.log(ratio)  # in k = 1/√3
     assert found.load == pytest.approx(min(twice, limit) / 3**0.5, rel=2e-3)
     assert found.failure == (Failure.ALTERNATING if twice < limit else Failure.COLLAPSE)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("law", [STEEL, Tresca(2e4, 0.3, 1.5), MohrCoulomb(2e4, 0.3, 1.5, 20.0)])
+def test_clarabel_finds_the_same(law: Material, comm: MPI.Intracomm) -> None:
+    """The same program, as matrices and cones."""
+    pytest.importorskip("clarabel", reason="the conic solver Clarabel is not installed")
+    problem, domain = tube_section(comm, law, 3.0, 6), LoadDomain.of_ranges({"p": (0.0, 1.0)})
+    ours = shakedown_load(problem, domain, 1e-6)
+    with conic_solver("clarabel"):
+        theirs = shakedown_load(problem, domain, 1e-6)
+    assert theirs.load == pytest.approx(ours.load, rel=2e-6)
+    assert theirs.upper == pytest.approx(ours.upper, rel=2e-6)
+
+
+@pytest.mark.parametrize("ratio", [2.0, 5.0])
+@pytest.mark.parametrize("angle", [0.0, 20.0])
+def test_a_tube_with_principal_stresses(angle: float, ratio: float, comm: MPI.Intracomm) -> None:
+    """Tresca, and Mohr and Coulomb: the flow of the bore alternates, or the tube collapses.
+
+    With b = 2c cos φ the bore bears −b/(1 − s) and less as the pressure is gone, and (1 + s)σ_θ +
+    (1 − s)p ≤ b as it acts. The limit load is that of σ_r' = (σ_θ − σ_r)/r at yield.
+    """
+    s, c = math.sin(math.radians(angle)), 1.5
+    law = MohrCoulomb(2e4, 0.3, c, angle) if angle else Tresca(2e4, 0.3, c)
+    b, k = 2 * c * math.cos(math.radians(angle)), (1 + ratio**2) / (ratio**2 - 1)
+    alternates = 2 * b / ((1 - s) * ((1 + s) * k + 1 - s))
+    collapses = b * (ratio ** (2 * s / (1 + s)) - 1) / (2 * s) if s else b * math.log(ratio)
+    problem = tube_section(comm, law, ratio, 20)
+    found = shakedown_load(problem, LoadDomain.of_ranges({"p": (0.0, 1.0)}))
+    assert found.converged
+    assert found.load == pytest.approx(min(alternates, collapses), rel=4e-3)
+    grows = Failure.BOTH if angle else Failure.ALTERNATING  # ground dilates at either corner
+    assert found.failure == (grows if ratio > 3 else Failure.COLLAPSE)

@@ -4,7 +4,6 @@ from typing import Any
 
 from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.controls.controls import CONTROLS
-from perfplast_fenicsx.controls.shakedown_control import ShakedownControl
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table, choose, convert
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import SOLVERS, USUAL
@@ -27,7 +26,7 @@ def read_conic(table: Table, loading: Control, place: str) -> tuple[str, Table]:
     if "conic" not in table:
         return USUAL, table
     conic, _, rest = choose(table, "conic", SOLVERS, place)
-    if isinstance(loading, ShakedownControl) or loading.limit_tolerance is None:
+    if loading.limit_tolerance is None:
         raise InputError(
             f"{place}: conic = '{conic}' solves limit loads and bounds, and this loading asks for"
             " neither; leave it out, or give control = 'bounds'."

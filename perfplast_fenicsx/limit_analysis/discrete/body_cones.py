@@ -194,10 +194,30 @@ def body_cones(problem: Problem) -> BodyCones:
     Raises:
         InputError: If the method does not know a body's yield set.
     """
+    return _cones(problem, not problem.kinematics.whole)
+
+
+@once_a_problem
+def whole_cones(problem: Problem) -> BodyCones:
+    """Return the cones of all stresses, that out of the plane too. Not collective.
+
+    Raises:
+        InputError: If the method does not know a body's yield set.
+    """
+    return _cones(problem, False)
+
+
+def _cones(problem: Problem, flat: bool) -> BodyCones:
+    """Return the cones of the bodies.
+
+    Args:
+        problem: The bodies.
+        flat: Whether the stress out of the plane is in no equation.
+    """
     tagged_mesh, materials = problem.tagged_mesh, materials_of(problem)
     topology = tagged_mesh.mesh.topology
     of_cells = np.zeros(topology.index_map(topology.dim).size_local, dtype=np.int64)
-    flat, size = _components(problem)
+    _, size = _components(problem)
     found: list[BodyCone] = []
     for name in sorted(tagged_mesh.volumes):
         cone = _cone_of(materials[name], size, flat, tagged_mesh.is_thin)
@@ -238,6 +258,33 @@ def check_cones_are_provable(problem: Problem) -> None:
                 f" '{name}'); ask for the limit load of the mesh (control = 'work', until ="
                 " 'limit')."
             )
+
+
+def check_whole_cones(problem: Problem) -> None:
+    """Refuse bodies whose whole stresses have no cone that is a number. Not collective.
+
+    Raises:
+        InputError: Naming the first one.
+    """
+    _, size = _components(problem)
+    for name, material in sorted(materials_of(problem).items()):
+        if any(isinstance(one, SpatialField) for one in material.parameters().values()):
+            raise InputError(
+                f"a strength of '{name}' varies in space, and shakedown needs numbers; give a body"
+                " to each layer, or a limit load in place of shakedown."
+            )
+        if _cone_of(material, size, False, problem.tagged_mesh.is_thin) is not None:
+            continue
+        if getattr(material, "cohesion", None) == 0:
+            raise InputError(
+                f"cohesion = 0 in volume '{name}': shakedown needs a cohesion with Mohr and"
+                " Coulomb's law; give one, such as a thousandth of the constant pressures."
+            )
+        raise InputError(
+            "shakedown needs a yield set that is one cone of stresses, which is not true of"
+            f" '{name}' ({type(material).__name__}); give law = 'von-mises', 'tresca',"
+            " 'mohr-coulomb', 'drucker-prager', 'hill' or 'elastic'."
+        )
 
 
 def has_cones(problem: Problem) -> bool:

@@ -6,8 +6,9 @@ plane strain of those in the plane, kept as vectors of four); else those of each
 
 import numpy as np
 
-from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.limit_analysis.conic.cone import PointSets
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_at_points
 from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
 from perfplast_fenicsx.problem.problem import Problem
@@ -17,6 +18,7 @@ class PointCoordinates:
     """(p, s) and the rates that do their work; see :mod:`standard_cones`.
 
     Attributes:
+        numbers: Number of the cone of each point of this rank, shape (count,).
         radii: γ (stress) of the points of this rank, ∞ where nothing yields, shape (count,).
         profile: What the strengths vary by, a factor of γ, shape (count,); None where none varies.
         slopes: α, shape (count,).
@@ -29,19 +31,24 @@ class PointCoordinates:
         frames: Frames of the cones.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, cones: BodyCones | None = None) -> None:
         """Ask the laws. Collective.
+
+        Args:
+            problem: The bodies and the points.
+            cones: Cones of the bodies; by default those of the stresses in equations.
 
         Raises:
             InputError: If the method does not know a body's yield set.
         """
-        cones = body_cones(problem)
+        self._cones = cones = body_cones(problem) if cones is None else cones
         self.isotropic, self.dilates, self.normal = cones.isotropic, cones.dilates, cones.normal
         self._size = problem.S.dofmap.index_map_bs
         self.among = [0, 1, 3] if cones.normal == 2 else list(range(self._size))
         points = problem.Q.dofmap.list[: len(cones.of_cells)]
-        numbers = np.zeros(problem.Q.dofmap.index_map.size_local, dtype=np.int64)
-        numbers[points] = cones.of_cells[:, None]
+        self.numbers: Longs = np.zeros(problem.Q.dofmap.index_map.size_local, dtype=np.int64)
+        self.numbers[points] = cones.of_cells[:, None]
+        numbers = self.numbers
         forms = [cone.standard for cone in cones.cones]
         self.radii: Floats = np.array([form.radius for form in forms])[numbers]
         self.slopes: Floats = np.array([form.slope for form in forms])[numbers]
@@ -52,6 +59,11 @@ class PointCoordinates:
             self.radii = self.radii * self.profile
         self.sets = cones.sets_at(numbers, self.profile)
         self.frames = StressFrames(cones, numbers, self._size)
+
+    def sets_of(self, copies: int) -> tuple[PointSets, ...]:
+        """Return the sets of points that follow each other so many times."""
+        profile = None if self.profile is None else np.tile(self.profile, copies)
+        return self._cones.sets_at(np.tile(self.numbers, copies), profile)
 
     def rates(self, e: Floats) -> tuple[Floats, Floats]:
         """ε' of strain rates, shapes (count,) and (count, m).

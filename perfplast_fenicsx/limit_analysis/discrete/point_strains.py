@@ -17,6 +17,7 @@ from scipy import sparse
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.compat import create_vector, evaluate, interpolation_points
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones
 from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
 from perfplast_fenicsx.limit_analysis.discrete.ring_strains import (
     RingCoefficients,
@@ -109,8 +110,13 @@ class PointStrains:
         profile: See :class:`point_coordinates.PointCoordinates`.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        """Compile what evaluates them. Collective."""
+    def __init__(self, problem: Problem, cones: BodyCones | None = None) -> None:
+        """Compile what evaluates them. Collective.
+
+        Args:
+            problem: The bodies and the points.
+            cones: See :class:`point_coordinates.PointCoordinates`.
+        """
         self._problem, self._u = problem, fem.Function(problem.V)
         self._force = problem.create_vector()
         self.rates: Rates
@@ -119,7 +125,7 @@ class PointStrains:
         self.size = problem.S.dofmap.index_map_bs
         self.weights = self.rates.weights
         self._stress = np.zeros((self.count, self.size))
-        self.coordinates = at = PointCoordinates(problem)
+        self.coordinates = at = PointCoordinates(problem, cones)
         self.radii: Floats = np.where(self.rates.on_axis, np.inf, at.radii)
         self.slopes, self.tilts = at.slopes, at.tilts
         self.sets, self.profile = at.sets, at.profile

@@ -1,22 +1,37 @@
 """The stress of each load and temperature in bodies that never yield, by one factorisation.
 
-Where stresses are known at the vertices of cells (:mod:`linear_stresses`), those of the finite
-elements are linear there and in balance with the loads; temperatures are taken as linear in each
-cell.
+On straight quadratic cells stresses are linear in each cell and known at its vertices. What is
+within yield at the vertices of a straight cell is so in all of it, up to the surface of the bodies,
+where elastic stresses are largest. With shape functions λ_v and linear strain rates
+
+    ∫ σ:ε = Σ_v |T|/(d + 1) σ_v:ε(x_v),    x_v = (2 x_v + Σ other vertices)/(d + 2),
+
+exactly: the work of the stress at a vertex is that on the strain at a point between it and the
+middle of the cell. Temperatures are taken as linear in each cell.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
 
+import basix
+import basix.ufl
 import numpy as np
+import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError, nearest
-from perfplast_fenicsx.limit_analysis.shakedown.linear_stresses import StressPoints
-from perfplast_fenicsx.limit_analysis.shakedown.point_laws import PointLaws
-from perfplast_fenicsx.limit_analysis.shakedown.point_operator import PointOperator, Strains
+from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import materials_of, whole_cones
+from perfplast_fenicsx.limit_analysis.discrete.conic_stiffness import ConicStiffness
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains, RatesAtPoints
+from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
+from perfplast_fenicsx.limit_analysis.shakedown.corner_program import Frames
+from perfplast_fenicsx.materials.mandel import mandel_size, numbers_of
+from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
 from perfplast_fenicsx.problem.assembled.initial_strain import initial_strain
 from perfplast_fenicsx.problem.assembled.spaces import Spaces
@@ -24,29 +39,72 @@ from perfplast_fenicsx.problem.declared.initial import Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.stage import called
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.variant import variant
+
+
+@dataclass(frozen=True, eq=False)
+class StressPoints:
+    """A problem at the points where stresses are known, and at those where they do work.
+
+    Attributes:
+        known: Its points are those of the stresses.
+        working: Its points are those of the strains that these do work on, in the same order.
+        linear: Whether the former are the vertices of cells; else both are those of the quadrature.
+    """
+
+    known: Problem
+    working: Problem
+    linear: bool
+
+
+def stress_points(problem: Problem) -> StressPoints:
+    """Return the points of a problem. Collective.
+
+    They are those of the quadrature where strains are not linear in a cell: of linear elements,
+    around an axis and in curved cells.
+    """
+    mesh = problem.tagged_mesh.mesh
+    linear = problem.degree == 2 and not problem.tagged_mesh.axisymmetric
+    if not linear or has_curved_cells(mesh):
+        return StressPoints(problem, problem, False)
+    cell, gdim = mesh.basix_cell(), mesh.geometry.dim
+    vertices: Floats = np.asarray(basix.geometry(cell), dtype=np.float64)
+    places = (vertices + vertices.sum(axis=0)) / (gdim + 2)
+    shares = np.full(len(places), basix.cell.volume(cell) / len(places))
+
+    def space(shape: tuple[int, ...]) -> fem.FunctionSpace:
+        element = basix.ufl.quadrature_element(
+            cell, value_shape=shape, points=places, weights=shares
+        )
+        return fem.functionspace(mesh, element)
+
+    metadata = {
+        "quadrature_rule": "custom",
+        "quadrature_points": tuple(map(tuple, places)),
+        "quadrature_weights": tuple(shares),
+    }
+    dx = ufl.Measure("dx", domain=mesh, metadata=metadata)
+    spaces = Spaces(problem.degree, problem.V, space((mandel_size(gdim),)), space(()), dx)
+    working = variant(problem, points=spaces)
+    return StressPoints(with_points_at_vertices(problem), working, True)
 
 
 def elastic_stresses(
-    problem: Problem,
-    names: Sequence[str],
-    points: StressPoints,
-    operator: PointOperator,
-    laws: PointLaws,
+    problem: Problem, names: Sequence[str], points: StressPoints, strains: PointStrains
 ) -> tuple[Floats, Floats]:
-    """Stresses of what varies, each with the factor 1, and of the constant loads. Collective.
+    """Return stresses of loads that vary, and of constant ones. Collective.
 
-    Temperatures that are not named, and stresses that are there at first, are in balance with
-    nothing, and so are left to the residual stress.
+    The former are those of a factor of 1. Temperatures that are not named, and stresses that are
+    there at first, are in balance with nothing, and so are left to the residual stress.
 
     Args:
         problem: The bodies and their loads.
         names: Names of loads and temperatures that vary.
         points: Points of the stresses.
-        operator: At those where they do work.
-        laws: At the former.
+        strains: At the points where they do work.
 
     Returns:
-        Shapes (num_names, count, m) and (count, m).
+        Mandel vectors, shapes (num_names, count, m) and (count, m).
 
     Raises:
         SingularStiffness: If the bodies cannot be held.
@@ -54,53 +112,84 @@ def elastic_stresses(
     given = problem.given
     constant = [load for load in given.loads if load.constant]
     with ExitStack() as made:
-        bodies = PointOperator(problem)
+        here = strains
+        if points.working is not problem:
+            here = PointStrains(problem, whole_cones(problem))
+            made.callback(here.destroy)
+        bodies = ConicStiffness(problem, here)
         made.callback(bodies.destroy)
-        bodies.assemble(PointLaws.of(problem).hooke)
-        strains = Strains(points.known)
-        told = (points.known, bodies, strains, operator, laws)
+        bodies.assemble(_elastic_moduli(problem, here))
+        bodies.factorise()
+        answer = _Elastic(points.known, bodies, strains)
         found = []
         for name in names:
             loads = [load for load in given.loads if called(load) == name]
             warmed = [a for a in given.initial if isinstance(a, Temperature) and called(a) == name]
-            found.append(_stress(loads, warmed, *told))
-        return np.array(found), _stress(constant, [], *told)
+            found.append(answer.stress(loads, warmed))
+        return np.array(found), answer.stress(constant, [])
 
 
-def _stress(
-    loads: Sequence[Load],
-    warmed: Sequence[Temperature],
-    problem: Problem,
-    bodies: PointOperator,
-    strains: Strains,
-    operator: PointOperator,
-    laws: PointLaws,
-) -> Floats:
-    """C(ε(u) − e₀) in balance with loads, shape (count, m). Collective."""
-    load = work_vector(problem.V, problem.tagged_mesh, loads)
-    fem_petsc.set_bc(load, problem.bcs)
-    right, change = operator.create_vector(), operator.create_vector()
-    operator.reduced(load, right)
-    strain: Floats = np.zeros((operator.count, operator.size))
-    if warmed:
-        spaces = Spaces(problem.degree, problem.V, problem.S, problem.Q, problem.dx)
-        told = (problem.tagged_mesh, spaces, problem.given.materials, problem.laws)
-        thermal = initial_strain(*told, warmed)
-        if thermal is not None:
-            strain = -thermal.x.array[: strain.size].reshape(strain.shape)
-    operator.forces(_product(laws.hooke, strain), change)
-    right.axpy(-1.0, change)
-    bodies.solve(right, change)
-    u = fem.Function(problem.V)
-    operator.displace(change, u)
-    found = _product(laws.hooke, strain + strains(u))
-    for vector in (load, right, change):
-        vector.destroy()
-    return found
+class _Elastic:
+    """The answer of elastic bodies to loads and temperatures."""
+
+    def __init__(self, known: Problem, bodies: ConicStiffness, strains: PointStrains) -> None:
+        """Take the factors over. Collective."""
+        self._problem, self._bodies, self._working = known, bodies, strains
+        self._rates, self._hooke = RatesAtPoints(known), hooke_at_points(known)
+
+    def stress(self, loads: Sequence[Load], warmed: Sequence[Temperature]) -> Floats:
+        """C(ε(u) − e₀) in balance with loads, shape (count, m). Collective."""
+        problem = self._problem
+        load = work_vector(problem.V, problem.tagged_mesh, loads)
+        fem_petsc.set_bc(load, problem.bcs)
+        right, change = problem.create_vector(), problem.create_vector()
+        problem.basis.T.multTranspose(load, right)
+        strain: Floats = np.zeros(self._hooke.shape[:2])
+        if warmed:
+            spaces = Spaces(problem.degree, problem.V, problem.S, problem.Q, problem.dx)
+            told = (problem.tagged_mesh, spaces, problem.given.materials, problem.laws)
+            thermal = initial_strain(*told, warmed)
+            if thermal is not None:
+                strain = -thermal.x.array[: strain.size].reshape(strain.shape)
+        self._working.forces_of(self._product(strain), change)
+        right.axpy(-1.0, change)
+        self._bodies.solve(right, change)
+        u = fem.Function(problem.V)
+        problem.basis.T.mult(change, u.x.petsc_vec)
+        u.x.scatter_forward()
+        found = self._product(strain + self._rates.of(u))
+        for vector in (load, right, change):
+            vector.destroy()
+        return found
+
+    def _product(self, strain: Floats) -> Floats:
+        return np.asarray(np.einsum("nij,nj->ni", self._hooke, strain), np.float64)
 
 
-def _product(hooke: Floats, strain: Floats) -> Floats:
-    found: Floats = np.einsum("nij,nj->ni", hooke, strain)
+def _elastic_moduli(problem: Problem, strains: PointStrains) -> Moduli:
+    """Return C at the points of a problem, in the coordinates of its cones."""
+    frames, hooke = Frames(strains.coordinates, strains.size), hooke_at_points(problem)
+    to = frames.columns @ frames.of_stresses
+    values, axes = np.linalg.eigh(hooke)
+    roots = to @ (axes * np.sqrt(np.maximum(values, 0.0))[:, None])
+    count, parts, m = roots.shape
+    ones = np.ones(count)
+    padded = np.concatenate([roots, np.zeros((count, parts, parts - m))], axis=2)
+    return Moduli(ones, ones, np.zeros((count, m)), whole=(np.arange(count), padded))
+
+
+def hooke_at_points(problem: Problem) -> Floats:
+    """Return C at the points of this rank, shape (count, m, m). Not collective."""
+    tagged_mesh, size = problem.tagged_mesh, problem.S.dofmap.index_map_bs
+    count, cells = problem.Q.dofmap.index_map.size_local, problem.Q.dofmap.list
+    found: Floats = np.zeros((count, size, size))
+    units = [ufl.as_vector([float(i == j) for j in range(size)]) for i in range(size)]
+    for name, material in materials_of(problem).items():
+        given: Mapping[str, Any] = {k: ufl.as_ufl(v) for k, v in material.parameters().items()}
+        elastic = material.law(**given).elastic
+        points = cells[tagged_mesh.cells(name)].ravel()
+        hooke = np.column_stack([numbers_of(elastic.hooke(unit)) for unit in units])
+        found[points[points < count]] = hooke
     return found
 
 

@@ -2,31 +2,51 @@
 
 What is found is that of the mesh. Elastic stresses are those of its finite elements, and balance is
 theirs, so that this is an estimate of the bodies' load, and no bound of it. Stresses are within
-yield in all of each straight cell (:mod:`linear_stresses`). Where elastic stresses are infinite, as
-in a re-entrant corner, it falls to nothing as the mesh gets finer.
+yield in all of each straight cell (:mod:`elastic_stresses`). Where elastic stresses are infinite,
+as in a re-entrant corner, it falls to nothing as the mesh gets finer.
 """
 
-import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
 
 import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
-from perfplast_fenicsx.limit_analysis.conic.interior_steps import MOST_STEPS, InteriorStep
-from perfplast_fenicsx.limit_analysis.shakedown.corner_cones import CornerCones
+from perfplast_fenicsx.limit_analysis.conic.conic_program import (
+    ConicProgram,
+    Start,
+    choose_units,
+)
+from perfplast_fenicsx.limit_analysis.conic.conic_solver import chosen_conic
+from perfplast_fenicsx.limit_analysis.conic.discretisation import (
+    NONE,
+    Discretisation,
+    SingularStiffness,
+)
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
+    InteriorStep,
+    Verdict,
+    next_start,
+)
+from perfplast_fenicsx.limit_analysis.conic.second_order_cones import powers, yield_ratios
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import check_whole_cones, whole_cones
+from perfplast_fenicsx.limit_analysis.discrete.conic_stiffness import ConicStiffness
+from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import kinematic_load, static_load
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.shakedown.corner_program import CornerStiffness, CornerStrains
 from perfplast_fenicsx.limit_analysis.shakedown.elastic_stresses import (
+    StressPoints,
     check_names,
     elastic_stresses,
+    stress_points,
 )
-from perfplast_fenicsx.limit_analysis.shakedown.linear_stresses import StressPoints, stress_points
 from perfplast_fenicsx.limit_analysis.shakedown.load_domain import LoadDomain
-from perfplast_fenicsx.limit_analysis.shakedown.melan_iteration import MelanIteration
-from perfplast_fenicsx.limit_analysis.shakedown.point_laws import PointLaws
-from perfplast_fenicsx.limit_analysis.shakedown.point_operator import PointOperator
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import Failure, ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
@@ -35,6 +55,7 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
 from perfplast_fenicsx.problem.declared.initial import Temperature
 from perfplast_fenicsx.problem.declared.stage import called
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import TINY
 
 
 def shakedown_load(
@@ -56,23 +77,29 @@ def shakedown_load(
             cone.
     """
     _check(problem, domain, rtol)
+    points = stress_points(problem)
     with ExitStack() as made:
-        points = stress_points(problem)
-        operator = PointOperator(points.working)
-        made.callback(operator.destroy)
-        laws = PointLaws.of(points.known)
-        live, dead = elastic_stresses(problem, domain.names, points, operator, laws)
-        corners = np.einsum("cn,npi->cpi", np.unique(domain.corners, axis=0), live)
-        cones = CornerCones.of(problem.comm, laws, operator.weights, corners, dead)
-        if cones is None:
-            raise InputError(
-                "what varies stresses no body that can yield, so that nothing limits it; give the"
-                " bodies that may yield a yield stress, or a load that is not zero."
+        strains = PointStrains(points.working, whole_cones(problem))
+        made.callback(strains.destroy)
+        each, dead = elastic_stresses(problem, domain.names, points, strains)
+        live = np.einsum("cn,npi->cpi", np.unique(domain.corners, axis=0), each)
+        varying = Varying(domain, points, strains, live, dead)
+        found, start = _search(varying, rtol, monitor, Start.within(rtol))
+        while start is not None:
+            before = found
+            found, start = _search(varying, rtol, monitor, start)
+            found = replace(
+                found,
+                steps=before.steps + found.steps,
+                factorisations=before.factorisations + found.factorisations,
+                linear_solves=before.linear_solves + found.linear_solves,
             )
-        iteration = MelanIteration(cones, operator)
-        made.callback(iteration.destroy)
-        steps, converged, reason = _iterate(iteration, rtol, monitor)
-        return _found(points, domain, operator, iteration, (steps, converged, reason))
+    ones = len(domain.names) + 1
+    return replace(
+        found,
+        factorisations=found.factorisations + 1,  # that of elastic stresses
+        linear_solves=found.linear_solves + ones,
+    )
 
 
 def check_shakedown(problem: Problem, domain: LoadDomain, rtol: float = 1e-4) -> None:
@@ -87,7 +114,6 @@ def check_shakedown(problem: Problem, domain: LoadDomain, rtol: float = 1e-4) ->
         InputError: As :func:`shakedown_load`, but for loads that stress no body which may yield.
     """
     _check(problem, domain, rtol)
-    PointLaws.of(stress_points(problem).known)
 
 
 def _check(problem: Problem, domain: LoadDomain, rtol: float) -> None:
@@ -96,6 +122,7 @@ def _check(problem: Problem, domain: LoadDomain, rtol: float) -> None:
     _check_bonds(problem)
     warmed = [called(a) for a in problem.given.initial if isinstance(a, Temperature)]
     check_names(problem.given.loads, warmed, domain.names)
+    check_whole_cones(problem)
 
 
 def _check_bonds(problem: Problem) -> None:
@@ -109,71 +136,158 @@ def _check_bonds(problem: Problem) -> None:
         raise InputError("shakedown is for loads and temperatures; let supports rest.")
 
 
-def _iterate(
-    iteration: MelanIteration, rtol: float, monitor: Callable[[InteriorStep], None] | None
-) -> tuple[int, bool, str]:
-    """Step until both values meet. Collective."""
-    settled = 1e-6  # forces and flow that may be left over, relative
-    began, unit = time.perf_counter(), iteration.cones.load_unit
-    for number in range(1, MOST_STEPS + 1):
+@dataclass(frozen=True, eq=False)
+class Varying:
+    """The bodies, and the stresses that vary in them.
+
+    Attributes:
+        domain: Factors of what varies.
+        points: Points of the stresses.
+        working: Rates at the points where stresses do work.
+        live: Elastic stresses of the corners, Mandel vectors, shape (num_corners, count, m).
+        dead: That of constant loads, shape (count, m).
+    """
+
+    domain: LoadDomain
+    points: StressPoints
+    working: PointStrains
+    live: Floats
+    dead: Floats
+
+    def program(self, reserve: float) -> tuple[CornerStrains, ConicProgram]:
+        """Return the rates at corners, and the program. Collective.
+
+        Args:
+            reserve: See :class:`ConicProgram`.
+        """
+        problem = self.points.working
+        strains = CornerStrains(problem, self.working, len(self.live))
+        stiffness = CornerStiffness(ConicStiffness(problem, self.working), strains)
+        live, dead, free = (strains.create_vector() for _ in range(3))
+        strains.forces_of(self.live, live)
+        strains.forces_of(np.broadcast_to(self.dead, self.live.shape), dead)
+        on = Discretisation(problem.comm, strains, stiffness, live, dead, free, NONE)
+        return strains, ConicProgram(on, reserve)
+
+    def ratio(self, strains: CornerStrains, stresses: Floats) -> float:
+        """Return by how much stresses exceed yield at most. Collective.
+
+        Args:
+            strains: Cones at points and corners.
+            stresses: Mandel vectors, shape (num_corners, count, m).
+        """
+        ratios = yield_ratios(strains, *strains.coordinates(stresses))
+        worst = float(ratios.max(initial=0.0))
+        return float(self.points.known.comm.allreduce(worst, MPI.MAX))
+
+
+def _search(
+    varying: Varying,
+    rtol: float,
+    monitor: Callable[[InteriorStep], None] | None,
+    start: Start,
+) -> tuple[ShakedownLoad, Start | None]:
+    """Search from a start, and return the next start; None to end. Collective."""
+    with ExitStack() as made:
+        strains, program = varying.program(start.reserve)
+        made.callback(program.destroy)
+        if not varying.ratio(strains, varying.live) > 0:
+            raise InputError(
+                "what varies stresses no body that can yield, so that nothing limits it; give the"
+                " bodies that may yield a yield stress, or a load that is not zero."
+            )
+        steps: list[InteriorStep] = []
+        iteration: InteriorIteration | None = None
         try:
-            length = iteration.step()
+            verdict, reason = Verdict.UNBOUNDED, "nothing limits what varies, to rounding"
+            if choose_units(program, start):
+                iteration = InteriorIteration(program)
+                made.callback(iteration.destroy)
+                closer = 1.0
+                verdict, reason = chosen_conic()(iteration, rtol, steps, monitor, closer)
         except SingularStiffness as failure:
-            return number, False, str(failure)
-        gap = iteration.gap() / max(abs(iteration.load), 1.0)
-        unbalanced, off = iteration.unbalanced(), iteration.incompatible()
-        missing = iteration.missing_work()
-        if monitor is not None:
-            seconds = time.perf_counter() - began
-            told = (iteration.load * unit, gap, unbalanced, off, length, seconds)
-            monitor(InteriorStep(number, *told))
-        if max(unbalanced, off, missing) <= settled and gap <= rtol:
-            if iteration.load <= rtol:
-                return number, False, "the constant loads alone are not carried"
-            return number, True, f"the steps have converged to {rtol:g}"
-        if length < 1e-7:
-            return number, False, "the steps became too short"
-    return MOST_STEPS, False, f"both values have not met in {MOST_STEPS} steps"
+            verdict, reason = Verdict.STALLED, str(failure)
+        now = None if iteration is None else iteration.now
+        then = next_start(start, program, now, verdict, rtol)
+        found = _found(varying, strains, program, iteration, (verdict, reason, len(steps)))
+        if program.keeps and verdict is Verdict.FOUND and found.load is None:
+            then = start.with_more_in_reserve()
+        return found, then
 
 
 def _found(
-    points: StressPoints,
-    domain: LoadDomain,
-    operator: PointOperator,
-    iteration: MelanIteration,
-    ended: tuple[int, bool, str],
+    varying: Varying,
+    strains: CornerStrains,
+    program: ConicProgram,
+    iteration: InteriorIteration | None,
+    ended: tuple[Verdict, str, int],
 ) -> ShakedownLoad:
     """Return the shakedown load of an iteration, in the user's units. Collective."""
-    cones, problem = iteration.cones, points.known
+    verdict, reason, steps = ended
+    problem = varying.points.known
     mechanism = fem.Function(problem.V, name="mechanism")
-    operator.displace(iteration.velocity, mechanism)
     dissipation, residual = fem.Function(problem.Q), fem.Function(problem.S)
-    power = cones.at_points(cones.dissipation(iteration.multipliers)[:, None])[:, 0]
-    _set(dissipation, power / cones.weights)
-    _set(residual, iteration.residual * cones.stress_unit)
-    share = cones.accumulated(iteration.multipliers)
-    steps, converged, reason = ended
-    over, first = cones.ratio(iteration.load, iteration.residual), cones.first_yield()
+    load = upper = None
+    unbalanced, over, share = np.inf, np.inf, 0.0
+    if iteration is not None:
+        estimate = (iteration.now.load + iteration.gap()) * program.load_unit
+        iterate = iteration.now
+        low = static_load(iteration)
+        load, unbalanced = low.value, low.unbalanced
+        if load is not None:
+            whole = program.whole(iteration.now.stress, iteration.now.load)
+            stress = program.stress_unit * strains.stresses(*whole)[0]
+            scale = load / (iteration.now.load * program.load_unit)
+            rest = scale * stress - load * varying.live[0] - varying.dead
+            _set(residual, rest)
+            over = varying.ratio(strains, load * varying.live + varying.dead + rest)
+        iteration.now = iterate
+        high = kinematic_load(iteration)
+        upper = estimate if high.value is None else high.value
+        velocity = iteration.velocity
+        velocity.scale(1 / program.work(velocity))
+        problem.basis.T.mult(strains.velocity(velocity), mechanism.x.petsc_vec)
+        mechanism.x.scatter_forward()
+        flows = strains.flows(velocity)
+        share = _accumulated(varying, strains, flows)
+        power = powers(strains, *strains.of(velocity)).reshape(strains.corners, -1).sum(axis=0)
+        _set(dissipation, power)
+    converged = verdict is Verdict.FOUND and load is not None
+    if load is not None and not load > 0:
+        converged, reason = False, "the constant loads alone are not carried"
+    first = None if program.has_dead else 1 / varying.ratio(strains, varying.live)
     return ShakedownLoad(
-        domain=domain,
+        domain=varying.domain,
         problem=problem,
-        linear=points.linear,
-        load=iteration.load * cones.load_unit,
-        upper=cones.total(float(cones.dissipation(iteration.multipliers).sum())) * cones.load_unit,
+        linear=varying.points.linear,
+        load=load,
+        upper=None if upper is None else float(upper),
         over=over,
-        unbalanced=iteration.unbalanced(),
-        first_yield=None if first is None else first * cones.load_unit,
+        unbalanced=unbalanced,
+        first_yield=first,
         accumulated=share,
         failure=Failure.of(share) if converged else Failure.NONE,
         mechanism=mechanism,
         dissipation=dissipation,
         residual=residual,
         steps=steps,
-        factorisations=operator.factorisations + 1,  # that of elastic stresses
-        linear_solves=operator.solves + len(domain.names) + 1,
+        factorisations=program.stiffness.factorisations,
+        linear_solves=program.stiffness.solves,
         converged=converged,
         reason=reason,
     )
+
+
+def _accumulated(varying: Varying, strains: CornerStrains, flows: Floats) -> float:
+    """Return the share of the flow of a cycle that is left at its end. Collective.
+
+    It is zero where plasticity alternates, and one where each point flows at one corner.
+    """
+    tensors, weights = strains.tensors(flows), strains.points.weights
+    left = weights @ np.linalg.norm(tensors.sum(axis=0), axis=1)
+    whole = weights @ np.linalg.norm(tensors, axis=2).sum(axis=0)
+    sums = varying.points.known.comm.allreduce(np.array([left, whole]))
+    return float(sums[0] / max(sums[1], TINY))
 
 
 def _set(function: fem.Function, values: Floats) -> None:
