@@ -15,7 +15,7 @@ from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.combination_table import TABLE, as_cells, write_table
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.report.report_file import report_on
+from perfplast_fenicsx.report.report_file import Reporting, report_on
 
 
 def run_combined(
@@ -26,7 +26,7 @@ def run_combined(
     terminal: Terminal,
     log_level: str = "info",
     restart: bool = False,
-    report: bool = False,
+    report: Reporting = Reporting.NEVER,
     trust: bool = False,
 ) -> int:
     """Solve each combination in a folder of its own, on one mesh and contact. Collective.
@@ -39,8 +39,8 @@ def run_combined(
         terminal: The terminal that shows the run.
         log_level: The least level of records, as in :func:`run.run`.
         restart: Leave out those that are solved there.
-        report: Write ``report.html`` of each, with the table of all, also where a signal is what
-            ends the run.
+        report: When to write ``report.html`` of each, at the end with the table of all; at the end
+            also where a signal ends the run.
         trust: Run a script that the mesh is made of.
 
     Returns:
@@ -69,7 +69,8 @@ def run_combined(
         if one.name in solved:
             terminal.say(f"'{one.name}' is solved already.")
             continue
-        told = (path, folders[one.name], force, terminal, log_level, False, False, trust, False)
+        live = report if report is Reporting.LIVE else Reporting.NEVER
+        told = (path, folders[one.name], force, terminal, log_level, False, live, trust, False)
         statuses.append(run(comm, *told, case.combined(one), bodies, command))
         terminal.say()
         if statuses[-1] not in (SOLVED, NO_SOLUTION):

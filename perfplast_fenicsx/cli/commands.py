@@ -3,6 +3,7 @@
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -27,6 +28,7 @@ from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.io.case.code_templates import TEMPLATES, templates_in_words
 from perfplast_fenicsx.io.case.load_words import meaning
+from perfplast_fenicsx.report.report_file import Reporting
 
 
 def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
@@ -49,12 +51,14 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
         with logged_to_console(comm, chosen.log_level, terminal.clear):
             where = (chosen.case, chosen.restart or chosen.output, chosen.force)
             restart = chosen.restart is not None
-            how = (chosen.log_level, restart, chosen.report, chosen.trust)
+            pages = Reporting.AT_END if chosen.report else Reporting.NEVER
+            pages = Reporting.LIVE if chosen.watch else pages
+            how: tuple[Any, ...] = (chosen.log_level, restart, pages, chosen.trust)
             try:
                 if chosen.command == "sweep":
                     return sweep(comm, *where, terminal, chosen.vary, *how)
                 if chosen.refine:
-                    flags = (chosen.log_level, chosen.report, chosen.trust)
+                    flags = (chosen.log_level, pages, chosen.trust)
                     return run_refined(comm, *where, terminal, *flags)
                 case = read_case(chosen.case, comm, chosen.trust)
                 if case.combinations:

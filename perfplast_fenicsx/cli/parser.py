@@ -139,7 +139,14 @@ def _add_results(command: argparse.ArgumentParser) -> None:
         help="start so many ranks, by the mpirun of the MPI that is in use",
     )
     command.add_argument("--force", action="store_true", help="replace results in DIR")
-    command.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
+    pages = command.add_mutually_exclusive_group()
+    pages.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
+    pages.add_argument(
+        "--watch",
+        action="store_true",
+        help="write DIR/report.html at the end, and keep it current until then; a browser shows the"
+        " progress at each reload",
+    )
     command.add_argument(
         "--log-level",
         choices=LOG_LEVELS,

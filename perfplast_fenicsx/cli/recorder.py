@@ -30,6 +30,7 @@ from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.problem.judged.report import Iteration
 from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.report.report_file import LiveReport
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class RunContext:
         command: That has begun it, or a restart of it, as a shell has it; without PETSc options.
         remarks: Remarks on the problem.
         warnings: Warnings so far; grows during the run.
+        live: The report that is kept current; None without one.
     """
 
     case: Case
@@ -67,6 +69,7 @@ class RunContext:
     command: str
     remarks: list[str]
     warnings: list[str]
+    live: LiveReport | None = None
 
 
 class Recorder:
@@ -108,6 +111,10 @@ class Recorder:
             "began": run.date,
         }
         summary.remarks, summary.warnings = run.remarks, run.warnings
+        if run.live is not None:
+            run.terminal.heard = run.live.say
+            self.results.write()
+            run.live.refresh()
         self._announce()
         run.interrupts.check()
         self._solving = time.perf_counter()
@@ -175,9 +182,27 @@ class Recorder:
             with self.results.timed("output"):
                 now = Saved(self.results.reports, level, self._before, search, timings)
                 self._run.checkpoints.write(now)
+        if self._run.live is not None:
+            self._run.live.refresh()
         self._solving = time.perf_counter()
         self._announce()
         self._run.interrupts.check()
+
+    def so_far(self, adaptive: AdaptiveBounds) -> None:
+        """Write the bounds on the meshes before another one, where somebody watches. Collective.
+
+        Args:
+            adaptive: The bounds.
+
+        Raises:
+            InputError: On every rank, if the system refuses.
+            Interrupted: On every rank, if a signal has come.
+        """
+        if self._run.live is not None:
+            body, adaptive_ = self._writer.judged(adaptive.body, adaptive)
+            self._writer.write_limit(adaptive.best.mesh, body, adaptive_)
+            self._run.live.refresh()
+            self._run.interrupts.check()
 
     def limit(
         self,

@@ -13,6 +13,7 @@ from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.limit_analysis.body.next_step import clock
 from perfplast_fenicsx.mesh_estimate import percent
+from perfplast_fenicsx.report.report_file import Reporting
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 NONE = "-"
@@ -25,7 +26,7 @@ def run_refined(
     force: bool,
     terminal: Terminal,
     log_level: str = "info",
-    report: bool = False,
+    report: Reporting = Reporting.NEVER,
     trust: bool = False,
 ) -> int:
     """Solve a case twice, with elements of half the size the second time. Collective.

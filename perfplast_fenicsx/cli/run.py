@@ -50,7 +50,7 @@ from perfplast_fenicsx.problem.judged.slip import check_slip_is_true
 from perfplast_fenicsx.problem.left_out import left_out
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
-from perfplast_fenicsx.report.report_file import report_on
+from perfplast_fenicsx.report.report_file import LiveReport, Reporting, report_on
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +63,7 @@ def run(
     terminal: Terminal,
     log_level: str = "info",
     restart: bool = False,
-    report: bool = False,
+    report: Reporting = Reporting.NEVER,
     trust: bool = False,
     finer: bool = False,
     prepared: Case | None = None,
@@ -80,7 +80,7 @@ def run(
         terminal: The terminal that shows the run.
         log_level: What is in ``run.log`` beside what always is (:class:`run_log.RunLog`).
         restart: Go on from the last level that is solved in the folder.
-        report: Write ``report.html`` at the end, also where a signal is what ends the run.
+        report: When to write ``report.html``; at the end also where a signal ends the run.
         trust: Run a script that the mesh is made of.
         finer: With elements of half the size.
         prepared: The case, where it is one of several that are made of the file.
@@ -152,6 +152,7 @@ def run(
                 command=command or run_command(path, whole, report, trust),
                 remarks=remarks,
                 warnings=warnings,
+                live=LiveReport(folder) if report is Reporting.LIVE else None,
             )
             try:
                 status = _solve(context, solver, stages)
@@ -164,6 +165,8 @@ def run(
                 again = again or f"perfplast run {path} --restart {whole}"
                 log.warning("%s %s, %s with: %s", INTERRUPTED, interrupted, told, again)
                 status = interrupted.status
+            finally:
+                terminal.heard = None  # what comes last is the page of the results
             if report and (page := report_on(folder)) is not None:
                 terminal.say(f"Report: {page}")
             return status
@@ -223,9 +226,9 @@ def on_bodies(bodies: Problem, case: Case) -> Problem:
         return variant(bodies, materials=case.materials, loads=case.loads_on(bodies))
 
 
-def run_command(path: str, output: str, report: bool, trust: bool) -> str:
+def run_command(path: str, output: str, report: Reporting, trust: bool) -> str:
     """Return the command that repeats the run."""
-    flags = [flag for flag, on in (("--trust", trust), ("--report", report)) if on]
+    flags = [flag for flag in ("--trust" if trust else "", report) if flag]
     return shlex.join(["perfplast", "run", path, "-o", output, *flags])
 
 

@@ -21,6 +21,7 @@ from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import case_of, read_case
 from perfplast_fenicsx.io.case.variations import Variation, grid, read_variation, varied
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.report.report_file import Reporting
 
 TABLE, PICTURE = "sweep.csv", "sweep.png"
 """Files of a sweep, in the folder that has those of the cases."""
@@ -37,7 +38,7 @@ def sweep(
     vary: Sequence[str],
     log_level: str = "info",
     restart: bool = False,
-    report: bool = False,
+    report: Reporting = Reporting.NEVER,
     trust: bool = False,
 ) -> int:
     """Solve all cases of a sweep, each on all ranks in a folder of its own. Collective.
@@ -51,7 +52,7 @@ def sweep(
         vary: Varied keys and their values, as :func:`variations.read_variation` takes them.
         log_level: The least level of records, as in :func:`run.run`.
         restart: Leave out what is solved there, and go on with what is begun.
-        report: Write ``report.html`` of each.
+        report: When to write ``report.html`` of each.
         trust: Run a script that the mesh is made of.
 
     Returns:

@@ -7,7 +7,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TextIO
 
 from mpi4py import MPI
@@ -43,7 +43,11 @@ LIVE_PERIOD = 0.2
 
 
 class Terminal:
-    """Writes to a stream on rank 0, and nothing on the others."""
+    """Writes to a stream on rank 0, and nothing on the others.
+
+    Attributes:
+        heard: Called with the current activity, on every rank; None if nothing hears it.
+    """
 
     def __init__(
         self,
@@ -71,6 +75,7 @@ class Terminal:
         self._planned: int | None = None
         self._stage = ""
         self._driven = False
+        self.heard: Callable[[str], None] | None = None
 
     def say(self, text: str = "") -> None:
         """Write a line, or several; control characters as escapes."""
@@ -79,7 +84,9 @@ class Terminal:
             self._write(f"{visible(text, lines=True)}\n")
 
     def status(self, text: str) -> None:
-        """Show the current activity on the live line."""
+        """Show the current activity on the live line, and hand it on to what hears it."""
+        if self.heard is not None:
+            self.heard(text)
         if self._live:
             text = f"{clock(time.monotonic() - self._began)}  {visible(text)}"
             text = text[: shutil.get_terminal_size().columns - 1]

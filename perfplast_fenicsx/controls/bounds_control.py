@@ -63,7 +63,8 @@ class BoundsControl(OfBody):
             found, body = None, limit_bounds(problem, self.limit_tolerance, record.interior)
         else:
             told = (record.mesh, record.interior)
-            found = adaptive_bounds(problem, run.adapt, self.limit_tolerance, *told, self.design)
+            asked = (self.limit_tolerance, *told, self.design)
+            found = adaptive_bounds(problem, run.adapt, *asked, record.so_far)
             body = found.body
         with of_other_loads(found):  # turned round
             body = self._with_least(run, body)

@@ -58,6 +58,9 @@ class Record(Protocol):
     def mesh(self, round_: Round) -> None:
         """The bounds on a mesh of several."""
 
+    def so_far(self, adaptive: AdaptiveBounds) -> None:
+        """The bounds on the meshes before another one is solved."""
+
     def factor(self, factor: float, lower: Bound, upper: Bound) -> None:
         """Bounds with strengths that are divided by a factor."""
 

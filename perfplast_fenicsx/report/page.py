@@ -11,6 +11,7 @@ from perfplast_fenicsx.io.results.combination_table import as_cells, read_table
 from perfplast_fenicsx.io.results.figures import FIGURES, figures
 from perfplast_fenicsx.io.results.result_files import FALLS, LEAST, PROOF, STANDS
 from perfplast_fenicsx.io.results.summary import Summary
+from perfplast_fenicsx.mesh_estimate import percent
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
 from perfplast_fenicsx.report.curve import NARROW, curve_of, to_svg
@@ -33,6 +34,7 @@ from perfplast_fenicsx.report.tables import (
 )
 from perfplast_fenicsx.report.verdict import Verdict, verdict_on
 from perfplast_fenicsx.report.view_data import ROOM, View
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
 VIEW = (
@@ -42,12 +44,13 @@ VIEW = (
 """Files of the view, in the order in which they are read."""
 
 
-def page_of(reader: ResultReader, view: View) -> str:
+def page_of(reader: ResultReader, view: View, running: str = "") -> str:
     """Return the HTML of a report.
 
     Args:
         reader: The results.
         view: What is shown of the bodies.
+        running: HTML above the verdict, on a run that goes on.
 
     Raises:
         InputError: If a file of the results cannot be read, or claims what is not proven.
@@ -65,7 +68,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         "warnings": _warnings(summary),
         "bodies": _section("bodies", "The bodies", _view(view)),
         "curve": _curve(reader),
-        "levels": _water(reader) + _levels(reader) + _pictures(reader),
+        "levels": _water(reader) + _levels(reader) + _meshes(summary) + _pictures(reader),
         "reactions": _limit_forces(reader) + _reactions(reader) + _bolts(reader),
         "proof": _section("proof", "The proof", _proof(reader, proofs, view)),
         "case": _case(summary, words),
@@ -75,6 +78,7 @@ def page_of(reader: ResultReader, view: View) -> str:
         sections,
         title=escape(title),
         head=head_of(summary) + signatures(summary.report),
+        running=running,
         contents=contents_of("".join(sections.values())),
         version=escape(summary.version),
         scripts=scripts_of(view.data, VIEW),
@@ -171,6 +175,30 @@ def _levels(reader: ResultReader) -> str:
         f" in relation to the whole; {fair.sign} {fair.word}: no more than {CREDIBLE:.0e}.</p>"
     )
     return _section("levels", "Levels", table + note)
+
+
+def _meshes(summary: Summary) -> str:
+    """Return the bounds on each mesh, where there are several."""
+    meshes = ((summary.limit or {}).get("body") or {}).get("meshes", [])
+    if len(meshes) < 2:
+        return ""
+    none = "–"
+    rows = [
+        [
+            str(number),
+            str(mesh["cells"]),
+            none if mesh["lower"] is None else rounded_down(mesh["lower"]),
+            none if mesh["upper"] is None else rounded_up(mesh["upper"]),
+            none if mesh["gap"] is None else percent(mesh["gap"]),
+        ]
+        for number, mesh in enumerate(meshes, start=1)
+    ]
+    heads = ["mesh", "cells", "carried", "collapsed", "best bounds so far apart"]
+    note = (
+        "<p>What each mesh gave when it was solved. The verdict has the best of all, which the"
+        " checker has proven.</p>"
+    )
+    return _section("meshes", "Meshes", note + table(heads, rows))
 
 
 def _water(reader: ResultReader) -> str:

@@ -1,6 +1,9 @@
-"""``report.html`` of a result folder. Single-process, but for :func:`report_on`."""
+"""``report.html`` of a result folder: at the end of a run, or kept current while it goes on."""
 
 import logging
+import time
+from enum import StrEnum
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +19,16 @@ if TYPE_CHECKING:
 
 
 log = logging.getLogger(__name__)
+
+MARK = "<!-- what the run is doing -->"
+
+
+class Reporting(StrEnum):
+    """When a run writes its report."""
+
+    NEVER = ""
+    AT_END = "--report"
+    LIVE = "--watch"
 
 
 def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
@@ -58,3 +71,61 @@ def report_on(folder: "ResultFolder") -> Path | None:
         except Exception:  # the other ranks wait
             log.exception("no report was written, by a fault of the program")
     return folder.comm.bcast(found)
+
+
+class LiveReport:
+    """A report that is kept current while a run goes on.
+
+    The page shows what is on file, and what the run was doing when the page was written. It claims
+    nothing of the time after, so the page of a killed run is still true.
+    """
+
+    def __init__(self, folder: "ResultFolder") -> None:
+        """Take the folder of the run; nothing is written yet."""
+        self._folder = folder
+        self._page, self._words, self._results_at, self._written = "", "", "", 0.0
+
+    def refresh(self) -> None:
+        """Write the page of what is on file now. Collective."""
+        if self._folder.comm.rank == 0:
+            try:
+                reader = ResultReader(self._folder.path)
+                check_summary(reader)
+                self._page = page_of(reader, view_data(reader), MARK)
+                self._results_at = _clock()
+                self._write()
+            except InputError as error:
+                log.warning("%s", error)
+        self._folder.comm.Barrier()
+
+    def say(self, words: str) -> None:
+        """Put what the run is doing on the page. Not collective: the other ranks do nothing.
+
+        Args:
+            words: As on the live line of the terminal.
+        """
+        period = 5.0  # shortest time between two pages (s), as a page may have 20 MB
+        self._words = words
+        if self._page and time.monotonic() - self._written > period:
+            try:
+                self._write()
+            except InputError as error:
+                self._page = ""
+                log.warning("%s The page is not kept current any longer.", error)
+
+    def _write(self) -> None:
+        words = escape(self._words[:1].upper() + self._words[1:])
+        doing = f" {words}." if words else ""
+        state = (
+            '<section id="running" aria-label="State of the run"><p>'
+            f"<strong>At {_clock()} this run was going on.</strong>{doing} The results below are"
+            f" those of {self._results_at}. Reload the page for news.</p></section>"
+        )
+        target = self._folder.path / "report.html"
+        write_page(None, target, lambda: self._page.replace(MARK, state, 1))
+        self._written = time.monotonic()
+
+
+def _clock() -> str:
+    """Return the date and the time of day."""
+    return time.strftime("%Y-%m-%d %H:%M:%S")

@@ -94,6 +94,9 @@ class _Step(TypedDict):
 
 class _Round(TypedDict):
     cells: int
+    lower: float | None
+    upper: float | None
+    gap: float | None
 
 
 class _Least(TypedDict):

@@ -121,6 +121,7 @@ def adaptive_bounds(
     monitor: Callable[[Round], None] | None = None,
     steps: Callable[[InteriorStep], None] | None = None,
     design: float | None = None,
+    so_far: Callable[[AdaptiveBounds], None] | None = None,
 ) -> AdaptiveBounds:
     """Bound the limit load on a sequence of refined meshes, as far as memory allows. Collective.
 
@@ -132,6 +133,8 @@ def adaptive_bounds(
         monitor: Called on every rank after each mesh.
         steps: Called on every rank after each step of the interior point method.
         design: Load factor of the design load, if the sequence ends once it is decided.
+        so_far: Called on every rank before each mesh but the first, with the bounds on the meshes
+            before, such as to write them.
 
     Raises:
         InputError: If the mesh cannot be adapted, there is no design load to decide on, or
@@ -165,6 +168,9 @@ def adaptive_bounds(
             if isinstance(finer, str):
                 reason = finer
                 break
+            if so_far is not None:
+                known = "the next mesh is being solved"
+                so_far(AdaptiveBounds(low, high, found, problem, (of_low, of_high), rounds, known))
             finer_problem = problem.on(finer)
             try:
                 found = limit_bounds(finer_problem, nearness(rtol, gap), steps)
@@ -198,7 +204,10 @@ def _round(
         seconds: Wall time so far.
     """
     both = (found.lower, found.upper)
-    lower, upper = (bound.value if bound.strict else None for bound in both)
+    values = [None if bound.value is None else float(bound.value) for bound in both]
+    lower, upper = (
+        value if bound.strict else None for value, bound in zip(values, both, strict=True)
+    )
     return Round(
         number=number,
         cells=number_of_cells(problem.tagged_mesh),
@@ -207,8 +216,8 @@ def _round(
         gap=best[0].apart(best[1]) if best[0].strict and best[1].strict else None,
         seconds=seconds,
         not_proven=(
-            None if found.lower.strict else found.lower.value,
-            None if found.upper.strict else found.upper.value,
+            None if found.lower.strict else values[0],
+            None if found.upper.strict else values[1],
         ),
     )
 
