@@ -24,7 +24,7 @@ OF_ONE_HALF = {
 """Names of arrays that are not of the bodies."""
 
 
-CHECKER = ("exact", "cones", "body", "contact", "lower", "upper", "halves", "verdict")
+CHECKER = ("exact", "cones", "body", "contact", "lower", "blocks", "upper", "halves", "verdict")
 """Files of the checker, in the order in which they are read."""
 
 

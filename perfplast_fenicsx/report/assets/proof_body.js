@@ -7,7 +7,7 @@ const KNOWN = new Set([...KINDS.flatMap((kind) => LOADS.map((name) => kind + nam
   ..."vertices cells cone cone_bound cone_slope cone_matrix cone_sine cone_tension cell_strength".split(" "),
   ..."facets surface held guided contacts contact_adhesion contact_friction obstacles".split(" "),
   ..."obstacle_normals obstacle_adhesion obstacle_friction rigid rigid_held cell_kept".split(" "),
-  ..."contact_kept obstacle_kept stress velocity nodes joint_force joint_traction numbers".split(" ")]);
+  ..."contact_kept obstacle_kept stress velocity nodes joint_force joint_traction inner_force inner_traction numbers".split(" ")]);
 
 /** Bodies from the arrays of a half; refuses what is not one, or is not known here. */
 function bodyOf(A) {

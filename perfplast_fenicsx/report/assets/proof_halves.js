@@ -41,7 +41,7 @@ function compare(lower, upper) {
       refuse("the halves have different contacts, or the upper one rubs less");
     }
   }
-  const order = [lower, upper].map((body) => range(body.rigid.length).sort((i, j) => body.rigid[i] - body.rigid[j]));
+  const order = [lower, upper].map((body) => [...range(body.rigid.length)].sort((i, j) => body.rigid[i] - body.rigid[j]));
   const extent = largest(lower.x), turns = 2 * d - 3, wrong = () => refuse("the halves have different rigid surfaces, or loads of these");
   if (order[0].length !== order[1].length) wrong();
   order[0].forEach((g, k) => {

@@ -9,7 +9,7 @@ const OF_STRESS = { 2: [2.78, 0.96], 3: [12.2, 3.26], rings: [3.7, 1.56] };
 /** The stress on file, and the factors of the loads that it balances. */
 function readStress(body, A) {
   const { d, n } = body;
-  if (body.blocks) return {};
+  if (body.blocks) return readForces(body, A);
   const stress = A.stress?.data ?? refuse("there is no stress");
   const { bound, factor = bound, any_factor: other = 0 } = A.numbers;
   if (stress.length !== n * body.values * d * d) refuse("the stress fits nothing");
@@ -72,8 +72,9 @@ class Left {
 }
 
 /** The lower bound that a stress proves. */
-function lowerBound(body, { stress, factors }) {
-  if (body.blocks) refuse("this checker does not know lower bounds of blocks that cannot yield");
+function lowerBound(body, half) {
+  if (body.blocks) return blockBound(body, half);
+  const { stress, factors } = half;
   const { d, w, n, f, N, D, X, across, facets, cells, revolved } = body, [factor] = factors;
   if (!stress.every(Number.isFinite)) refuse("the stress is not finite");
   for (let at = 0; at < stress.length; at += d * d) for (let j = 0; j < d; j++) for (let k = 0; k < j; k++) {
@@ -169,10 +170,10 @@ function lowerBound(body, { stress, factors }) {
 
 /**
  * Let supports and contact exert on `rest` what leaves least. Returns forces that they can exert
- * besides: { i, j, o, p, along, most } at a value j of facet i, and opposite at p of o.
+ * besides: { i, j, o, p, way, e, most } at a value j of facet i, and opposite at p of o, along way 2^e.
  */
 function exerted(body, rest, e) {
-  const { d, w, f } = body, s = d - 1, anchors = [], axes = range(d).map((i) => range(d).map((k) => (i === k ? 1 : 0)));
+  const { d, w, f } = body, s = d - 1, anchors = [], axes = range(d).map((i) => range(d).map((k) => (i === k ? 1n : 0n)));
   const frees = (i) => range(d).map((a) => (body.held[i * d + a] ? 0 : 1));
   const radii = (i, j) => (body.revolved ? body.radiiOn(i)[j] : 1);
   /** What contact presses with: the factor of a direction that leaves least. */
@@ -199,7 +200,7 @@ function exerted(body, rest, e) {
     if (o >= 0) rest[o][p] = rest[o][p].map((y, k) => y + whole[k]);
     // Of what presses, and of what friction has left, a part each, so that all together neither pull nor slip.
     const room = Math.min(pressed - off, (most - share * slip) / (1 + mu)) / s / (2 * w);
-    for (const way of room > 0 ? [unit, ...axes] : []) anchors.push({ i: a, j, o, p, along: way, most: room });
+    for (const way of room > 0 ? axes : []) anchors.push({ i: a, j, o, p, way, e: 0, most: room });
   };
   const rows = contactOf(body), times = new Int32Array(f);
   for (const { a, b, c, mu } of rows) {
@@ -219,17 +220,17 @@ function exerted(body, rest, e) {
     exert(a, j, normal, q, ea);
     if (o >= 0) exert(o, p, back, q, ea);
     const long = norm(unit);
-    anchors.push({ i: a, j, o, p, along: unit.map((y) => -y / long), most: (q * long) / s / (2 * w) });
+    anchors.push({ i: a, j, o, p, way: normal, e: ea, most: (q * long) / s / (2 * w) });
   }
   for (let i = 0; i < f; i++) for (let j = 0; j < rest[i].length; j++) {
     const guide = [...body.guided.subarray(i * d, i * d + d)], free = frees(i);
-    const ways = axes.filter((_, k) => !free[k]);
+    const ways = axes.filter((_, k) => !free[k]).map((way) => ({ way, e: 0 }));
     if (norm(guide)) {
       const g = exact(guide), q = press(i, j, g.v, free, g.e);
       if (q !== null) exert(i, j, g.v, q, g.e);
-      ways.push(guide);
+      ways.push({ way: g.v, e: g.e });
     }
-    for (const along of radii(i, j) > 0 ? ways : []) anchors.push({ i, j, o: -1, p: 0, along, most: Infinity });
+    for (const of of radii(i, j) > 0 ? ways : []) anchors.push({ i, j, o: -1, p: 0, ...of, most: Infinity });
   }
   return anchors;
 }
@@ -339,13 +340,20 @@ function reactions(body, anchors, left) {
   const radii = range(n).map((c) => body.radius(c)).filter(Number.isFinite);
   const cellOf = (i) => Math.floor(body.outer[i] / w), unitOf = (k) => range(d).map((i) => (i === k ? 1 : 0));
   const weight = anchors.map((of) => {
+    if (of.weight !== undefined) return of.weight;
     const radius = body.radius(cellOf(of.i));
     return Math.min(of.most, norm(body.area[body.outer[of.i]]) * (Number.isFinite(radius) ? radius : Math.max(...radii)));
   });
+  for (const of of anchors) if (of.way) { // an exact direction, and one of size 1
+    const along = of.way.map((y) => num(y, 0));
+    of.size = norm(along);
+    of.along = along.map((y) => y / of.size);
+  }
   /** The force of size 1, and its moment over the extent, of an anchor on the piece of a facet. */
   const wrench = (of, i, j) => {
     const at = sums.get(body.pieces.of(cellOf(i))), vertices = body.ofFacet(i);
     const from = (v) => range(d).map((m) => num(body.X[v * d + m] - at.x[m], body.e) / at.far);
+    if (of.point) return [...of.along, ...cross(from(vertices[j]), of.along)];
     if (of.k === undefined) {
       const many = revolved ? 3 : d, force = of.along.map((y) => y / many);
       if (revolved) return [force[1]];
@@ -373,7 +381,7 @@ function reactions(body, anchors, left) {
   }
   const rows = range(missing.length).filter((i) => some[i]), place = new Map(rows.map((i, k) => [i, k]));
   const lost = () => refuse("neither supports nor contact hold a body against what is left of its balance");
-  if (rows.length > 400) refuse("there are too many bodies for this checker");
+  if (rows.length > 1200) refuse("there are too many bodies for this checker");
   const gram = rows.map(() => new Array(rows.length).fill(0)), least = rows.map(() => 0);
   for (const column of columns) for (const [i, y] of column) if (place.has(i)) least[place.get(i)] += y * y;
   const scale = least.map((y) => 2 ** -Math.round(Math.log2(Math.sqrt(y || 1)))), sized = gram.map((row) => [...row]);
@@ -385,10 +393,12 @@ function reactions(body, anchors, left) {
   const inverse = inverted(gram) ?? lost();
   // That the inverse is near enough makes the matrix without rounding a regular one.
   const rounding = (4 * columns.length + 256) * U;
-  const off = Math.max(...inverse.map((row, i) => range(rows.length).reduce((sum, j) => {
-    const product = row.reduce((y, z, k) => y + z * gram[k][j], 0) - (i === j ? 1 : 0);
-    return sum + Math.abs(product) + row.reduce((y, z, k) => y + Math.abs(z) * sized[k][j], 0) * rounding;
-  }, 0)));
+  const off = Math.max(...inverse.map((row, i) => {
+    const product = new Float64Array(rows.length), size = new Float64Array(rows.length);
+    product[i] = -1;
+    row.forEach((y, k) => { for (let j = 0; j < rows.length; j++) { product[j] += y * gram[k][j]; size[j] += Math.abs(y) * sized[k][j]; } });
+    return product.reduce((sum, y, j) => sum + Math.abs(y) + size[j] * rounding, 0);
+  }));
   if (!(off < 0.5)) lost();
   const first = inverse.map((row) => row.reduce((sum, y, k) => sum - y * scale[k] * missing[rows[k]], 0));
   const pushed = columns.map((column, k) => weight[k] * column.reduce((sum, [i, y]) => (place.has(i)
@@ -404,7 +414,13 @@ function reactions(body, anchors, left) {
     for (const [i, j, sign] of [[of.i, of.j, 1], [of.o, of.p, -1]]) {
       if (i < 0) continue;
       if (of.k !== undefined) { left.carry(body.outer[i], ...whole(of, sign * pushed[k])); continue; }
-      const force = of.along.map((y) => BigInt(Math.round(-sign * y * pushed[k] * (d - 1) * 2 ** -e)));
+      const times = BigInt(Math.round(((-sign * pushed[k] * (of.point ? unit : d - 1)) / of.size) * 2 ** -e));
+      const force = of.way.map((y) => y * times);
+      if (of.point) {
+        const p = range(d).map((m) => body.X[body.ofFacet(i)[j] * d + m]);
+        left.carry(body.outer[i], force.map((y) => -y), cross(p, force).map((y) => -BigInt(w) * y));
+        continue;
+      }
       left.act(body.outer[i], body.ofFacet(i), range(revolved ? 3 : d).map((m) => (m === j ? force : force.map(() => 0n))), 0);
     }
   });

@@ -78,42 +78,56 @@ function sets(body, test) {
   return [...found.values()];
 }
 
-/** The rigid motion next to that of a group, and which parts of it supports leave free. */
-function rigid(body, flow, { every, lock }, loose = false) {
-  const { d, x, revolved } = body, { held, guides } = flow, turns = revolved ? 1 : 2 * d - 3, size = d + turns;
-  const mine = every.filter((p) => p < flow.count), centre = (loose ? undefined : mine.find((v) => held[v].some((y) => y))) ?? mine[0];
+/**
+ * Rigid motions of some places: the parts that supports leave free, what each of size 1 makes of a
+ * place (`columns`), and what whole numbers make of a vertex (`at`).
+ */
+function motionsOf(body, flow, { every, lock = [] }, loose = false) {
+  const { d, x, X, revolved } = body, { held, guides, count, pairs } = flow, turns = revolved ? 1 : 2 * d - 3;
+  const mine = every.filter((p) => p < count), supported = loose ? undefined : mine.find((v) => held[v].some((y) => y));
+  const centre = supported ?? mine[0], unit = (m) => range(3).map((i) => (i === m ? 1 : 0));
   const arm = (v) => range(d).map((i) => x[v * d + i] - (revolved ? 0 : x[centre * d + i]));
-  // Around an axis it is a shift along it, of which v = ru has the radius
-  const turned = (a, m) => (revolved ? [0, a[0]] : d === 2 ? [-a[1], a[0]] : cross(range(3).map((i) => (i === m ? 1 : 0)), a));
-  const free = range(size).map((i) => !(revolved && i < d));
+  // Around an axis bodies move along it, with the radius in v = ru
+  const turned = (a, m) => (revolved ? [0, a[0]] : d === 2 ? [-a[1], a[0]] : cross(unit(m), a));
+  const free = range(d + turns).map((i) => !(revolved && i < d)), stuck = !loose && mine.some((v) => guides.has(v));
   if (!loose) for (const v of mine) {
-    const a = arm(v);
     for (let i = 0; i < d; i++) if (held[v][i]) free[i] = false;
-    for (let m = 0; m < turns; m++) if (turned(a, m).some((y, i) => held[v][i] && y !== 0)) free[d + m] = false;
+    for (let m = 0; m < turns; m++) if (turned(arm(v), m).some((y, i) => held[v][i] && y !== 0)) free[d + m] = false;
   }
-  if (!loose && !revolved && lock.some((y) => y)) lock.map((is) => !is).concat(new Array(turns).fill(false)).forEach((is, i) => { free[i] &&= is; });
-  const stuck = !loose && mine.some((v) => guides.has(v));
+  if (!revolved && lock.some((y) => y)) free.fill(false, d);
+  lock.forEach((is, i) => { if (is) free[i] = false; });
   if (stuck) free.fill(false, d);
-  const far = Math.max(...mine.map((v) => norm(arm(v)))), gram = range(size).map((i) => new Array(size).fill(0));
-  const right = new Array(size).fill(0);
-  const columns = (v) => range(size).map((m) => (!free[m] ? new Array(d).fill(0)
+  const far = Math.max(...mine.map((v) => (revolved ? x[v * d] : norm(arm(v)))));
+  const ofVertex = (v) => free.map((is, m) => (!is ? new Array(d).fill(0)
     : m < d ? range(d).map((i) => (i === m ? 1 : 0)) : turned(arm(v), m - d).map((y) => y / far)));
+  const columns = (p) => (p < count ? ofVertex(p) : pairs[p - count].map(ofVertex).reduce(
+    (one, other) => one.map((row, i) => row.map((y, k) => (y + other[i][k]) / 2))));
+  const at = (v, shift, turn) => {
+    const a = range(d).map((i) => X[v * d + i] - X[centre * d + i]), [t] = turn;
+    const moved = revolved ? [0n, t * X[v * d]] : d === 2 ? [-t * a[1], t * a[0]] : cross(turn, a);
+    return shift.map((y, i) => y + moved[i]);
+  };
+  const whole = (way) => { // even numbers, as velocities of edges are means
+    const even = (y, e) => 2n * BigInt(Math.round(y * 2 ** -(e + 1)));
+    return [Array.from(way.slice(0, d), (y) => even(y, flow.ev)), Array.from(way.slice(d), (y) => even(y / far, flow.ev - body.e))];
+  };
+  return { every, mine, centre, free, stuck, lock, columns, at, whole };
+}
+
+/** The rigid motion next to that of a group. */
+function rigid(body, flow, group, loose = false) {
+  const found = motionsOf(body, flow, group, loose), { mine, every, free, columns } = found, size = free.length;
+  const gram = range(size).map((i) => range(size).map((j) => (i === j && !free[i] ? 1 : 0))), right = new Array(size).fill(0);
   for (const v of mine) {
     const parts = columns(v);
     parts.forEach((p, i) => parts.forEach((q, j) => { gram[i][j] += p.reduce((sum, y, k) => sum + y * q[k], 0); }));
     parts.forEach((p, i) => { right[i] += p.reduce((sum, y, k) => sum + y * flow.v(v, k), 0); });
   }
-  free.forEach((is, i) => { if (!is) gram[i][i] = 1; });
   const inverse = inverted(gram) ?? refuse("a rigid motion is lost to rounding");
   const motion = inverse.map((row) => row.reduce((sum, y, k) => sum + y * right[k], 0));
-  const place = (p) => (p < flow.count ? columns(p) : flow.pairs[p - flow.count].map(columns).reduce(
-    (a, b) => a.map((row, i) => row.map((y, k) => (y + b[i][k]) / 2))));
-  const off = loose ? Math.max(...every.map((p) => Math.max(...range(d).map((k) => Math.abs(
-    place(p).reduce((sum, column, m) => sum + column[k] * motion[m], 0) - flow.v(p, k)))))) : 0;
-  const grid = flow.ev - body.e; // of rotations, times 2 as coefficients are
-  return { off, every, mine, centre, free: free.slice(0, d).map((is) => is && !stuck), stuck, lock,
-    shift: motion.slice(0, d).map((y) => 2n * BigInt(Math.round(y * 2 ** -(flow.ev + 1)))),
-    turn: motion.slice(d).map((y) => 2n * BigInt(Math.round((y / far) * 2 ** -(grid + 1)))) };
+  const off = loose ? Math.max(...every.map((p) => Math.max(...range(body.d).map((k) => Math.abs(
+    columns(p).reduce((sum, column, m) => sum + column[k] * motion[m], 0) - flow.v(p, k)))))) : 0;
+  return { ...found, off, motion: found.whole(motion) };
 }
 
 /** Admissible coefficients, but for changes of volume. */
@@ -156,16 +170,15 @@ function bent(body, flow, rows, resting) {
   const units = roots.map((g) => rigid(body, flow, { every: [...new Set(merged.get(g).every)], lock: merged.get(g).lock }));
   groups.forEach(({ plate }, g) => { if (plate !== undefined) plateUnit[plate] = units[roots.indexOf(joined.of(g))]; });
   units.forEach((unit, k) => {
+    let [shift, turn] = unit.motion;
     unit.every.forEach((p) => { unitOf[p] = k; });
-    if (unit.stuck) {
+    if (unit.stuck) { // nor is it moved again
       const directions = unit.every.flatMap((p) => guides.get(p) ?? []);
-      unit.shift = moveAcross(unit.shift, unit.free.map((_, i) => unit.lock[i] || unit.mine.some((v) => held[v][i])), directions);
+      shift = moveAcross(shift, unit.lock.map((is, i) => is || unit.mine.some((v) => held[v][i])), directions);
+      unit.free.fill(false);
     }
-    for (const p of unit.mine) {
-      const arm = range(d).map((i) => X[p * d + i] - X[unit.centre * d + i]), [t] = unit.turn;
-      const turned = body.revolved ? [0n, t * X[p * d]] : d === 2 ? [-t * arm[1], t * arm[0]] : cross(unit.turn, arm);
-      Q[p] = unit.shift.map((y, i) => y + turned[i]);
-    }
+    unit.turn = turn;
+    for (const p of unit.mine) Q[p] = unit.at(p, shift, turn);
     for (const p of unit.every) if (p >= flow.count) {
       const [a, b] = flow.pairs[p - flow.count];
       Q[p] = Q[a].map((y, i) => (y + Q[b][i]) / 2n);
@@ -197,56 +210,71 @@ function bent(body, flow, rows, resting) {
   });
   for (const unit of units) unit.every.forEach((p) => bound.join(body.pieces.of(byPlace.get(p)), body.pieces.of(byPlace.get(unit.every[0]))));
   const movers = new Map();
-  const radiusOf = (p) => (p < flow.count ? 2n * X[p * d] : flow.pairs[p - flow.count].reduce((sum, v) => sum + X[v * d], 0n));
-  const widest = body.revolved ? largest(body.x.filter((_, i) => i % 2 === 0)) : 1;
-  /** How much of its motion a mover gives a place: around an axis, its share of the largest radius. */
-  const share = (of, p) => (body.revolved && of[0][0] !== "p" ? num(radiusOf(p), body.e) / 2 / widest : 1);
   const moverOf = (p, whole) => {
     const key = whole ? `b${bound.of(bodyOf_[p])}` : unitOf[p] >= 0 ? `u${unitOf[p]}` : `p${p}`;
-    if (!movers.has(key)) {
-      const places = whole ? range(Q.length).filter((k) => bound.of(bodyOf_[k]) === bound.of(bodyOf_[p]))
-        : unitOf[p] >= 0 ? units[unitOf[p]].every : [p];
-      const locked = new Set(places.map((k) => unitOf[k])), locks = units.filter((_, k) => locked.has(k)).map((of) => of.lock);
-      // Around an axis a body moves along it, by its radius times that
-      const sunk = (i) => (body.revolved && key[0] !== "p" ? i === 0 || places.some((k) => held[k][1] && radiusOf(k) > 0n)
-        : places.some((k) => held[k][i] || guides.has(k)) || locks.some((of) => of[i] && !body.revolved));
-      const free = range(d).map((i) => (sunk(i) || (body.revolved && places.some((k) => guides.has(k))) ? 0 : 1));
-      movers.set(key, { places, free });
+    if (movers.has(key)) return movers.get(key);
+    let mover = units[unitOf[p]] && { ...units[unitOf[p]], parts: [units[unitOf[p]]] };
+    if (whole) {
+      const every = range(Q.length).filter((k) => bound.of(bodyOf_[k]) === bound.of(bodyOf_[p]));
+      const parts = [...new Set(every.map((k) => unitOf[k]))].filter((k) => k >= 0);
+      mover = motionsOf(body, flow, { every, lock: range(d).map((i) => parts.some((k) => units[k].lock[i])) });
+      if (mover.stuck) mover.free.fill(false);
+      mover.parts = parts.map((k) => units[k]);
+    } else if (!mover) {
+      const free = held[p].map((is) => !is && !guides.has(p)), still = range(d).map(() => 0);
+      mover = { every: [p], free, columns: () => free.map((is, i) => still.map((_, k) => (is && i === k ? 1 : 0))) };
     }
-    return [key, movers.get(key)];
+    movers.set(key, { ...mover, way: new Float64Array(mover.free.length), moves: false });
+    return movers.get(key);
   };
+  const apply = (mover) => {
+    if (!mover.at) { // a place by itself
+      const [p] = mover.every;
+      Q[p] = Q[p].map((y, i) => y + 2n * BigInt(Math.round(mover.way[i] * 2 ** -(ev + 1))));
+      return;
+    }
+    const [shift, turn] = mover.whole(mover.way), moved = new Map(mover.mine.map((v) => [v, mover.at(v, shift, turn)]));
+    for (const p of mover.every) {
+      const [a, b] = p < flow.count ? [p, p] : flow.pairs[p - flow.count];
+      Q[p] = Q[p].map((y, i) => y + (moved.get(a)[i] + moved.get(b)[i]) / 2n);
+    }
+    for (const unit of mover.parts) unit.turn = unit.turn.map((y, i) => y + turn[i]);
+  };
+  const dots = (p, q) => p.reduce((sum, y, i) => sum + y * q[i], 0);
   for (let round = 0; round < 14; round++) {
-    const depth = jumps.map(enters), worst = Math.max(0, ...depth), moves = new Map();
+    const depth = jumps.map(enters), worst = Math.max(0, ...depth), whole = round < 2;
     if (!(worst > 0)) break;
-    const whole = round < 2; // all bodies part where any enter, by twice as much
-    const near = jumps.flatMap((row, k) => {
+    movers.clear();
+    const near = jumps.flatMap((row, k) => { // all bodies part where any enter, by twice as much
       if (!(depth[k] > -1e3 * worst)) return [];
-      const sides = [row.p, row.q].map((p) => (p < 0 ? null : moverOf(p, whole)));
+      const sides = [row.p, row.q].map((p, m) => (p < 0 ? null : [moverOf(p, whole), m ? -1 : 1, p]));
       if (sides[0][0] === sides[1]?.[0]) return [];
-      const ways = sides.map((of, m) => of && row.unit.map((y, i) => y * of[1].free[i] * share(of, m ? row.q : row.p)));
-      const gain = ways.reduce((sum, way) => sum + (way ? norm(way) ** 2 : 0), 0);
-      return gain > (body.revolved ? 1e-8 : 0.01) ? [{ row, sides, ways, gain, depth: depth[k] }] : [];
+      const both = sides.filter((of) => of).map(([mover, sign, p]) => ({ mover, columns: mover.columns(p).map(
+        (column, i) => column.map((y) => (mover.free[i] ? sign * y : 0))) }));
+      const gain = both.reduce((sum, { columns }) => sum + columns.reduce((y, of) => y + dots(of, row.unit) ** 2, 0), 0);
+      return gain > (body.revolved ? 1e-8 : 0.01) ? [{ row, both, deep: depth[k] }] : [];
     });
     let more = true;
-    for (let sweep = 0; sweep < 100 && more; sweep++) {
+    for (let sweep = 0; sweep < Math.max(100, 3e5 / near.length) && more; sweep++) {
       more = false;
-      for (const { row, sides, ways, gain, depth: deep } of near) {
-        const own = sides.map((of) => (of && moves.get(of[0])?.way) ?? row.unit.map(() => 0));
-        const [one, two] = sides.map((of, k) => of && share(of, k ? row.q : row.p));
-        const m = own[0].map((y, i) => y * one - own[1][i] * two), along = m.reduce((sum, y, i) => sum + y * row.unit[i], 0);
-        const now = deep + along + row.mu * norm(m.map((y, i) => y - along * row.unit[i]));
+      for (const { row, both, deep } of near) {
+        const m = range(d).map((k) => both.reduce((sum, { mover, columns }) => sum + columns.reduce(
+          (y, of, i) => y + of[k] * mover.way[i], 0), 0));
+        const along = dots(m, row.unit), across = m.map((y, i) => y - along * row.unit[i]), slip = norm(across);
+        const now = deep + along + row.mu * slip;
         const wanted = whole ? deep - 2 * worst : deep > 0 ? -deep : Math.min(0, deep);
         if (now <= wanted + 0.25 * (whole ? worst : Math.max(deep, 0))) continue;
         more = true;
-        sides.forEach((of, k) => { if (of) moves.set(of[0], { mover: of[1], way: own[k].map(
-          (y, i) => y + (k ? 1 : -1) * ((now - wanted) / gain) * ways[k][i]) }); });
+        const way = row.unit.map((y, i) => y + (slip > 0 ? (row.mu * across[i]) / slip : 0));
+        const steps = both.map(({ columns }) => columns.map((of) => dots(of, way)));
+        const gain = steps.flat().reduce((sum, y) => sum + y * y, 0);
+        if (gain > 0) both.forEach(({ mover }, k) => {
+          mover.moves = true;
+          steps[k].forEach((y, i) => { mover.way[i] -= ((now - wanted) / gain) * y; });
+        });
       }
     }
-    for (const [key, { mover, way }] of whole && more ? [] : moves) {
-      const turns = body.revolved && key[0] !== "p", grid = turns ? ev - body.e : ev;
-      const move = way.map((y) => BigInt(Math.round((y / (turns ? widest : 1)) * 2 ** -(grid + 1))));
-      for (const p of mover.places) Q[p] = Q[p].map((y, i) => y + move[i] * (turns ? radiusOf(p) : 2n));
-    }
+    for (const mover of movers.values()) if (mover.moves && !(whole && more)) apply(mover);
   }
   const bad = jumps.findIndex((row) => enters(row) > 0);
   if (bad >= 0) refuse("bodies enter each other, or part too little for their slip");
