@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from perfplast_fenicsx import limit_bounds
 from perfplast_fenicsx.proof import ProofError, check
 from perfplast_fenicsx.report.frame import asset
 from perfplast_fenicsx.report.proof_again import checker_source, packed_proof, prove_again
 from tests.functional.browser_page import Page, alone
-from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write
+from tests.limit_analysis.test_rigid_blocks import pushed
+from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write, written
+from tests.proof.test_blocks import in_space
 from tests.proof.test_forged_halves import finer
 from tests.proof.test_random_edits import KINDS, OF_BODIES, OF_PROOFS, edit
 
@@ -154,7 +157,7 @@ def test_halves_on_two_meshes(honest: Halves, tmp_path: Path, checker: Checker) 
     finer(halves["lower"])
     path = write(tmp_path / "finer.h5", halves)
     assert bounds_of(checker(path)) == pytest.approx(first_bounds(path), rel=AGREE)
-    for name in ("cone_bound", "body_force", "traction", "vertices"):
+    for name in ("cone_bound", "traction", "vertices"):
         them = copied(halves)
         them["upper"][name] = np.asarray(them["upper"][name]) * 0.999
         path = write(tmp_path / f"{name}.h5", them)
@@ -162,6 +165,32 @@ def test_halves_on_two_meshes(honest: Halves, tmp_path: Path, checker: Checker) 
         for half in ("lower", "upper"):
             assert "halves have" in checker(path)[half]["fault"] or name == "cone_bound"
             assert "fault" in checker(path)[half]
+
+
+OTHERS: dict[str, tuple[Callable[[Path], Halves], tuple[Callable[[Arrays], None], ...]]] = {
+    "rings with a plate": (KINDS["rings with a plate"], (half_the_strength, skew, claim)),
+    "a stone that rubs and adheres": (
+        lambda path: written(path, limit_bounds(pushed(0.2, 2.0, 1.0, 0.1))),
+        (claim,),
+    ),
+    "stones in space": (lambda path: written(path, limit_bounds(in_space())), (claim,)),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_both_checkers_agree_on_other_bodies(name: str, tmp_path: Path, checker: Checker) -> None:
+    """On honest files, and on what somebody edited."""
+    make, edits = OTHERS[name]
+    honest = make(tmp_path)
+    path = tmp_path / "bounds.h5"
+    assert bounds_of(checker(path)) == pytest.approx(first_bounds(path), rel=AGREE)
+    for change in edits:
+        for kind in ("lower", "upper") if change in UPPER else ("lower",):
+            them = copied(honest)
+            change(them[kind])
+            path = write(tmp_path / f"{kind}_{change.__name__}.h5", them)
+            assert check(path)[kind].faults
+            assert "fault" in checker(path)[kind]
 
 
 @pytest.mark.long
