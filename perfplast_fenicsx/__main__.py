@@ -39,6 +39,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             from perfplast_fenicsx.cli.doctor import doctor
 
             return doctor()
+        if chosen.command == "mcp":
+            from perfplast_fenicsx.cli.tool_server import serve
+
+            return serve(chosen.folders)
         fault = prepare(chosen, arguments)
         if fault is not None:  # MPI may be what is wrong
             if launched_first():

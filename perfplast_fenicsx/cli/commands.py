@@ -10,10 +10,11 @@ from mpi4py import MPI
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.combined_run import run_combined
 from perfplast_fenicsx.cli.mesh_command import common_materials, mesh, meshing_options
+from perfplast_fenicsx.cli.mesh_folder import open_page
 from perfplast_fenicsx.cli.model_command import is_model, mesh_model
 from perfplast_fenicsx.cli.parser import SOLVED, set_petsc_options
 from perfplast_fenicsx.cli.refined_run import run_refined
-from perfplast_fenicsx.cli.result_commands import draw, export_results, follow, report
+from perfplast_fenicsx.cli.result_commands import claim, draw, export_results, follow, report
 from perfplast_fenicsx.cli.run import admitted_solver, on_bodies, run, warn_of
 from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.signals import leave_pipes_to_python
@@ -69,6 +70,9 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
     with logged_to_console(comm):
         if chosen.command == "check":
             return check(comm, chosen.case, chosen.trust, chosen.output)
+        if chosen.command == "setup":
+            Terminal(comm).say(on_rank0(comm, lambda: open_page(chosen.folder)) or "")
+            return SOLVED
         if chosen.command == "info":
             return about(comm, chosen.case, chosen.trust) if chosen.case else info(comm)
         if chosen.command == "materials":
@@ -90,6 +94,8 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
         if chosen.command == "export":
             kinds = {kind for kind in ("vtu", "csv") if getattr(chosen, kind)}
             return export_results(comm, chosen.results, chosen.output, kinds)
+        if chosen.command == "claim":
+            return claim(comm, chosen.results, chosen.json)
         if chosen.command == "report":
             return report(comm, chosen.results, chosen.output)
         if chosen.command == "plot" and chosen.follow:

@@ -212,6 +212,14 @@ def make_parser() -> _Parser:
 
     add_mesh(commands, scripts)
 
+    setup = commands.add_parser(
+        "setup",
+        help="open the page on which a case is set up by clicks",
+        description="Open DIR/setup.html, which perfplast mesh has written, in a browser. Without a"
+        " screen, print its address.",
+    )
+    setup.add_argument("folder", metavar="DIR", help="folder that perfplast mesh has written")
+
     check = commands.add_parser(
         "check",
         parents=[scripts],
@@ -280,6 +288,25 @@ def make_parser() -> _Parser:
         metavar="PAGE",
         help="the page (default: DIR/report.html, or DIR/beside_NAME.html of two)",
     )
+
+    claim = commands.add_parser(
+        "claim",
+        help="prove bounds again, and print them with the SHA-256 of their proofs",
+        description="Check the proof files in DIR again. Print the bounds that they prove, with the"
+        " file and SHA-256 of each, and what was taken as written. Where nothing is proven, say"
+        " why, with exit status 2.",
+    )
+    claim.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    claim.add_argument("--json", action="store_true", help="as JSON, for programs")
+
+    tools = commands.add_parser(
+        "mcp",
+        help="serve tools for programs by the Model Context Protocol",
+        description="Serve the tools describe, template, mesh, check, run, status, claim and prove"
+        " on standard input and output. They read and write in the given folders alone. This needs"
+        " the package mcp of PyPI.",
+    )
+    tools.add_argument("folders", metavar="FOLDER", nargs="+", help="may be read and written")
 
     exported = commands.add_parser(
         "export",

@@ -1,5 +1,6 @@
 """Commands that read results: pictures, animations, pages, files for other programs."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.export.exported_files import export
 from perfplast_fenicsx.pictures.drawing_process import animate, plot
 from perfplast_fenicsx.report.beside import write_beside
+from perfplast_fenicsx.report.claim import claim_of
 from perfplast_fenicsx.report.report_file import write_report
 
 
@@ -87,6 +89,27 @@ def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> i
             terminal.clear()
 
     on_rank0(comm, write)
+    return SOLVED
+
+
+def claim(comm: MPI.Intracomm, folder: str, as_json: bool) -> int:
+    """Print what the proof files of a run prove, on rank 0. Collective.
+
+    Args:
+        comm: The ranks; the others wait.
+        folder: Folder of the results.
+        as_json: Print JSON instead of sentences.
+
+    Raises:
+        InputError: If there are no results, or nothing is proven.
+    """
+
+    def words() -> str:
+        found = claim_of(folder)
+        text = json.dumps(found.table(), indent=2, ensure_ascii=False, allow_nan=False)
+        return text if as_json else found.in_words()
+
+    Terminal(comm).say(on_rank0(comm, words) or "")
     return SOLVED
 
 

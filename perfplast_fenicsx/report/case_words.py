@@ -181,7 +181,7 @@ class CaseWords:
             listed.append("Surfaces in contact can press and part; they cannot pull.")
         if self._given.get("ties"):
             listed.append("Surfaces that are glued together never part, whatever they carry.")
-        if not self._units:
+        if not any(self._units.values()):
             listed.append("The case names no units; its numbers have to be of one system.")
         whose = "The bodies are those that the straight elements of the mesh fill."
         listed.append(whose if of_bodies else "Results hold for the mesh, not for the bodies.")

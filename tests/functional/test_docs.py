@@ -13,7 +13,7 @@ import pytest
 from docs import api_pages, case_reference, command_reference, commands
 from docs.repository import LINK
 from perfplast_fenicsx.__main__ import main as command_line
-from perfplast_fenicsx.cli.parser import SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED, make_parser
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.contact.declared.tie import Tie
@@ -33,6 +33,7 @@ from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
 from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.stage import Stage
+from perfplast_fenicsx.report.claim import Claim
 from perfplast_fenicsx.seepage import Head, Seepage
 from perfplast_fenicsx.solvers.methods import METHODS
 from perfplast_fenicsx.units import Units
@@ -160,6 +161,27 @@ def test_links_lead_to_files() -> None:
     files = [(page, link) for page, link in links if ":" not in link]
     assert len(files) > 50
     assert [(page, link) for page, link in files if not (page.parent / link).exists()] == []
+
+
+def test_programs_find_what_they_are_told() -> None:
+    """``AGENTS.md`` and ``llms.txt``: one page each, with commands and options that exist."""
+    parser = make_parser()
+    root = DOCS.parent
+    for name in ("AGENTS.md", "llms.txt"):
+        text = (root / name).read_text(encoding="utf-8")
+        assert len(text.splitlines()) <= 60
+        links = [match[2] for match in LINK.finditer(text)]
+        assert links
+        assert [link for link in links if not (root / link).exists()] == []
+    text = (root / "AGENTS.md").read_text(encoding="utf-8")
+    shown = [line.split() for line in re.findall(r"`perfplast ([^`]+)`", text)]
+    assert {words[0] for words in shown} >= {"mesh", "check", "run", "claim", "mcp", "schema"}
+    for words in shown:
+        parser.parse_args(words)
+    status = {int(number) for number in re.findall(r"\b(\d+)(?:, 143)?: ", text)}
+    assert status == {SOLVED, FAULT, BAD_INPUT, NO_SOLUTION, 130}
+    keys = set(re.findall(r"`([a-z_]+)`", text[text.index("## A claim") :]))
+    assert keys <= {field.name for field in dataclasses.fields(Claim)}
 
 
 def test_the_design_names_what_there_is() -> None:

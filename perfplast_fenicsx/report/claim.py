@@ -1,0 +1,147 @@
+"""A claim: what the proof files of a run prove, in a form that cannot be misread."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.io.results.result_files import FALLS, PROOF, STANDS
+from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.proof.verdict import Checked
+from perfplast_fenicsx.report.case_words import CaseWords
+from perfplast_fenicsx.report.proof_section import fingerprint, proofs_of
+from perfplast_fenicsx.report.stored_summary import check_summary
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Bounds that were proven again from their files.
+
+    Attributes:
+        quantity: "load factor", "multiple of the loads that stay", or "factor of safety".
+        sentence: The bounds in words.
+        meaning: The loads that the quantity multiplies, or what it divides.
+        lower: The number up to which the bodies carry the loads for certain; None if none is
+            proven.
+        upper: The number from which on they collapse for certain; None if none is proven.
+        proofs: Of each half the file, its SHA-256 and the command that checks it.
+        taken_as_written: Bodies, strengths, supports and loads of which the proof holds.
+        assumptions: What the results take for granted.
+        not_proven: Why a bound is missing.
+        units: Units of the case's numbers by kind; empty if the case names none.
+        version: Version of the program.
+    """
+
+    quantity: str
+    sentence: str
+    meaning: str
+    lower: float | None
+    upper: float | None
+    proofs: tuple[dict[str, str], ...]
+    taken_as_written: tuple[str, ...]
+    assumptions: tuple[str, ...]
+    not_proven: tuple[str, ...]
+    units: dict[str, str]
+    version: str
+
+    def table(self) -> dict[str, Any]:
+        """Return the same for JSON."""
+        return asdict(self)
+
+    def in_words(self) -> str:
+        """Return the claim in lines: the sentence, its meaning, files and what was taken."""
+        files = [
+            f"{one['half']} bound: {one['file']}, SHA-256 {one['sha256']}" for one in self.proofs
+        ]
+        missing = [f"Not proven: {why}." for why in self.not_proven]
+        return "\n".join([self.sentence, self.meaning, *files, *self.taken_as_written, *missing])
+
+
+def claim_of(folder: str | Path) -> Claim:
+    """Return what the proof files in a result folder prove. Not collective.
+
+    Raises:
+        InputError: If there are no results, or their files prove no bound of one number.
+    """
+    reader = ResultReader(folder)
+    check_summary(reader)
+    summary, limit = reader.summary, reader.summary.limit or {}
+    proofs = proofs_of(reader)
+    strength, body = limit.get("strength"), limit.get("body") or {}
+    if limit.get("envelope"):
+        raise InputError(
+            f"'{folder}' has an envelope, which is no single claim; check each direction with"
+            " python3 -m perfplast_fenicsx.proof."
+        )
+    if strength and strength.get("estimate"):
+        raise InputError(
+            f"'{folder}' has Davis' estimate of a factor of safety, which proves nothing of ground"
+            " that dilates by less; there is no claim."
+        )
+    names = {"lower": STANDS, "upper": FALLS} if strength else {"lower": PROOF, "upper": PROOF}
+    halves = {
+        kind: half
+        for kind, name in names.items()
+        if (half := proofs.get(name, {}).get(kind)) is not None and half.proven is not None
+    }
+    if not halves:
+        reasons = "; ".join(body.get("why_not", [])) or "no run for bounds has ended there"
+        raise InputError(
+            f"nothing is proven in '{folder}' ({reasons}), so there is no claim; run the case with"
+            ' control = "bounds" or "strength".'
+        )
+    numbers = {
+        kind: float(strength[kind]) if strength else _number(half) for kind, half in halves.items()
+    }
+    standing = bool(body.get("standing"))
+    words = CaseWords(summary.given, summary.units, summary.model["axes"])
+    meaning = words.meaning(reader.scene.driven)
+    if strength:
+        meaning = "F divides yield stresses, cohesions and slopes of friction; the loads stay."
+    elif standing:
+        meaning = "The number multiplies the loads that stay."
+    quantity = "multiple of the loads that stay" if standing else "load factor"
+    return Claim(
+        quantity="factor of safety" if strength else quantity,
+        sentence=_sentence("F" if strength else "ζ", numbers),
+        meaning=meaning,
+        lower=numbers.get("lower"),
+        upper=numbers.get("upper"),
+        proofs=tuple(
+            {
+                "half": kind,
+                "file": str(Path(folder) / names[kind]),
+                "sha256": fingerprint([reader.path / names[kind]]),
+                "check": f"python3 -m perfplast_fenicsx.proof {Path(folder) / names[kind]}",
+            }
+            for kind in halves
+        ),
+        taken_as_written=tuple(
+            dict.fromkeys(
+                text
+                for half in halves.values()
+                for text in half.words
+                if text.startswith("Taken as written")
+            )
+        ),
+        assumptions=tuple(words.assumptions(summary.model["kind"], body.get("taken", ()), True)),
+        not_proven=tuple(body.get("why_not", [])),
+        units={kind: unit for kind, unit in summary.units.items() if unit},
+        version=summary.version,
+    )
+
+
+def _number(half: Checked) -> float:
+    """Return the bound that a half proves."""
+    return float(half.proven or 0.0)
+
+
+def _sentence(letter: str, numbers: dict[str, float]) -> str:
+    """Return the bounds in a sentence, rounded so that they stay bounds."""
+    proven = []
+    if "lower" in numbers:
+        proven.append(f"carry {letter} = {rounded_down(numbers['lower'])} for certain")
+    if "upper" in numbers:
+        proven.append(f"collapse at {letter} = {rounded_up(numbers['upper'])} at the latest")
+    return f"The bodies {', and '.join(proven)}."
