@@ -1,6 +1,9 @@
 """The folder that ``perfplast mesh`` writes: mesh, picture, page, first case and its schema."""
 
 import json
+import os
+import sys
+import webbrowser
 from pathlib import Path
 
 from perfplast_fenicsx.atomic_files import replace
@@ -56,3 +59,27 @@ def fill(output: Path, made: Path, case: str) -> None:
 def written(output: Path) -> str:
     """Return the files of the folder in words."""
     return ", ".join(name for name in (MESH, PICTURE, PAGE, CASE) if (output / name).exists())
+
+
+def open_page(folder: str) -> str:
+    """Open the page that sets up a case in a browser, where there is a screen.
+
+    Args:
+        folder: The folder that ``perfplast mesh`` has written.
+
+    Returns:
+        The outcome in a sentence, with the address of the page.
+
+    Raises:
+        InputError: If the folder has no such page.
+    """
+    page = Path(folder) / PAGE
+    if not page.is_file():
+        raise InputError(
+            f"the folder '{folder}' has no {PAGE}; perfplast mesh DRAWING -o {folder} writes it."
+        )
+    address = page.resolve().as_uri()
+    screen = sys.platform == "darwin" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+    if screen and webbrowser.open(address):
+        return f"Opened {address}"
+    return f"Open this page in a browser: {address}"
