@@ -6,6 +6,7 @@ this program but the numbers of the proof file. It computes residuals in whole n
 
 from collections.abc import Sequence
 from html import escape
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,10 @@ OF_ONE_HALF = {
 """Names of arrays that are not of the bodies."""
 
 
-CHECKER = ("exact", "cones", "body", "contact", "lower", "blocks", "upper", "halves", "verdict")
+CHECKER = (
+    *("exact", "cones", "body", "contact", "lower", "loose", "blocks"),
+    *("upper", "halves", "verdict"),
+)
 """Files of the checker, in the order in which they are read."""
 
 
@@ -88,7 +92,8 @@ def packed_proof(path: Path) -> dict[str, Packed]:
     found = {}
     for kind, arrays in kept.items():
         beside = lower if same and kind == "upper" else {}
-        numbers = {name: float(halves[kind][name]) for name in NUMBERS if name in halves[kind]}
+        given = {name: float(halves[kind][name]) for name in NUMBERS if name in halves[kind]}
+        numbers = {name: of if isfinite(of) else None for name, of in given.items()}
         packed = {name: _packed(of) for name, of in arrays.items() if not _is(beside, name, of)}
         found[kind] = {"numbers": numbers, "arrays": packed, "same": bool(beside)}
     return found

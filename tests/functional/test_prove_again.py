@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from perfplast_fenicsx import limit_bounds
+from perfplast_fenicsx import MohrCoulomb, Pressure, Problem, Support, limit_bounds
 from perfplast_fenicsx.proof import ProofError, check
 from perfplast_fenicsx.report.frame import asset
 from perfplast_fenicsx.report.proof_again import checker_source, packed_proof, prove_again
 from tests.functional.browser_page import Page, alone
 from tests.limit_analysis.test_rigid_blocks import pushed
+from tests.limit_analysis.test_static_bound import rectangle
 from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write, written
 from tests.proof.test_blocks import in_space
 from tests.proof.test_forged_halves import finer
@@ -167,12 +168,27 @@ def test_halves_on_two_meshes(honest: Halves, tmp_path: Path, checker: Checker) 
             assert "fault" in checker(path)[half]
 
 
+def sand() -> Problem:
+    """A block without cohesion, which is pressed from above, and less from the side."""
+    sides = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 1 - 1e-9}
+    ends = {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > 1 - 1e-9}
+    mesh = rectangle((2, 2), (1.0, 1.0), {"sand": lambda x: x[0] > -1}, sides | ends)
+    return Problem(
+        mesh,
+        {"sand": MohrCoulomb(1e4, 0.3, 0.0, 30.0)},
+        [Support("left", "x"), Support("bottom", "y")],
+        [Pressure("top", 1.0), Pressure("right", 1.0, constant=True)],
+        degree=2,
+    )
+
+
 OTHERS: dict[str, tuple[Callable[[Path], Halves], tuple[Callable[[Arrays], None], ...]]] = {
     "rings with a plate": (KINDS["rings with a plate"], (half_the_strength, skew, claim)),
     "a stone that rubs and adheres": (
         lambda path: written(path, limit_bounds(pushed(0.2, 2.0, 1.0, 0.1))),
         (claim,),
     ),
+    "sand": (lambda path: written(path, limit_bounds(sand())), (more_of_stress, claim)),
     "stones in space": (lambda path: written(path, limit_bounds(in_space())), (claim,)),
 }
 

@@ -101,7 +101,11 @@ function roundCone(c, q, M, m) {
     alert: grows ? alert : 0, radius: c / Math.sqrt(most),
     weak: ((Math.sqrt(most) + norm(q)) / c) * UP,
     steep: c * (grows ? alert : (size * (1 + norm(r))) / rest) * UP * (1 + digits),
-    ratio: (v) => (norm(times(M, v)) + dots(q, v)) / c,
+    steepest: Math.sqrt(most),
+    ratio: (v) => { // of c = 0 the share of what the stress itself lets the cone bear
+      if (c > 0) return (norm(times(M, v)) + dots(q, v)) / c;
+      return dots(q, v) < 0 ? norm(times(M, v)) / -dots(q, v) : v.some((y) => y) ? Infinity : 0;
+    },
     short: (v) => { const z = head(v); return lacks(v, z) - z; },
     image: (v) => (grows ? v : times(back, v)),
     power: (y) => {

@@ -13,7 +13,7 @@ function readStress(body, A) {
   const stress = A.stress?.data ?? refuse("there is no stress");
   const { bound, factor = bound, any_factor: other = 0 } = A.numbers;
   if (stress.length !== n * body.values * d * d) refuse("the stress fits nothing");
-  if (largest(stress) > 1e60) refuse("the stress is larger than 1e60");
+  if (largest(stress.filter(Number.isFinite)) > 1e60) refuse("the stress is larger than 1e60");
   if (![factor, other].every(Number.isFinite)) refuse("a factor is not finite");
   return { stress, factors: [factor, 1, other] };
 }
@@ -82,7 +82,7 @@ function lowerBound(body, half) {
   }
   if (revolved && range(n).some((c) => body.timesRadius(c, [1, 1, 1]).some((rho, k) => rho === 0
     && largest(stress.subarray((c * 6 + k) * 4, (c * 6 + k + 1) * 4))))) refuse("the stress is not zero on the axis");
-  if (body.cones.some((cone) => !(cone.c > 0))) refuse("this checker does not know cones without a bound");
+  const limits = body.cone.some((c) => c >= 0 && !body.cones[c].c) ? new Limits(body, stress, factors) : null;
   const load = (name, size) => combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
   const [force, traction, pores] = [load("body_force", n * d), load("traction", f * d * d), load("pore_pressure", n * w)];
   const ring = revolved ? 1 : 0, es = Math.min(Math.floor(Math.log2(largest(stress) || 1)) - 160,
@@ -111,6 +111,7 @@ function lowerBound(body, half) {
       Object.assign(left.F, { [c]: rest });
       Object.assign(left.M, { [c]: cross(middle, rest) });
       left.within[c] = left.size(rest) / left.factorial;
+      limits?.ofCell(c, left.within[c]);
     }
   }
   for (let side = 0; side < n * w; side++) {
@@ -121,6 +122,7 @@ function lowerBound(body, half) {
       const pulled = pull(o, there[j], other);
       return pull(c, k, side).map((y, i) => y + pulled[i]);
     });
+    limits?.ofSide(side, jumps.map((y) => left.size(y) / norm(body.area[side]) / (d - 1)), [c, o]);
     const bears = (y) => body.radius(y) * (1 + 1e-3 * Math.sign(body.volume[y] - body.volume[c]));
     left.act(bears(o) > bears(c) ? other : side, vertices, jumps, 0);
   }
@@ -132,40 +134,49 @@ function lowerBound(body, half) {
     return body.on(Math.floor(side / w), vertices).map((k, j) => pull(Math.floor(side / w), k, side).map(
       (y, a) => y - loads[j][a] * root));
   });
-  const anchors = exerted(body, rest, e);
+  const given = limits && rest.map((of) => [...of]), { anchors, rows } = exerted(body, rest, e);
+  const opposite = new Map(rows.flatMap(({ a, b }) => [[a, b], [b, a]]));
   for (let i = 0; i < f; i++) { // what nothing exerts, and the error of the roots
     const bare = range(d).map((a) => (body.held[i * d + a] ? 0 : 1)), c = Math.floor(body.outer[i] / w);
     for (let j = 0; j < d * d; j++) if (t[i * d * d + j] !== 0n && !body.glued[i]) left.acts[c * d + (j % d)] = 1;
     const size = Math.max(...range(d).map((j) => norm(bare.map((is, a) => is * sizeOf(t[(i * d + j) * d + a], es)))));
     const off = size * 2 ** (body.e * (d - 1)) * UP;
-    if (!body.glued[i]) left.act(body.outer[i], body.ofFacet(i), rest[i].map((r) => r.map((y, a) => (bare[a] ? y : 0n))), off);
+    const lost = rest[i].map((r) => r.map((y, a) => (bare[a] ? y : 0n)));
+    if (limits) {
+      const cells = [i, opposite.get(i) ?? -1].filter((k) => k >= 0).map((k) => Math.floor(body.outer[k] / w));
+      if (!body.glued[i]) limits.ofSide(body.outer[i], lost.map((r) => left.size(r) / norm(body.area[body.outer[i]]) / (d - 1)), cells);
+      const exerts = given[i].map((r, j) => left.size(r.map((y, a) => (body.glued[i] ? y : y - rest[i][j][a]))));
+      limits.act(c, exerts.reduce((sum, y) => sum + y, 0) / d / (d - 1), false);
+    }
+    if (!body.glued[i]) left.act(body.outer[i], body.ofFacet(i), lost, off);
     else left.loose[c] += off; // of which a plate asks
   }
-  anchors.push(...plates(body, left, rest, factors));
-  reactions(body, anchors, left).forEach((p, i) => {
+  anchors.push(...plates(body, left, rest, factors, limits));
+  if (!limits) reactions(body, anchors, left).forEach((p, i) => {
     const c = Math.floor(body.outer[i] / w);
     left.onSides[c] += p;
     left.loose[c] += p;
   });
-  passOn(body, left);
+  if (!limits) passOn(body, left);
+  const forces = limits?.check() ?? 0;
   let over = 0;
   for (let c = 0; c < n; c++) {
     if (body.cone[c] < 0) continue;
-    const cone = body.cones[body.cone[c]], tau = revolved ? ofRing(body, left, c) : ofCell(body, left, c);
+    const cone = body.cones[body.cone[c]], tau = limits ? 0 : revolved ? ofRing(body, left, c) : ofCell(body, left, c);
     const theta = revolved ? body.timesRadius(c, hoop[c]) : [], most = revolved ? Math.max(...hoop[c].map(Math.abs)) : 0;
     const rho = revolved ? body.timesRadius(c, [1, 1, 1]) : new Array(w).fill(1);
     for (let k = 0; k < body.values; k++) {
       if (!(rho[k] > 0)) continue;
       const at = (c * body.values + k) * d * d;
       const v = vector(stress.subarray(at, at + d * d), d, theta[k]).map((y) => y / rho[k]);
-      const ratio = cone.ratio(v) + (tau + 256 * U * (norm(v) + most)) * cone.weak;
+      const ratio = cone.ratio(v) + (limits ? 0 : (tau + 256 * U * (norm(v) + most)) * cone.weak);
       over = Math.max(over, ratio / body.strength[c * w + (k < w ? k : 0)]);
       if (!(over < Infinity)) refuse("what the stress leaves cannot be balanced");
     }
   }
   const proven = over <= 1 ? factor : (factor / over) * (1 - 4 * U);
-  if (body.loads[1].some && over > 1) refuse(`stresses are ${over} times as large as they may be`);
-  return { proven, power: 0 };
+  if ((body.loads[1].some || limits) && over > 1) refuse(`stresses are ${over} times as large as they may be`);
+  return { proven, power: 0, forces };
 }
 
 /**
@@ -232,7 +243,7 @@ function exerted(body, rest, e) {
     }
     for (const of of radii(i, j) > 0 ? ways : []) anchors.push({ i, j, o: -1, p: 0, ...of, most: Infinity });
   }
-  return anchors;
+  return { anchors, rows };
 }
 
 /**
@@ -240,7 +251,7 @@ function exerted(body, rest, e) {
  * through its largest facet. Returns forces along axes k < d, or moments, that they can exert
  * besides through facets i, and with the other sign o: where they are held, or joined to more pieces.
  */
-function plates(body, left, rest, factors) {
+function plates(body, left, rest, factors, limits) {
   const { d, X } = body, { e, unit } = left, turns = 2 * d - 3, anchors = [], high = d + (body.revolved ? 0 : turns);
   const load = (name, size) => combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
   const [force, moment] = [load("rigid_force", d * body.rigid.length), load("rigid_moment", turns * body.rigid.length)];
@@ -276,6 +287,10 @@ function plates(body, left, rest, factors) {
     const off = (facets.reduce((sum, i) => sum + left.loose[Math.floor(body.outer[i] / body.w)], 0)
       + 4 * 2 ** e) * (1 + extent / body.reach[at]);
     for (const k of pushed) left.acts[at * d + k] = 1;
+    if (limits) {
+      const lack = norm(F.map((y) => num(y, e) / unit)) + norm(turned.map((y) => num(y, e + body.e) / body.w / left.factorial)) / extent;
+      limits.leave(at, lack, lack / facets.reduce((sum, i) => sum + area(i), 0), Math.min(...facets.map((i) => limits.radii[Math.floor(body.outer[i] / body.w)])));
+    }
     left.carry(body.outer[through], F, none ?? arms.map((y, i) => y + turned[i]), off);
     const every = range(high).filter((k) => (k < d ? !(body.revolved && k === 0) : true));
     const besides = (i, o, ks) => ks.forEach((k) => anchors.push({ i, o, k, centre, extent, most: Infinity }));

@@ -51,14 +51,20 @@ async function verdictOn(halves) {
     for (const kind of kinds) ready[kind].fine = true;
   });
   for (const kind of kinds) if (ready[kind]?.fine) caught([kind], () => {
-    const { body, half } = ready[kind], { proven, power, others } = judge[kind](body, half), { claimed } = found[kind];
+    const { body, half } = ready[kind], result = judge[kind](body, half), { proven, power, others } = result, { claimed } = found[kind];
+    ready[kind].result = result;
     const off = kind === "lower" ? claimed - proven : proven - claimed;
     if (!(off <= 1e-8 * Math.abs(proven) + 1e-12 * power)) refuse(`only ${proven} is proven, and ${claimed} is claimed`);
     found[kind].proven = proven;
     if (others < Infinity && others !== null) found[kind].note = ` With loads of any factor up to ${shown(others)} it holds but for a thousandth.`;
   });
   const [low, high] = ["lower", "upper"].map((kind) => found[kind]?.proven);
-  if (low > high + 1e-8 * Math.abs(high)) caught(kinds, () => refuse(`the lower bound ${low} is above the upper one ${high}`));
+  if (low !== undefined && high !== undefined) caught(kinds, () => {
+    const { speed, power } = ready.upper.result, { forces = 0 } = ready.lower.result;
+    if (!(low <= high + 1e-8 * Math.abs(high) + 1e-12 * power)) refuse(`the lower bound ${low} is above the upper one ${high}`);
+    // What forces without balance, beside c = 0, may change of a bound by their work on the mechanism
+    if (forces && !(forces * speed <= 1e-6 * Math.max(high - low, 1e-4 * power))) refuse("forces without balance change the bound");
+  });
   if (kinds.every((kind) => found[kind].fault === found[kinds[0]].fault && found[kind].fault)) {
     found.sentence = `Not proven in this browser: ${found[kinds[0]].fault}.`;
   } else if (low !== undefined && high !== undefined) {
