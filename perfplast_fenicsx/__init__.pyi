@@ -12,6 +12,7 @@ from .export.run_results import RunResults as RunResults
 from .io.case.scene import Scene as Scene
 from .io.results.field_series import FieldSeries as FieldSeries
 from .io.results.output_fields import OutputFields as OutputFields
+from .io.results.proof_file import save_proof as save_proof
 from .io.results.result_folder import ResultFolder as ResultFolder
 from .io.results.result_folder import Results as Results
 from .io.results.result_writer import ResultWriter as ResultWriter

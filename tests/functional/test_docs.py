@@ -154,6 +154,31 @@ def test_the_readme_does_what_it_shows(
     assert "can be run" in capsys.readouterr().out
 
 
+SCRIPTS = re.findall(
+    r"^```python\n(.*?)^```$",
+    (DOCS / "howto" / "python.md").read_text(encoding="utf-8"),
+    re.MULTILINE | re.DOTALL,
+)
+
+
+@pytest.mark.parametrize("number", range(len(SCRIPTS)))
+def test_a_script_of_few_lines(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    number: int,
+) -> None:
+    """Each is complete, has few lines, and ends with a bracket or a picture."""
+    script = SCRIPTS[number]
+    assert len([line for line in script.splitlines() if line]) <= 15
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    exec(compile(script, f"script {number}", "exec"), {"__name__": f"script_{number}"})
+    out, _ = capsys.readouterr()
+    drawn = [path.stat().st_size for path in tmp_path.glob("*.png")]
+    assert re.search(r"between [\d.]+ and [\d.]+|stands with F", out) or min(drawn) > 1000
+
+
 def test_links_lead_to_files() -> None:
     """Of all pages, as they are read in the repository; the site's own are checked by Sphinx."""
     pages = [*DOCS.parent.glob("*.md"), *DOCS.rglob("*.md"), *DOCS.parent.glob("benchmarks/*.md")]

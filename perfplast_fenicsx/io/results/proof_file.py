@@ -25,6 +25,7 @@ from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_array
 from perfplast_fenicsx.io.results.proof_cones import cones_on_file, table_of
 from perfplast_fenicsx.io.results.proof_loads import Places, loads_on_file
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import is_divided
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
@@ -38,6 +39,7 @@ from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.proof.checker import check
 from perfplast_fenicsx.proof.plain_arrays import ProofError
+from perfplast_fenicsx.proof.verdict import Checked
 
 Blocks = dict[str, Block]
 
@@ -192,6 +194,32 @@ def write_proof(
             file.create_group(kind).attrs.update(each)
 
     write_arrays(folder, path, blocks, describe=describe)
+
+
+def save_proof(bounds: BodyBounds | AdaptiveBounds, path: str | Path) -> dict[str, Checked]:
+    """Write the proof of bounds, and have the checker prove it again from the file. Collective.
+
+    Args:
+        bounds: As :func:`~.limit_bounds` or :func:`~.adaptive_bounds` has returned them.
+        path: The file, such as ``bounds.h5``; it is replaced.
+
+    Returns:
+        By "lower" and "upper" what the checker proves, on every rank; without a half that has no
+        strict bound or that the checker refuses.
+
+    Raises:
+        InputError: On every rank, if the bounds have no proof, or the file cannot be written.
+    """
+    both = (bounds.low, bounds.high) if isinstance(bounds, AdaptiveBounds) else (bounds, bounds)
+    target, comm = Path(path), both[0].problem.comm
+    folder = ResultFolder(comm, target.parent, force=True)
+    folder.on_root(lambda: target.parent.mkdir(parents=True, exist_ok=True))
+    low, high = judge(folder, folder.file(target.name), *both)
+    if not (low.lower.strict or high.upper.strict):
+        why = "; ".join((*low.lower.why_not, *high.upper.why_not))
+        raise InputError(f"these bounds have no proof ({why}); use strict ones.")
+    found: dict[str, Checked] = comm.bcast(check(target) if comm.rank == 0 else {})
+    return found
 
 
 def judge(

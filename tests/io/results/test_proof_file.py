@@ -20,9 +20,10 @@ from perfplast_fenicsx import (
     Support,
     stacked_blocks,
 )
-from perfplast_fenicsx.io.results.proof_file import VelocityProof, judge, write_proof
+from perfplast_fenicsx.io.results.proof_file import VelocityProof, judge, save_proof, write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds, limit_load
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import bounds_of_mesh
+from perfplast_fenicsx.limit_analysis.statements.bound import Scope
 from perfplast_fenicsx.proof import check
 from tests.checks import assert_refused
 from tests.models import STEEL, Read
@@ -72,6 +73,11 @@ def test_the_upper_bound_of_linear_elements(shared_tmp_path: Path) -> None:
     assert found["upper"].proven is not None
     over = found["upper"].proven / STEEL.yield_stress - 1.0
     assert -1e-12 < over < 1e-4, "the search ends when both sides of the mesh are 1e-4 apart"
+    other = shared_tmp_path / "new" / "proof.h5"
+    assert save_proof(bounds, other)["upper"].proven == found["upper"].proven
+    assert sorted(path.name for path in other.parent.iterdir()) == ["proof.h5"]
+    none = replace(bounds, upper=replace(bounds.upper, of=Scope.MESH, why_not=("it is curved",)))
+    assert_refused(lambda: save_proof(none, other), ["no proof", "it is curved"])
 
 
 def test_curved_cells(shared_tmp_path: Path, read: Read) -> None:
