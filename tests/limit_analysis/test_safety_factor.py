@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -29,6 +30,8 @@ from perfplast_fenicsx import (
     factor_of_safety,
     limit_bounds,
 )
+from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body import factor_roots
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED, lower_bound, upper_bound
@@ -38,6 +41,7 @@ from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.proof.checker import check
 from tests.checks import assert_refused
 from tests.limit_analysis.test_associated_joints import COSINE, SINE, cut_column
 from tests.models import Read
@@ -178,8 +182,8 @@ NO_COHESION = GENTLE * math.tan(math.radians(SAND))
 """Its factor of safety as the cohesion tends to zero: tan φ/tan β."""
 
 
-def gentle(read: Read, cohesion: float) -> Problem:
-    mesh = read(write_slope, run=GENTLE, size=0.25)
+def gentle(read: Read, cohesion: float, size: float = 0.25) -> Problem:
+    mesh = read(write_slope, run=GENTLE, size=size)
     sand = MohrCoulomb(1e4, 0.3, cohesion, SAND)
     return Problem(mesh, {"soil": sand}, SUPPORTS, [WEIGHT], degree=2)
 
@@ -193,6 +197,27 @@ def test_loads_that_next_to_no_strength_carries(read: Read, cohesion: float) -> 
     bounds = lower_bound(problem, beside, 1e-3)
     assert bounds.lower.strict
     assert (bounds.lower.value or 0.0) > 1
+
+
+@pytest.mark.parametrize("share", [0.97, 0.98])
+def test_rounding_beside_all_but_no_cohesion(
+    read: Read, shared_tmp_path: Path, share: float
+) -> None:
+    """The stress has a reserve everywhere, and what rounding leaves of its balance takes little.
+
+    A bound was of 0.73 and 0.78 times the weight before.
+    """
+    problem = weakened(gentle(read, 1e-5, 0.12), share * NO_COHESION)
+    bounds = lower_bound(problem, upper_bound(problem, 1e-3), 1e-3)
+    assert bounds.lower.strict, bounds.lower.why_not
+    assert (bounds.lower.value or 0.0) > 1
+    folder = ResultFolder(MPI.COMM_WORLD, shared_tmp_path)
+    stress, _ = proofs(bounds, bounds)
+    write_proof(folder, folder.file("stands.h5"), stress, None)
+    half = check(folder.file("stands.h5"))["lower"]
+    assert not half.faults
+    assert half.proven is not None
+    assert half.proven > 1
 
 
 def test_a_slope_with_a_skin_of_sand(read: Read) -> None:

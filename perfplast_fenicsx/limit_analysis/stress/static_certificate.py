@@ -69,8 +69,8 @@ class StaticCertificate:
 
     @property
     def in_equilibrium(self) -> bool:
-        """Whether the stress is in equilibrium, but for rounding."""
-        each = (self.equilibrium, self.traction, self.shear, self.tension)
+        """Whether the stress is in equilibrium, but for rounding and what its reserve can bear."""
+        within, on_contact = (self.equilibrium, self.traction), (self.shear, self.tension)
         # All forces without balance together, relative to the loads: bounds are never sought nearer
         # to each other than 1e-4, and this is half of a millionth of it: half of what is left to
         # whoever checks it.
@@ -80,11 +80,16 @@ class StaticCertificate:
         # All forces without balance together, relative to what the weakest cell can bear: even if
         # one cell had to bear them all, that would be a ten-millionth of its strength.
         left_of_strength = 1e-7
+        # What these forces may be, relative to the strength that all cells have in reserve. A
+        # stress that balances them is some ten times as large as they are over the sections.
+        of_reserve = 1e-3
+        borne = of_reserve * max(-self.overstress, 0.0)
         return (
-            all(value <= ROUNDING for value in each)
+            all(value <= ROUNDING for value in on_contact)
+            and all(value <= max(ROUNDING, borne) for value in within)
             and self.left_of_load <= left_of_load
             and self.left_of_piece <= left_of_piece
-            and self.left_of_strength <= left_of_strength
+            and self.left_of_strength <= max(left_of_strength, borne)
         )
 
 
