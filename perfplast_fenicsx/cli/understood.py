@@ -41,6 +41,10 @@ MOST = 6
 """The most sides or names that are listed; of others only the number is printed."""
 
 
+DRAWN = 1e-9
+"""Share by which the area of a surface may differ from the drawing's without being mentioned."""
+
+
 @dataclass
 class Marked:
     """A surface that a picture marks.
@@ -189,7 +193,7 @@ class _Told:
         for contact in contacts:
             both = (contact.primary, contact.secondary)
             found = gaps.get(f"contact {contact.primary} {contact.secondary}")
-            areas = " and ".join(_number(self.sides.area(name)) for name in both)
+            areas = " and ".join(self._size(name) for name in both)
             rubs = _friction(contact.tresca, contact.coulomb)
             self.lines.append(
                 f"  '{both[0]}' and '{both[1]}': areas {areas}; {self._gap(found)}; {rubs}"
@@ -211,7 +215,7 @@ class _Told:
             self.lines.append("Ties:")
         for tie in ties:
             both = (tie.primary, tie.secondary)
-            areas = " and ".join(_number(self.sides.area(name)) for name in both)
+            areas = " and ".join(self._size(name) for name in both)
             told = "" if tie in self.case.ties else "; the drawing has one face for both"
             self.lines.append(f"  '{both[0]}' and '{both[1]}': areas {areas}{told}")
             if told:
@@ -318,7 +322,15 @@ class _Told:
     def _area(self, name: str) -> str:
         unit = self.units["length"]
         unit = f" {unit}{'' if self._flat else '^2'}" if unit else ""
-        return f"{'length' if self._flat else 'area'} {_number(self.sides.area(name))}{unit}"
+        return f"{'length' if self._flat else 'area'} {self._size(name, unit)}"
+
+    def _size(self, name: str, unit: str = "") -> str:
+        """Return the area of a surface and, where it differs, the one that the drawing gives it."""
+        area, drawn = self.sides.area(name), self.problem.tagged_mesh.drawn.get(name)
+        told = f"{_number(area)}{unit}"
+        if drawn and abs(area / drawn - 1) > DRAWN:
+            told += f" ({_number(drawn)} in the drawing, {100 * (area / drawn - 1):+.2g} %)"
+        return told
 
     def _gap(self, found: tuple[int, float, float] | None) -> str:
         if found is None or not found[0]:

@@ -25,8 +25,11 @@ MARK = b"$Comments\nmade by perfplast of "
 GLUED = b"$Comments\nglued unless contacts or ties say otherwise: "
 """Begins the section of a .msh file with the pairs of surfaces of bodies that share faces."""
 
-NAMES = "single faces, shared ones"
-"""How faces are called: a mesh with names of another kind is replaced."""
+DRAWN = b"$Comments\nareas in the drawing: "
+"""Begins the section of a .msh file with the area that the drawing gives each surface."""
+
+KIND = "single faces, shared ones, areas of the drawing"
+"""What a mesh file says of its faces: one of another kind is replaced."""
 
 END = b"\n$EndComments\n"
 
@@ -91,6 +94,7 @@ def make_mesh(
         try:
             glued = [it.surfaces for it in survey.joints if it.shared and options.shared == "glued"]
             mark = GLUED + msgspec.json.encode(glued) + END if glued else b""
+            mark += DRAWN + msgspec.json.encode(survey.drawn_areas()) + END
             mark += MARK + _fingerprint(source.read_bytes(), options) + END
             replace(mesh, made.read_bytes() + mark)
         except OSError as error:
@@ -100,16 +104,24 @@ def make_mesh(
 
 def glued_in(mesh: Path) -> list[tuple[str, str]]:
     """Return pairs of surfaces that are glued unless a case says otherwise. Not collective."""
-    _, found, rest = mesh.read_bytes().rpartition(GLUED)
-    if not found:
-        return []
-    return msgspec.json.decode(rest.partition(END)[0], type=list[tuple[str, str]])
+    return msgspec.json.decode(_section(mesh, GLUED) or b"[]", type=list[tuple[str, str]])
+
+
+def drawn_in(mesh: Path) -> dict[str, float]:
+    """Return the area of each surface in the drawing, where it is known. Not collective."""
+    return msgspec.json.decode(_section(mesh, DRAWN) or b"{}", type=dict[str, float])
+
+
+def _section(mesh: Path, head: bytes) -> bytes:
+    """Return what the last section with a head says; nothing where there is none."""
+    _, found, rest = mesh.read_bytes().rpartition(head)
+    return rest.partition(END)[0] if found else b""
 
 
 def _fingerprint(content: bytes, options: MeshingOptions) -> bytes:
     """Return that of a geometry file, options and program; how long it may take changes no mesh."""
     told = msgspec.json.encode(dataclasses.replace(options, patience=1.0))
-    version = f"{__version__}, {NAMES}".encode()
+    version = f"{__version__}, {KIND}".encode()
     parts = [hashlib.sha256(part).digest() for part in (content, told, version)]
     return hashlib.sha256(b"".join(parts)).hexdigest().encode()
 

@@ -62,7 +62,8 @@ def measured_joint(
             gmsh.model.addPhysicalGroup(dim - 1, faces, name=side)
     shapes = tuple(sorted({shape_of(dim - 1, face) for face in seam.faces[0]}))
     area = sum(mesh_measure(dim - 1, face) for face in seam.faces[0])
-    return Joint((one, other), sides, area, shapes, frozenset((one, other)) in shared)
+    drawn = cad_measure(dim - 1, seam.faces[0])
+    return Joint((one, other), sides, area, shapes, frozenset((one, other)) in shared, drawn)
 
 
 def measured_faces(

@@ -40,6 +40,7 @@ class Joint:
         shapes: Shapes of the faces in it, such as "flat" or "cylindrical".
         shared: Whether the bodies share these faces in the drawing, as layers of one ground do;
             else they touch as solids of their own.
+        cad: The area in the file; None where that is not known.
     """
 
     bodies: tuple[str, str]
@@ -47,6 +48,7 @@ class Joint:
     area: float
     shapes: tuple[str, ...]
     shared: bool = False
+    cad: float | None = None
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,13 @@ class Survey:
     remarks: list[str] = field(default_factory=list)
     size: float = 0.0
     sets: list[NamedFaces] = field(default_factory=list)
+
+    def drawn_areas(self) -> dict[str, float]:
+        """Return the area that the file gives each surface of the mesh, where it is known."""
+        areas = {name: joint.cad for joint in self.joints for name in joint.surfaces}
+        areas |= {one.name: one.cad for one in self.faces}
+        areas |= {one.name: one.cad for one in self.sets}
+        return {name: area for name, area in areas.items() if area is not None}
 
     def faces_of(self, name: str) -> list[Face]:
         """Return the free faces that have a name, their own or one together with others."""

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -49,6 +49,8 @@ class TaggedMesh:
         glued: Pairs of surfaces of bodies that share faces in the drawing: they are tied where
             neither a contact nor a tie of theirs is given.
         taken: By what its bodies differ from those of the mesh that was given, in clauses.
+        drawn: The area that each surface has in the drawing, in the plane its length, where that is
+            known.
     """
 
     mesh: Mesh
@@ -60,6 +62,7 @@ class TaggedMesh:
     remarks: tuple[str, ...] = ()
     taken: tuple[str, ...] = ()
     glued: tuple[tuple[str, str], ...] = ()
+    drawn: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def from_tags(
@@ -170,7 +173,7 @@ class TaggedMesh:
                 " half the section, where x >= 0."
             )
         radii[np.abs(radii) <= axis] = 0.0
-        return replace(self, section=KINDS["axisymmetric"])
+        return replace(self, section=KINDS["axisymmetric"], drawn={})  # which are lengths
 
     def thin(self, thickness: float = 1.0) -> "TaggedMesh":
         """Return the same mesh as sheets in plane stress.

@@ -18,6 +18,7 @@ import pytest
 from dolfinx import fem
 
 from perfplast_fenicsx import Pressure, TaggedMesh, Traction, read_gmsh
+from perfplast_fenicsx.cli.understood import understood
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey
 from perfplast_fenicsx.geometry.face_choice import NamedFace
@@ -442,6 +443,54 @@ def test_faces_of_drawings_of_others(tmp_path: Path, name: str) -> None:
     if not survey.joints:
         assert areas == pytest.approx(drawn_areas(OPENCASCADE / name, 2), rel=EXACT)
     check_areas(survey, tmp_path / "a.msh")
+
+
+BORED = """
+[geometry]
+file = "part.step"
+curvature = 8.0
+[material.part]
+law = "elastic"
+young = 1.0
+poisson = 0.0
+[[support]]
+on = "part_y_low"
+[[load]]
+on = "part_face_8"
+pressure = 1.0
+[[load]]
+on = "part_face_9"
+traction = [0.0, 0.0, -1.0]
+total = true
+[loading]
+values = [1.0]
+"""
+
+
+def test_areas_of_the_drawing_are_kept_with_the_mesh_and_told(tmp_path: Path) -> None:
+    write(tmp_path / "part.step", split_bore)
+    path = tmp_path / "case.toml"
+    path.write_text(BORED)
+    case = read_case(path)
+    problem = case.problem(MPI.COMM_WORLD)
+    flat = ("x_low", "x_high", "y_low", "y_high")
+    wanted = {f"part_{side}": 50.0 for side in flat}
+    wanted |= {f"part_{side}": 100 - 4 * math.pi for side in ("z_low", "z_high")}
+    halves = ("part_face_8", "part_face_9")
+    wanted |= dict.fromkeys(halves, 10 * math.pi) | {"part_cylinder_7": 20 * math.pi}
+    tagged = problem.tagged_mesh
+    assert tagged.drawn == pytest.approx(wanted, rel=EXACT)
+    sizes = {name: area_of(tagged, name) for name in wanted}
+    assert [sizes[f"part_{side}"] for side in flat] == pytest.approx([50.0] * 4, rel=EXACT)
+    meant = understood(case, problem)
+    assert meant is not None
+    for name in halves:
+        less = 100 * (sizes[name] / wanted[name] - 1)
+        assert less < -0.1
+        (line,) = (it for it in meant.lines if it.startswith(f"  {name}:"))
+        assert f"area {sizes[name]:.5g} (31.416 in the drawing, {less:+.2g} %);" in line
+    assert "force (0, 0, -1)" in next(it for it in meant.lines if it.startswith("  part_face_9:"))
+    assert "holds x, y, z; area 50;" in next(it for it in meant.lines if "part_y_low:" in it)
 
 
 @pytest.mark.parametrize(

@@ -10,17 +10,20 @@ from mpi4py import MPI
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.drawn_ground import DrawnGround, DrawnLine, Region, Stratum
 from perfplast_fenicsx.geometry.face_choice import NamedFace
-from perfplast_fenicsx.geometry.kept_mesh import glued_in, keep_mesh
+from perfplast_fenicsx.geometry.kept_mesh import drawn_in, glued_in, keep_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case.schema import T, Table, at, convert
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 
 
 def _kept(comm: MPI.Intracomm, mesh: Path, keep: Callable[[], object]) -> TaggedMesh:
-    """Return a mesh that rank 0 makes unless it is there, with its glued surfaces. Collective."""
+    """Return a mesh that rank 0 makes unless it is there, and what it says of it. Collective.
+
+    That is, which surfaces are glued, and their areas in the drawing.
+    """
     on_rank0(comm, keep)
-    glued = comm.bcast(on_rank0(comm, lambda: glued_in(mesh)))
-    return replace(read_gmsh(comm, mesh), glued=tuple(glued))
+    glued, drawn = comm.bcast(on_rank0(comm, lambda: (glued_in(mesh), drawn_in(mesh))))
+    return replace(read_gmsh(comm, mesh), glued=tuple(glued), drawn=drawn)
 
 
 @dataclass(frozen=True)
