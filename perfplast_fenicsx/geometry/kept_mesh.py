@@ -29,7 +29,7 @@ DRAWN = b"$Comments\nareas in the drawing: "
 """Begins the section of a .msh file with the area that the drawing gives each surface."""
 
 KIND = "single faces, shared ones, areas of the drawing"
-"""What a mesh file says of its faces: one of another kind is replaced."""
+"""The kind of a mesh file, by its faces: a file of another kind is replaced."""
 
 END = b"\n$EndComments\n"
 
