@@ -1,7 +1,7 @@
-"""Pairs of boxes that meet, one of each of two sets, found on grids as coarse as both."""
+"""Pairs of boxes that meet, one of each of two sets, found by two trees of larger boxes."""
 
 from collections.abc import Iterator
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -14,18 +14,21 @@ Longs = npt.NDArray[np.int64]
 AT_ONCE = 300_000
 """Pairs that are looked at together, for the memory they take."""
 
-MOST_PAIRS = 500
-"""Pairs on the grid that there may be for each box; usual cells have some dozens."""
+MOST_PAIRS = 1000
+"""Pairs that there may be for each box; cells of two meshes in space have some 300."""
 
 FEW_PAIRS = 20_000_000
 """Pairs that there may be in any case."""
+
+IN_LEAF = 4
+"""Boxes in a leaf of a tree, at most."""
 
 
 def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
     """Yield numbers of boxes that meet, each pair once, some at a time.
 
-    There is one grid for each size of the larger box of a pair, on which all smaller ones are found
-    as well: so each box is entered once for each size there is.
+    Boxes that are near each other are under one node of a binary tree. Where two nodes meet, their
+    branches are compared.
 
     Args:
         ones: Least and largest coordinates of boxes, shape (2, n, d); none is a point.
@@ -37,70 +40,65 @@ def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
     if not (ones.shape[1] and others.shape[1]):
         return
     budget = max(MOST_PAIRS * (ones.shape[1] + others.shape[1]), FEW_PAIRS)
-    every = [(boxes, _levels(boxes)) for boxes in (ones, others)]
-    for level in np.unique(np.concatenate([levels for _, levels in every])):
-        edge = np.ldexp(1.0, int(level))
-        at, below = (
-            [np.flatnonzero(test(levels, level)) for _, levels in every]
-            for test in (np.equal, np.less)
-        )
-        for some in ((at[0], np.append(at[1], below[1])), (below[0], at[1])):
-            if not (len(some[0]) and len(some[1])):
-                continue
-            grids = [
-                np.floor(boxes[:, of] / edge).astype(np.int64)
-                for (boxes, _), of in zip(every, some, strict=True)
-            ]
-            for i, j in _on_grid(*grids):
-                budget -= len(i)
-                if budget < 0:
-                    raise ProofError(
-                        "cells lie so closely beside each other that it would take too long to"
-                        " find which of them overlap."
-                    )
-                a, b = some[0][i], some[1][j]
-                meet = (ones[0, a] <= others[1, b]) & (others[0, b] <= ones[1, a])
-                kept = meet.all(axis=1)
-                yield a[kept], b[kept]
+    depth = max(0, int(np.ceil(np.log2(max(ones.shape[1], others.shape[1]) / IN_LEAF))))
+    trees = _Tree.of(ones, depth), _Tree.of(others, depth)
+    root: Longs = np.zeros(1, dtype=np.int64)
+    waiting = [(0, root, root)]
+    while waiting:
+        level, a, b = waiting.pop()
+        budget -= len(a)
+        if budget < 0:
+            raise ProofError(
+                "cells lie so closely beside each other that it would take too long to find which"
+                " of them overlap."
+            )
+        low, high = (tree.levels[level] for tree in trees)
+        kept = ((low[0, a] <= high[1, b]) & (high[0, b] <= low[1, a])).all(axis=1)
+        a, b = a[kept], b[kept]
+        if level > depth:
+            yield trees[0].order[a], trees[1].order[b]
+            continue
+        wide = 2 if level < depth else IN_LEAF
+        pieces = len(a) * wide**2 // AT_ONCE + 1
+        for piece in range(pieces):  # of pairs everywhere, so that one of each kind is seen soon
+            below = [wide * of[piece::pieces, None] + np.arange(wide) for of in (a, b)]
+            pairs = np.broadcast_arrays(below[0][:, :, None], below[1][:, None])
+            waiting.append((level + 1, pairs[0].ravel(), pairs[1].ravel()))
 
 
-def _levels(boxes: Floats) -> Longs:
-    """Least powers of 2 that are no smaller than a box."""
-    return np.ceil(np.log2((boxes[1] - boxes[0]).max(axis=1))).astype(np.int64)
+@dataclass(frozen=True, eq=False)
+class _Tree:
+    """A binary tree of boxes.
 
-
-def _on_grid(ones: Longs, others: Longs) -> Iterator[tuple[Longs, Longs]]:
-    """Yield the pairs that have places on a grid in common, each at the first of these.
-
-    Args:
-        ones: First and last places, of which there are two along an axis at most, (2, n, d).
-        others: The same of others.
+    Attributes:
+        levels: Boxes around all that is under each node, from the root to the leaves, and then the
+            boxes themselves; shape (2, n, d). Those that fill the last leaves meet nothing.
+        order: The number of each of the last.
     """
-    keys, members, places = _entries(ones)
-    keys_there, members_there, _ = _entries(others)
-    order = np.argsort(keys_there, kind="stable")
-    keys_there, members_there = keys_there[order], members_there[order]
-    start = np.searchsorted(keys_there, keys, side="left")
-    number = np.searchsorted(keys_there, keys, side="right") - start
-    pieces = np.cumsum(number) // AT_ONCE
-    for piece in np.split(np.arange(len(keys)), np.flatnonzero(np.diff(pieces)) + 1):
-        many = number[piece]
-        within = np.arange(int(many.sum())) - np.repeat(np.cumsum(many) - many, many)
-        entry = np.repeat(piece, many)
-        i, j = members[entry], members_there[np.repeat(start[piece], many) + within]
-        first = np.maximum(ones[0, i], others[0, j])
-        kept = ((places[entry] == first) & (first <= others[1, j])).all(axis=1)
-        yield i[kept], j[kept]
 
+    levels: list[Floats]
+    order: Longs
 
-def _entries(grid: Longs) -> tuple[Longs, Longs, Longs]:
-    """Return the number of each place that a box has, the box, and the place."""
-    found = []
-    for corner in product((0, 1), repeat=grid.shape[2]):
-        place = grid[0] + np.array(corner)
-        there = np.flatnonzero((place <= grid[1]).all(axis=1))
-        found.append((there, place[there]))
-    places = np.concatenate([place for _, place in found])
-    # of different places they may be equal, and seldom are
-    factors = np.array([73_856_093, 19_349_663 << 20, 83_492_791 << 34])[: places.shape[1]]
-    return places @ factors, np.concatenate([there for there, _ in found]), places
+    @classmethod
+    def of(cls, boxes: Floats, depth: int) -> "_Tree":
+        """Return one of a depth. Leaves have ``IN_LEAF`` boxes."""
+        _, count, d = boxes.shape
+        size = IN_LEAF * 2**depth
+        middle = boxes.sum(axis=0)
+        order = np.full(size, -1, dtype=np.int64)
+        order[:count] = np.arange(count)
+        for level in range(depth):  # each half of a node has as many boxes, along its longest side
+            parts = order.reshape(2**level, -1)
+            x, filled = middle[parts], parts[..., None] >= 0
+            highest = np.where(filled, x, -np.inf).max(axis=1)
+            along = np.argmax(highest - np.where(filled, x, np.inf).min(axis=1), axis=1)
+            keys = np.take_along_axis(np.where(filled, x, np.inf), along[:, None, None], axis=2)
+            sorting = np.argsort(keys[..., 0], axis=1, kind="stable")
+            order = np.take_along_axis(parts, sorting, axis=1).ravel()
+        own = np.stack([np.full((size, d), np.inf), np.full((size, d), -np.inf)])
+        own[:, order >= 0] = boxes[:, order[order >= 0]]
+        levels = [own]
+        for wide in (IN_LEAF, *(2 for _ in range(depth))):
+            parts = levels[0].reshape(2, -1, wide, d)
+            levels.insert(0, np.stack([parts[0].min(axis=1), parts[1].max(axis=1)]))
+        return cls(levels, order)

@@ -47,6 +47,19 @@ def test_boxes_of_many_sizes(dim: int) -> None:
     assert len(found) == len(np.unique(found, axis=0)) == 120**2
 
 
+def test_boxes_of_a_graded_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Six to each cell of a grid whose edges double: long boxes meet few others."""
+    monkeypatch.setattr("perfplast_fenicsx.proof.box_pairs.FEW_PAIRS", 0)
+    edges = 2.0 ** np.arange(13)
+    low, high = (
+        np.stack(np.meshgrid(*[ends] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        for ends in (edges[:-1], edges[1:])
+    )
+    boxes = np.repeat(np.stack([low, high]), 6, axis=1)
+    found = sum(len(a) for a, _ in box_pairs(boxes, boxes))
+    assert found == 36 * 34**3  # 34 pairs of intervals along each axis meet
+
+
 def test_too_many_boxes_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is said where their pairs would take too long."""
     monkeypatch.setattr("perfplast_fenicsx.proof.box_pairs.FEW_PAIRS", 10)
