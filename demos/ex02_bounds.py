@@ -1,11 +1,10 @@
-"""Strict bounds of the limit load of a plate, with a proof that another program checks.
+"""Strict bounds on the limit load of a plate, with a proof.
 
 A square plate with a square hole is pulled in plane strain; the mesh is a quarter of it.
-`adaptive_bounds` finds a stress in equilibrium everywhere, which bounds the limit load of the plate
-from below, and a velocity that keeps the volume everywhere, which bounds it from above. Both hold
-for the plate, not only for the mesh. It refines the mesh where the two bounds differ.
+`adaptive_bounds` computes a lower and an upper bound on the limit load of the plate, not only of
+the mesh, and refines the mesh where the two bounds differ. A separate program checks the proof.
 
-Known: each arm has a plastic hinge; this mechanism bounds the load at 0.77846 σ_y / √3 from above.
+Known: a mechanism with a plastic hinge in each arm gives the upper bound 0.77846 σ_y / √3.
 """
 
 import math

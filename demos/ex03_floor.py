@@ -1,10 +1,10 @@
-"""Two blocks on a rigid floor: load levels with contact between bodies and an obstacle.
+"""Two blocks on a rigid floor: load levels with contact.
 
-The floor alone carries the lower block, and the lower block carries the upper one. Neither contact
-has friction. The load rises in steps. Newton's method finds displacements, stresses and contact
-forces at each load factor, and a duality gap certifies each level.
+The floor carries the lower block, and the lower block carries the upper one, both without friction.
+The load rises in steps. Newton's method computes displacements, stresses and contact forces at each
+load factor, and a duality gap certifies each level.
 
-Exact: the stress is uniform, so that the weaker block yields at its yield stress, 200. The
+Exact: the stress is uniform, so the weaker block yields at its yield stress, 200. The
 displacement of the top is that of two springs in series.
 """
 

@@ -1,8 +1,7 @@
-"""Residual stress: a plate is pulled until it yields, and let go.
+"""Residual stress of a plate after unloading.
 
-Stages are the parts of a loading history. `Flow` makes a material keep its plastic strain from one
-level to the next. After unloading, the plate carries no load, but stress remains where it has
-yielded, and the plate does not return to its shape.
+Stages are the parts of a load history. With `Flow` a material keeps its plastic strain from one
+level to the next. After unloading, stress and strain remain where the plate has yielded.
 """
 
 from mpi4py import MPI

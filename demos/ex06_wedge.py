@@ -1,9 +1,8 @@
-"""A block pressed down an incline: contact on an unstructured mesh, and the forces it carries.
+"""Contact on an inclined plane, with an unstructured mesh.
 
-A steel block lies on an aluminium one. They meet on an inclined plane without friction, so that a
-pressure on top drives the upper block down the incline, against a wall at x = 0. The mesh comes
-from gmsh. The normal of the incline is not an axis, and only the contact carries the upper block
-in z.
+A steel block lies on an aluminium one. They touch on an inclined plane without friction. A pressure
+on top pushes the upper block down the incline, against a wall at x = 0. The mesh is made by gmsh.
+Only the contact supports the upper block in z.
 
 Exact: the contact forces act along the normal of the incline, and their vertical sum is the load.
 """

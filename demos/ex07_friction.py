@@ -1,7 +1,8 @@
-"""A block that slides: Coulomb's friction, and what it proves.
+"""A sliding block with Coulomb's friction.
 
-A constant pressure of 10 presses a block on another one. A traction on its top pushes it sideways.
-The friction coefficient is 0.3, so that the block slides at a traction of 3, long before it yields.
+A constant pressure of 10 acts on a block that lies on another one, and a traction pushes it
+sideways. The friction coefficient is 0.3, so the block slides at a traction of 3, long before it
+yields.
 
 With Coulomb's friction no limit theorem holds, because slip is not normal to the friction cone. The
 load at which this path loses equilibrium is therefore the result, and not a bound of other paths.

@@ -1,8 +1,7 @@
 """The factor of safety of a slope, with a proof of each side.
 
-All strengths of the soil are divided by a factor F. The program finds two values of F. With the
-smaller one a stress carries the weight for certain; with the larger one a mechanism fails for
-certain.
+The program divides all strengths of the soil by a factor F, and finds two values of F. At the
+smaller value the slope is certainly stable; at the larger value it certainly collapses.
 
 This is the first slope of Griffiths and Lane (Géotechnique 49 (1999), 387): 2:1, friction angle
 20°, c/γH = 0.05. Finite elements gave 1.4 there, and log spirals give at most 1.3978.

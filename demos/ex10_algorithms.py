@@ -1,14 +1,14 @@
 """Four algorithms for the same level.
 
 Čermák, Haslinger and Sysala (COMPLAS XII, 2013) give four methods. ALG1 and ALG2 prescribe the load
-ζ and find the work α; ALG3 and ALG4 prescribe α and find ζ. All of them must find the same state.
+ζ and compute the work α; ALG3 and ALG4 prescribe α and compute ζ. All four find the same state.
 
 | | prescribed | each iteration solves |
 |---|---|---|
 | ALG1, `Newton` | load ζ | a contact problem with a new tangent; damped |
 | ALG2, `AugmentedLagrangian` | load ζ | a contact problem, always with the elastic operator |
-| ALG3, `WorkNewton` | work α | as ALG1, with the work given; damped |
-| ALG4, `BorderedNewton` | work α | as ALG3, without damping |
+| ALG3, `WorkNewton` | work α | like ALG1, with prescribed work; damped |
+| ALG4, `BorderedNewton` | work α | like ALG3, without damping |
 """
 
 import math

@@ -18,10 +18,10 @@ EXAMPLES = sorted((ROOT / "demos").glob("ex[0-9][0-9]_*.py"))
 
 HEAD = """# Gallery
 
-Ten examples in Python. Each is one file of less than 100 lines and runs in seconds, on one process
-or on several. It states the exact solution, draws the picture below, and ends with an error if a
-number is wrong. See also the [notebook](../demos/limit_load.ipynb), case files of
-[things that are built](gallery/real_things.md), and [verification](verification.md).
+Here are ten examples in Python. Each is one file with fewer than 100 lines and runs in seconds, on
+one process or on several. It states the exact solution, draws the picture below, and ends with an
+error if a number is wrong. See also the [notebook](../demos/limit_load.ipynb), case files of [real
+structures](gallery/real_things.md), and [verification](verification.md).
 """
 
 
@@ -44,7 +44,7 @@ def page() -> str:
         title, first = title.rstrip("."), body.split("\n\n")[0]
         text += f"\n## {number}. {title}\n\n{first}\n\n"
         text += f"    ./fenicsx python3 demos/{example.name}\n\n"
-        text += f"![{title}](pictures/{stored(example).name})\n"
+        text += f"![Result of example {number}](pictures/{stored(example).name})\n"
     return text
 
 
