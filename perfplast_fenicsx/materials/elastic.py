@@ -188,7 +188,8 @@ def check_deforms(materials: Mapping[str, object]) -> None:
     raise InputError(
         f"the body '{name}' has law = 'rigid', which has no stiffness, and only bounds of limit"
         " loads and factors of safety know it; give control = 'bounds' or 'strength', or law ="
-        " 'elastic' with young and poisson."
+        " 'elastic' with poisson and a young that is 1e5 times as large as that of the bodies"
+        " beside it."
     )
 
 
