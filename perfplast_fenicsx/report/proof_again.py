@@ -6,14 +6,20 @@ this program but the numbers of the proof file. It computes residuals in whole n
 
 from collections.abc import Sequence
 from html import escape
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.proof.plain_arrays import NUMBERS, equal, plain, stored_arrays
+from perfplast_fenicsx.proof.plain_arrays import (
+    NUMBERS,
+    ProofError,
+    equal,
+    number_of,
+    plain,
+    stored_arrays,
+)
 from perfplast_fenicsx.proof.stored_file import stored_file
 from perfplast_fenicsx.report.frame import asset, data_of
 from perfplast_fenicsx.report.packing import Packed, deflated, size_of
@@ -92,11 +98,18 @@ def packed_proof(path: Path) -> dict[str, Packed]:
     found = {}
     for kind, arrays in kept.items():
         beside = lower if same and kind == "upper" else {}
-        given = {name: float(halves[kind][name]) for name in NUMBERS if name in halves[kind]}
-        numbers = {name: of if isfinite(of) else None for name, of in given.items()}
+        numbers = {name: _number(name, halves[kind]) for name in NUMBERS if name in halves[kind]}
         packed = {name: _packed(of) for name, of in arrays.items() if not _is(beside, name, of)}
         found[kind] = {"numbers": numbers, "arrays": packed, "same": bool(beside)}
     return found
+
+
+def _number(name: str, half: dict[str, npt.NDArray]) -> float | None:
+    """Return an attribute, None of what is not one finite real number."""
+    try:
+        return number_of(name, half[name])
+    except ProofError:
+        return None
 
 
 def _plain(half: dict[str, npt.NDArray]) -> dict[str, npt.NDArray]:

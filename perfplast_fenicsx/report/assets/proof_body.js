@@ -50,6 +50,7 @@ function bodyOf(A) {
   }
   all(body.strength, (s) => s > 0, "cell_strength is not positive");
   body.rubs.flat().forEach((of) => all(of, (r) => r >= 0, "friction is negative"));
+  all(body.surface, (tag) => tag >= 0, "surface has negative tags");
   const tags = new Set(body.surface);
   for (const of of [body.contacts, body.obstacles, body.rigid]) {
     all(of, (tag) => tag > 0 && tags.has(tag), "contact, or a plate, is of a surface that does not exist");

@@ -26,11 +26,13 @@ function principal(v, out) {
 function conesOf(A, m) {
   const rows = (name) => A[name]?.data ?? refuse(`${name} is missing`);
   const bound = rows("cone_bound"), sine = rows("cone_sine"), cut = A.cone_tension?.data;
-  if (A.cone_matrix.data.length !== bound.length * m * m) refuse("the shape of cone_matrix fits nothing");
-  if (A.cone_slope.data.length !== bound.length * m) refuse("the shape of cone_slope fits nothing");
+  const [slope, matrix] = [rows("cone_slope"), rows("cone_matrix")];
+  for (const [of, size] of [[sine, 1], [slope, m], [matrix, m * m], [cut ?? sine, 1]]) {
+    if (of.length !== bound.length * size) refuse("the shape of cone_bound, cone_slope or cone_matrix fits nothing");
+  }
   return range(bound.length).map((k) => {
-    const c = bound[k], q = [...A.cone_slope.data.subarray(k * m, k * m + m)];
-    const M = range(m).map((i) => [...A.cone_matrix.data.subarray((k * m + i) * m, (k * m + i + 1) * m)]);
+    const c = bound[k], q = [...slope.subarray(k * m, k * m + m)];
+    const M = range(m).map((i) => [...matrix.subarray((k * m + i) * m, (k * m + i + 1) * m)]);
     if (![c, ...q, ...M.flat()].every(Number.isFinite)) refuse("a cone is not finite");
     if (!(c >= 0 && c < 1e60)) refuse("a cone's bound is negative or too large");
     const f = cut ? cut[k] : NaN;

@@ -202,3 +202,43 @@ function isIn(one, other, factor, times) {
   if (Math.abs(one.slope - other.slope) <= 1e-11) return c <= most;
   return one.axial && one.slope > 0 && one.slope < other.slope && c * other.slope <= most * one.slope;
 }
+
+/**
+ * The factor that divides strengths of a half, and which cells, contacts and obstacles it leaves
+ * alone; null without one.
+ */
+function reductionOf(body, A) {
+  const names = ["cell_kept", "contact_kept", "obstacle_kept"], factor = A.numbers.strength_factor;
+  if (factor === undefined) {
+    if (names.some((name) => A[name])) refuse("strength_factor is missing");
+    return null;
+  }
+  if (!(factor > 0)) refuse("strength_factor is not positive");
+  const kept = names.map((name, k) => A[name]?.data ?? new Uint8Array([body.n, ...body.rubs.map((of) => of[0].length)][k]));
+  if (kept.some((of, k) => of.length !== [body.n, ...body.rubs.map((rub) => rub[0].length)][k])) refuse("flags of what is kept fit nothing");
+  const cones = [0, 1].map((is) => new Set(body.cone.filter((c, i) => c >= 0 && kept[0][i] === is)));
+  if ([...cones[1]].some((c) => cones[0].has(c))) refuse("cell_kept divides a strength in some cells and not in others");
+  return { factor, kept, divided: cones[0] };
+}
+
+/** The bodies without the factor that divides their strengths; of cones without an angle the apex alone. */
+function whole(body, { factor, kept, divided }) {
+  const cones = body.cones.map((cone, k) => {
+    if (!divided.has(k)) return cone;
+    const isPrincipal = cone.s !== undefined, size = isPrincipal ? 1 : norm(cone.M.flat()), m = cone.q?.length;
+    const radius = size / Math.sqrt(m - 1), along = isPrincipal ? 0 : (cone.q[0] + cone.q[1]) / radius; // q·(1, 1, 0)
+    const near = (y, z) => Math.abs(y - z) <= 1e-9, square = (i, j) => cone.M.reduce((sum, row) => sum + row[i] * row[j], 0) / radius ** 2;
+    const usual = m === 3 && along > 0 && along ** 2 < 2 && cone.q.every((y, i) => near(y / radius, i < 2 ? along / 2 : 0))
+      && range(3).every((i) => range(3).every((j) => near(square(i, j), (i === j ? 1 : 0) - (i < 2 && j < 2 ? 0.5 : 0))));
+    const sine = isPrincipal ? cone.s : usual ? along / Math.SQRT2 : null;
+    if (sine === null) {
+      const times = norm(cone.q) ? size / norm(cone.q) : factor;
+      return { ...cone, c: cone.c * times, q: cone.q.map((y) => y * times) };
+    }
+    const tangent = (factor * sine) / Math.sqrt(1 - sine ** 2), more = tangent / Math.sqrt(1 + tangent ** 2);
+    const c = cone.c * factor * Math.sqrt((1 - more ** 2) / (1 - sine ** 2));
+    return isPrincipal ? { ...cone, c, s: more, f: factor * cone.f } : { ...cone, c, q: cone.q.map((y) => (y * more) / sine) };
+  });
+  const rubs = body.rubs.map((of, k) => of.map((values) => values.map((y, i) => (kept[k + 1][i] ? y : factor * y))));
+  return { ...body, cones, rubs };
+}

@@ -22,6 +22,40 @@ function shown(x, up) {
   return String(Number(((up ? Math.ceil : Math.floor)(x / unit) * unit).toPrecision(6)));
 }
 
+/** Arrays of a half by name, and its numbers. */
+async function arraysOf({ numbers, arrays }) {
+  const found = { numbers };
+  for (const [name, packed] of Object.entries(arrays)) found[name] = await unpacked(packed);
+  return found;
+}
+
+/**
+ * What two files of a factor of safety prove, a sentence: the halves of one have a stress with
+ * strengths divided by a factor, those of the other a velocity with another, both of one set of bodies.
+ * `lower` and `upper` are verdicts on them.
+ */
+async function verdictOnPair(below, above, lower, upper) {
+  try {
+    const parts = [];
+    for (const [kind, halves] of [["lower", below], ["upper", above]]) {
+      const arrays = await arraysOf(halves[kind]), body = bodyOf(arrays);
+      const reduction = reductionOf(body, arrays) ?? refuse("strength_factor is missing");
+      parts.push({ body: whole(body, reduction), factor: reduction.factor });
+    }
+    const fault = lower.lower.fault ?? upper.upper.fault;
+    if (fault) refuse(fault);
+    if (!(lower.lower.proven >= 1)) refuse("the stress does not bear the loads once");
+    if (!(upper.upper.proven <= 1)) refuse("the mechanism does not fall by the loads");
+    compare(...parts.map(({ body }) => body));
+    const [carried, not] = parts.map(({ factor }) => factor);
+    if (!(carried <= not)) refuse("the factor with which the loads are carried is above the other one");
+    return { carried, not, sentence: `Factor of safety: between ${shown(carried)} and ${shown(not, true)}; both files are of the same bodies.` };
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    return { fault: error.message, sentence: `The factor of safety is not proven: ${error.message}.` };
+  }
+}
+
 /** What the halves prove, by kind: { claimed, proven } or { claimed, fault }, and a sentence. */
 async function verdictOn(halves) {
   const kinds = ["lower", "upper"].filter((kind) => halves[kind]), arrays = {}, found = {};
@@ -34,8 +68,7 @@ async function verdictOn(halves) {
     }
   };
   for (const kind of kinds) {
-    const of = arrays[kind] = { ...(halves[kind].same ? arrays.lower : {}), numbers: halves[kind].numbers };
-    for (const [name, packed] of Object.entries(halves[kind].arrays)) of[name] = await unpacked(packed);
+    arrays[kind] = { ...(halves[kind].same ? arrays.lower : {}), ...await arraysOf(halves[kind]) };
   }
   const read = { lower: readStress, upper: readVelocity }, ready = {};
   caught(kinds, () => { // data that are of no body make the whole file no proof
@@ -45,6 +78,7 @@ async function verdictOn(halves) {
       const body = old && halves.upper.same && alike ? ready.lower.body : bodyOf(arrays[kind]);
       if (!Number.isFinite(found[kind].claimed)) refuse("bound is not a number");
       if (found[kind].claimed < 0 && !body.loads[1].some) refuse("bound is negative");
+      reductionOf(body, arrays[kind]);
       ready[kind] = { body, half: read[kind](body, arrays[kind]) };
     }
     if (kinds.length === 2 && ready.upper.body !== ready.lower.body) compare(ready.lower.body, ready.upper.body);

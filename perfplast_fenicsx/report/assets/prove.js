@@ -6,7 +6,7 @@
   const button = document.getElementById("prove");
   const place = document.getElementById("proven");
   const answer = `onmessage = async ({ data }) => {
-    try { postMessage({ found: await verdictOn(data) }); }
+    try { postMessage({ found: await (data.pair ? verdictOnPair(...data.pair) : verdictOn(data)) }); }
     catch (error) { postMessage({ fault: String(error) }); }
   };`;
 
@@ -24,12 +24,19 @@
   button.addEventListener("click", async () => {
     button.disabled = true;
     place.replaceChildren();
-    for (const [name, halves] of Object.entries(numbers)) {
+    const entries = Object.entries(numbers), [below, above] = ["lower", "upper"].map((kind) => entries.filter(
+      ([, halves]) => Object.keys(halves).join() === kind && halves[kind].numbers.strength_factor !== undefined));
+    if (below.length === 1 && above.length === 1) {
+      entries.push([`${below[0][0]} and ${above[0][0]}`, { pair: [below[0], above[0]] }]);
+    }
+    const found = {};
+    for (const [name, of] of entries) {
+      const halves = of.pair ? { pair: [...of.pair.map((file) => file[1]), ...of.pair.map((file) => found[file[0]])] } : of;
       const line = place.appendChild(document.createElement("p"));
       line.textContent = `${name}: the browser computes …`;
       const began = performance.now();
       try {
-        const { sentence } = await proved(halves);
+        const { sentence } = found[name] = await proved(halves);
         const time = ((performance.now() - began) / 1000).toFixed(1);
         line.textContent = `${name}: ${sentence} (${time} s)`;
       } catch (error) {
