@@ -9,6 +9,7 @@ import pytest
 
 from perfplast_fenicsx import MohrCoulomb, Pressure, Problem, Support, limit_bounds
 from perfplast_fenicsx.proof import ProofError, check
+from perfplast_fenicsx.proof.checker import check_pair
 from perfplast_fenicsx.report.frame import asset
 from perfplast_fenicsx.report.proof_again import checker_source, packed_proof, prove_again
 from tests.functional.browser_page import Page, alone
@@ -71,6 +72,16 @@ def first_bounds(path: Path) -> list[float | None]:
     return [half.proven for half in check(path).values()]
 
 
+def proven_on(path: Path, browser: Any) -> str:
+    """What a page says when its button was clicked."""
+    browser.get(path.as_uri())
+    browser.find_element("id", "prove").click()
+    page = Page.__new__(Page)
+    page._browser = browser
+    page.wait("document.getElementById('proven').dataset.ready === 'true'")
+    return str(browser.find_element("id", "proven").text)
+
+
 def half_the_strength(half: Arrays) -> None:
     half["cone_bound"] = np.asarray(half["cone_bound"]) / 2
 
@@ -118,12 +129,7 @@ def test_the_page_proves_the_bounds_again(honest: Halves, tmp_path: Path, browse
     head = asset("page.html").split("<title>")[0]
     again = prove_again([path], 10**6)
     (tmp_path / "page.html").write_text(f"{head}</head><body>{again}</body></html>")
-    browser.get((tmp_path / "page.html").as_uri())
-    browser.find_element("id", "prove").click()
-    page = Page.__new__(Page)
-    page._browser = browser
-    page.wait("document.getElementById('proven').dataset.ready === 'true'")
-    words = browser.find_element("id", "proven").text
+    words = proven_on(tmp_path / "page.html", browser)
     low, high = first_bounds(path)
     assert low is not None and high is not None
     assert "bounds.h5: Proven again in this browser: between " in words
@@ -132,6 +138,33 @@ def test_the_page_proves_the_bounds_again(honest: Halves, tmp_path: Path, browse
     assert 0 <= float(shown[1]) - high <= 1e-5 * high
     large = prove_again([path], 100)
     assert "bounds.h5 is too large for this page" in large and "<script" not in large
+
+
+def test_both_files_of_a_factor_of_safety(honest: Halves, tmp_path: Path, browser: Any) -> None:
+    """The page compares them. Strengths are divided by the bounds, so that the loads are limits."""
+    paths = []
+    for name, kind, less in (("stands", "lower", 1 - 1e-6), ("falls", "upper", 1 + 1e-6)):
+        half = copied(honest)[kind]
+        factor = float(half["bound"]) * less
+        half |= {"cone_bound": half["cone_bound"] / factor, "bound": np.asarray(1.0)}
+        half["strength_factor"] = np.asarray(factor)
+        if "stress" in half:
+            half["stress"] = half["stress"] / factor * less
+        paths.append(write(tmp_path / f"{name}.h5", {kind: half}))
+    assert not check_pair(paths[0], paths[1]).faults
+    half["vertices"] = half["vertices"] * 1.001
+    for above in (paths[1], write(tmp_path / "larger.h5", {"upper": half})):
+        pair = check_pair(paths[0], above)
+        page = tmp_path / "page.html"
+        page.write_text(f"<body>{prove_again([paths[0], above], 10**6)}</body>")
+        words = proven_on(page, browser)
+        if pair.faults:
+            assert "The factor of safety is not proven: the halves have bodies of" in words
+        else:
+            assert "stands.h5: The lower bound 1 is proven again" in words
+            low, high = words.split("Factor of safety: between ")[1].split(";")[0].split(" and ")
+            assert 0 <= pair.carried - float(low) <= 1e-5 * pair.carried
+            assert 0 <= float(high) - pair.not_carried <= 1e-5 * pair.not_carried
 
 
 def test_both_checkers_agree(honest: Halves, tmp_path: Path, checker: Checker) -> None:

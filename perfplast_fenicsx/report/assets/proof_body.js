@@ -7,7 +7,8 @@ const KNOWN = new Set([...KINDS.flatMap((kind) => LOADS.map((name) => kind + nam
   ..."vertices cells cone cone_bound cone_slope cone_matrix cone_sine cone_tension cell_strength".split(" "),
   ..."facets surface held guided contacts contact_adhesion contact_friction obstacles".split(" "),
   ..."obstacle_normals obstacle_adhesion obstacle_friction rigid rigid_held cell_kept".split(" "),
-  ..."contact_kept obstacle_kept stress velocity nodes joint_force joint_traction inner_force inner_traction numbers".split(" ")]);
+  ..."contact_kept obstacle_kept stress velocity nodes".split(" "),
+  ..."joint_force joint_traction inner_force inner_traction numbers".split(" ")]);
 
 /** Bodies from the arrays of a half; refuses what is not one, or is not known here. */
 function bodyOf(A) {
@@ -26,7 +27,8 @@ function bodyOf(A) {
   };
   const pairs = A.contacts?.shape[0] ?? 0, planes = A.obstacles?.shape[0] ?? 0;
   const body = {
-    d, w, n, f, revolved, values: revolved ? 6 : w, x: data("vertices", [x.shape[0], d]), cells: data("cells", [n, w]),
+    d, w, n, f, revolved, values: revolved ? 6 : w, x: data("vertices", [x.shape[0], d]),
+      cells: data("cells", [n, w]),
     cone: data("cone", [n]), strength: data("cell_strength", [n, w], 1),
     facets: data("facets", [f, d]), surface: data("surface", [f]), held: data("held", [f, d]),
     guided: data("guided", [f, d]), contacts: data("contacts", [pairs, 2]),
@@ -62,14 +64,17 @@ function bodyOf(A) {
   if (plates && !A.rigid_held) refuse("rigid_held is missing");
   if (new Set(body.rigid).size < plates) refuse("rigid names a surface twice");
   if (revolved) checkSections(body);
-  const glued = new Set(body.rigid), onAxis = (i) => revolved && range(d).every((k) => !body.x[body.facets[i * d + k] * d]);
+  const glued = new Set(body.rigid), onAxis = (i) => revolved &&
+    range(d).every((k) => !body.x[body.facets[i * d + k] * d]);
   body.glued = range(f).map((i) => glued.has(body.surface[i]));
   body.onAxis = range(f).map(onAxis);
   body.cones = conesOf(A, revolved ? 4 : d === 2 ? 3 : 6);
   all(body.cone, (c) => c >= -1 && c < body.cones.length, "there are cones that do not exist");
   body.blocks = body.cone.every((c) => c < 0); // that cannot yield
-  if (body.blocks && (revolved || !(pairs || planes))) refuse("no cell can yield, so that nothing limits the load");
-  if (revolved && body.cone.some((c) => c >= 0 && !body.cones[c].c)) refuse("a cone without a bound is not known around an axis");
+  if (body.blocks && (revolved ||
+    !(pairs || planes))) refuse("no cell can yield, so that nothing limits the load");
+  if (revolved && body.cone.some((c) => c >= 0 &&
+    !body.cones[c].c)) refuse("a cone without a bound is not known around an axis");
   body.radius = (c) => (body.cone[c] < 0 ? Infinity
     : body.cones[body.cone[c]].radius * Math.min(...body.strength.subarray(c * w, c * w + w)));
   for (const kind of body.loads) kind.some = LOADS.some((name) => kind[name].some((y) => y !== 0));
@@ -84,35 +89,44 @@ function bodyOf(A) {
 
 /** Refuse what cannot be sections of rings, or is not known of them. */
 function checkSections(body) {
-  if (body.d !== 2 || !body.x.every((y, i) => i % 2 || y >= 0)) refuse("bodies of revolution reach to negative radii");
-  if (!body.rigidHeld.every((y, i) => y === 1 - (i % 2))) refuse("a rigid surface moves otherwise than along the axis");
-  if (body.loads.some((of) => largest(of.pore_pressure))) refuse("pressures in pores are not known around an axis");
+  if (body.d !== 2 ||
+    !body.x.every((y, i) => i % 2 || y >= 0)) refuse("bodies of revolution reach to negative radii");
+  if (!body.rigidHeld.every((y, i) =>
+    y === 1 - (i % 2))) refuse("a rigid surface moves otherwise than along the axis");
+  if (body.loads.some((of) =>
+    largest(of.pore_pressure))) refuse("pressures in pores are not known around an axis");
   if (!body.strength.every((y) => y === 1)) refuse("strengths that vary are not known around an axis");
 }
 
 /** Refuse loads that push nothing but supports. Plates are pushed by resultants alone. */
 function checkLoaded(body) {
-  const { d, f } = body, [{ body_force: pull, traction: push, pore_pressure: pores, rigid_force: force, rigid_moment: turn }] = body.loads;
+  const { d, f } = body,
+    [{ body_force: pull, traction: push, pore_pressure: pores, rigid_force: force,
+    rigid_moment: turn }] = body.loads;
   if (largest(pull) || largest(pores)) return;
   const moves = (of, facet) => {
-    const free = of.map((y, k) => (body.held[facet * d + k] ? 0 : y)), guide = [...body.guided.subarray(facet * d, facet * d + d)];
+    const free = of.map((y, k) => (body.held[facet * d + k] ? 0 : y)), guide = row(body.guided, d, facet);
     return free.some((y) => y) && (!norm(guide) || norm(cross(free, guide)) > 1e-9 * norm(free));
   };
-  const at = (facet, j) => [...push.subarray((facet * d + j) * d, (facet * d + j + 1) * d)];
-  if (range(f).some((i) => !body.glued[i] && !body.onAxis[i] && range(d).some((j) => moves(at(i, j), i)))) return;
+  const at = (facet, j) => row(push, d, facet * d + j);
+  if (range(f).some((i) => !body.glued[i] && !body.onAxis[i] &&
+    range(d).some((j) => moves(at(i, j), i)))) return;
   const loaded = range(body.rigid.length).some((g) => {
-    const held = body.rigidHeld.subarray(g * d, g * d + d), still = held.some((y) => y), facets = range(f).filter((i) => body.surface[i] === body.rigid[g]);
+    const held = body.rigidHeld.subarray(g * d, g * d + d), still = held.some((y) => y),
+      facets = range(f).filter((i) => body.surface[i] === body.rigid[g]);
     const centre = body.point(body.facets[facets[0] * d]), sums = new Array(3 * d - 3).fill(0);
     let size = 0, far = 0;
     for (const i of facets) range(d).forEach((j) => {
-      const own = body.radiiOn(i)[j], part = at(i, j).map((y) => (y * own * norm(body.area[body.outer[i]])) / d);
+      const own = body.radiiOn(i)[j],
+        part = at(i, j).map((y) => (y * own * norm(body.area[body.outer[i]])) / d);
       const corner = body.point(body.facets[i * d + j]), middle = range(d).map((a) => range(d).reduce(
         (sum, k) => sum + body.x[body.facets[i * d + k] * d + a], corner[a]) / body.w - centre[a]);
       [...part, ...cross(middle, part)].forEach((y, k) => { sums[k] += y; });
       far = Math.max(far, norm(middle));
       size += norm(part);
     });
-    const own = force.subarray(g * d, g * d + d), about = cross(centre, [...own]).map((y, m) => turn[g * (2 * d - 3) + m] - y);
+    const own = force.subarray(g * d, g * d + d),
+      about = cross(centre, [...own]).map((y, m) => turn[g * (2 * d - 3) + m] - y);
     return sums.some((y, k) => (k < d ? !held[k] && (Math.abs(y) > 1e-12 * size || own[k])
       : !still && !body.revolved && (Math.abs(y) > 1e-12 * size * far || about[k - d])));
   });
@@ -172,9 +186,10 @@ function glue(body) {
     ([a, b]) => (r[a] * of[b] + r[b] * of[a]) / 2));
   /** Coefficients of r times what is linear in a cell, and of r on a facet; around an axis. */
   body.timesRadius = (c, of) => along(range(w).map((k) => x[cells[c * w + k] * d]), of);
-  body.radiiOn = (i) => (body.revolved ? along(body.ofFacet(i).map((v) => x[v * d]), [1, 1]) : new Array(d).fill(1));
+  body.radiiOn = (i) =>
+    (body.revolved ? along(body.ofFacet(i).map((v) => x[v * d]), [1, 1]) : new Array(d).fill(1));
   body.ends = (side) => body.corners[side % w].map((k) => cells[Math.floor(side / w) * w + k]);
-  body.ofFacet = (i) => [...facets.subarray(i * d, i * d + d)];
+  body.ofFacet = (i) => row(facets, d, i);
   /** Numbers in a cell of what is known of a stress on a facet with these vertices. */
   body.on = (c, vertices) => {
     const at = vertices.map((v) => range(w).find((k) => cells[c * w + k] === v));
@@ -204,7 +219,7 @@ function glue(body) {
   body.outer = new Int32Array(f);
   body.places = [];
   for (let i = 0; i < f; i++) {
-    const mine = [...facets.subarray(i * d, i * d + d)], name = key([...mine]);
+    const mine = row(facets, d, i), name = key([...mine]);
     if (!outer.has(name)) refuse("facets are not those that bound the cells");
     body.outer[i] = outer.get(name);
     outer.delete(name);
@@ -244,11 +259,13 @@ class Grid {
   /** Visit the numbers of boxes that meet one. */
   near(box, visit) {
     const seen = new Set();
-    for (const level of this.levels) this.places(box, level, (at) => (this.at.get(at) ?? [-1]).forEach((i) => {
+    for (const level of this.levels) this.places(box, level,
+      (at) => (this.at.get(at) ?? [-1]).forEach((i) => {
       if (++this.tries > 2e7) refuse("cells are too many beside each other to be told apart here");
       if (i < 0 || seen.has(i)) return;
       seen.add(i);
-      if (box[0].some((y, k) => y > this.boxes[i][1][k]) || box[1].some((y, k) => y < this.boxes[i][0][k])) return;
+      if (box[0].some((y, k) => y > this.boxes[i][1][k]) ||
+        box[1].some((y, k) => y < this.boxes[i][0][k])) return;
       visit(i);
     }));
   }
@@ -256,7 +273,8 @@ class Grid {
 
 /** Refuse cells that overlap: what is just inside of an outer facet is in its own cell alone. */
 function overlap(body) {
-  const { d, w, n } = body, every = range(n).map((c) => cornersOf(body, c)), grid = new Grid(every.map(boxOfPoints));
+  const { d, w, n } = body, every = range(n).map((c) => cornersOf(body, c)),
+    grid = new Grid(every.map(boxOfPoints));
   const mix = (a, b) => a.map((y, i) => 0.999 * y + 0.001 * b[i]); // less is rounding of contact
   for (const side of body.outer) {
     const own = Math.floor(side / w), apex = every[own][side % w];
@@ -271,7 +289,6 @@ function overlap(body) {
 
 /** Whether a plane parts two simplices: a facet of one of them, or along an edge of each. */
 function apart(a, b) {
-  const minus = (p, q) => p.map((y, i) => y - q[i]);
   const from = (of) => of.slice(1).map((p) => minus(p, of[0]));
   const parts = (axis) => {
     const low = [Infinity, Infinity], high = [-Infinity, -Infinity];

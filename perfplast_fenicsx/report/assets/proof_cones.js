@@ -1,6 +1,6 @@
-// Cones ‖Mσ‖ ≤ c − q·σ, or (1 + s)σ₁ − (1 − s)σ₃ ≤ c and σ₁ ≤ f, and what their flow dissipates.
+// Cones ‖Mσ‖ ≤ c − q·σ, or (1 + s)σ₁ − (1 − s)σ₃ ≤ c and σ₁ ≤ f, and what flow dissipates.
 
-/** σ or ε of d × d numbers as a vector: normal components (around an axis hoop too), and √2 times shear ones. */
+/** σ or ε of d × d numbers as a vector: normal components, also hoop ones, and √2 times shear ones. */
 function vector(t, d, hoop) {
   const r = Math.SQRT1_2;
   if (hoop !== undefined) return [t[0], t[3], hoop, r * (t[1] + t[2])];
@@ -28,11 +28,11 @@ function conesOf(A, m) {
   const bound = rows("cone_bound"), sine = rows("cone_sine"), cut = A.cone_tension?.data;
   const [slope, matrix] = [rows("cone_slope"), rows("cone_matrix")];
   for (const [of, size] of [[sine, 1], [slope, m], [matrix, m * m], [cut ?? sine, 1]]) {
-    if (of.length !== bound.length * size) refuse("the shape of cone_bound, cone_slope or cone_matrix fits nothing");
+    if (of.length !== bound.length * size) refuse("the shape of a cone's arrays fits nothing");
   }
   return range(bound.length).map((k) => {
-    const c = bound[k], q = [...slope.subarray(k * m, k * m + m)];
-    const M = range(m).map((i) => [...matrix.subarray((k * m + i) * m, (k * m + i + 1) * m)]);
+    const c = bound[k], q = row(slope, m, k);
+    const M = range(m).map((i) => row(matrix, m, k * m + i));
     if (![c, ...q, ...M.flat()].every(Number.isFinite)) refuse("a cone is not finite");
     if (!(c >= 0 && c < 1e60)) refuse("a cone's bound is negative or too large");
     const f = cut ? cut[k] : NaN;
@@ -75,9 +75,9 @@ function principalCone(c, s, f) {
 
 function roundCone(c, q, M, m) {
   const square = range(m).map((i) => range(m).map((j) => M.reduce((sum, row) => sum + row[i] * row[j], 0)));
-  const { values, vectors } = eigen(square), most = Math.max(...values), n = m === 3 ? 2 : 3; // normal components
+  // normal components
+  const { values, vectors } = eigen(square), most = Math.max(...values), n = m === 3 ? 2 : 3;
   const times = (matrix, v) => matrix.map((row) => row.reduce((sum, y, i) => sum + y * v[i], 0));
-  const dots = (a, b) => a.reduce((sum, y, i) => sum + y * b[i], 0);
   const least = values.indexOf(Math.min(...values)), free = vectors.map((row) => row[least]);
   if (values.filter((y) => !(y > 1e-12 * most)).length > 1) refuse("a cone leaves two stresses free");
   const gone = norm(times(M, free)) <= 1e-13 * Math.sqrt(most);

@@ -7,8 +7,6 @@ function contactOf(body) {
     const v = facets[i * d + j];
     return range(d).map((k) => x[v * d + k]);
   }));
-  const minus = (p, q) => p.map((y, i) => y - q[i]);
-  const dots = (p, q) => p.reduce((sum, y, i) => sum + y * q[i], 0);
   const unit = range(body.f).map((i) => {
     const area = body.area[body.outer[i]];
     return area.map((y) => y / norm(area));
@@ -16,7 +14,8 @@ function contactOf(body) {
   const centre = points.map((of) => range(d).map((i) => of.reduce((sum, p) => sum + p[i], 0) / d));
   const close = points.map((of) => 1e-6 * Math.max(...range(d).map(
     (i) => Math.max(...of.map((p) => p[i])) - Math.min(...of.map((p) => p[i])))));
-  if (body.revolved) points.forEach((of, i) => { close[i] = Math.min(close[i], 1e-6 * Math.max(...of.map((p) => p[0]))); });
+  if (body.revolved) points.forEach((of, i) =>
+    { close[i] = Math.min(close[i], 1e-6 * Math.max(...of.map((p) => p[0]))); });
   const on = (tag) => range(body.f).filter((i) => body.surface[i] === tag);
   const foot = (p, q, n) => { // of p − q across n
     const y = minus(p, q), height = dots(y, n);

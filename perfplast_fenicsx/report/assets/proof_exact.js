@@ -72,6 +72,9 @@ function rootOf(n) {
 const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0n);
 const cross = (a, b) => (a.length === 2 ? [a[0] * b[1] - a[1] * b[0]]
   : [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]);
+const minus = (a, b) => a.map((x, i) => x - b[i]), add = (a, b) => a + b;
+const dots = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0); // of doubles
+const row = (values, size, k) => [...values.subarray(k * size, (k + 1) * size)];
 const norm = (a) => Math.hypot(...a);
 const count = (n) => Array.from({ length: n }, (_, i) => i), few = [];
 const range = (n) => (n < 16 ? (few[n] ??= Object.freeze(count(n))) : count(n));

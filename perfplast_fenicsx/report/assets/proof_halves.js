@@ -2,18 +2,22 @@
 
 /** Refuse halves of unlike bodies. Those of the upper half may be stronger, and rub more. */
 function compare(lower, upper) {
-  const { d } = lower, is = (name) => lower[name].length === upper[name].length && lower[name].every((y, i) => y === upper[name][i]);
-  if (d !== upper.d || lower.revolved !== upper.revolved) refuse("the halves are of bodies of different kinds");
+  const { d } = lower, is = (name) => lower[name].length === upper[name].length &&
+    lower[name].every((y, i) => y === upper[name][i]);
+  if (d !== upper.d ||
+    lower.revolved !== upper.revolved) refuse("the halves are of bodies of different kinds");
   const alike = is("x") && is("cells") && is("facets");
-  const places = (body, i) => body.ofFacet(i).map(body.point), sizes = (body, i) => norm(body.area[body.outer[i]]);
+  const places = (body, i) => body.ofFacet(i).map(body.point), sizes = (body, i) =>
+    norm(body.area[body.outer[i]]);
   const pairs = alike ? range(lower.f).map((i) => [i, i]) : sharedFacets(lower, upper);
   const most = lower.loads.map(({ traction }) => { // by surface
     const found = new Map();
-    lower.surface.forEach((tag, i) => found.set(tag, Math.max(found.get(tag) ?? 0, largest(traction.subarray(i * d * d, (i + 1) * d * d)))));
+    lower.surface.forEach((tag, i) =>
+      found.set(tag, Math.max(found.get(tag) ?? 0, largest(traction.subarray(i * d * d, (i + 1) * d * d)))));
     return found;
   });
   for (const [a, b] of pairs) {
-    const own = (name, body, i) => [...body[name].subarray(i * d, (i + 1) * d)];
+    const own = (name, body, i) => row(body[name], d, i);
     if (lower.onAxis[a] !== upper.onAxis[b]) refuse("the halves have bodies of different place");
     if (lower.surface[a] !== upper.surface[b]) refuse("the halves have different surfaces");
     const [g, h] = [own("guided", lower, a), own("guided", upper, b)];
@@ -21,32 +25,40 @@ function compare(lower, upper) {
     if (own("held", lower, a).some((y, k) => y !== own("held", upper, b)[k]) || turned > 1e-9) {
       refuse("the halves have different supports");
     }
-    const [small, large] = sizes(lower, a) <= sizes(upper, b) ? [[lower, a], [upper, b]] : [[upper, b], [lower, a]];
+    const [small, large] = sizes(lower, a) <= sizes(upper,
+      b) ? [[lower, a], [upper, b]] : [[upper, b], [lower, a]];
     lower.loads.forEach((_, kind) => {
-      const at = ([body, i]) => range(d).map((j) => [...body.loads[kind].traction.subarray((i * d + j) * d, (i * d + j + 1) * d)]);
+      const at = ([body, i]) => range(d).map((j) => row(body.loads[kind].traction, d, i * d + j));
       if (!at(small).flat().some((y) => y) && !at(large).flat().some((y) => y)) return;
       const there = places(...small).map((p) => linear(places(...large), at(large), p));
-      if (differ(at(small).flat(), there.flat(), 1e-14 * most[kind].get(lower.surface[a]))) refuse("the halves have different loads");
+      if (differ(at(small).flat(), there.flat(),
+        1e-14 * most[kind].get(lower.surface[a]))) refuse("the halves have different loads");
     });
   }
   compareCells(lower, upper, alike);
   const rows = (body, [tags, normals, c, mu]) => range(c.length).map((k) => [
-    [...tags.subarray((k * tags.length) / c.length, ((k + 1) * tags.length) / c.length)].sort((p, q) => p - q).join(),
-    [...normals.subarray(k * d, (k + 1) * d)], c[k], mu[k]]).sort((p, q) => (p[0] < q[0] ? -1 : p[0] > q[0] ? 1 : p[2] - q[2] || p[3] - q[3]));
+    [...tags.subarray((k * tags.length) / c.length, ((k + 1) * tags.length) / c.length)]
+      .sort((p, q) => p - q).join(),
+    row(normals, d, k), c[k], mu[k],
+  ]).sort((p, q) => (p[0] < q[0] ? -1 : p[0] > q[0] ? 1 : p[2] - q[2] || p[3] - q[3]));
   for (const of of [(body) => [body.contacts, new Float64Array(0), ...body.rubs[0].slice(0, 2)],
     (body) => [body.obstacles, body.towards, ...body.rubs[1].slice(0, 2)]]) {
     const [one, other] = [lower, upper].map((body) => rows(body, of(body)));
-    if (one.length !== other.length || one.some(([tags, normal, c, mu], k) => tags !== other[k][0] || c > other[k][2] || mu > other[k][3]
+    if (one.length !== other.length || one.some(([tags, normal, c, mu], k) => tags !== other[k][0] ||
+      c > other[k][2] || mu > other[k][3]
       || normal.some((y, i) => !(Math.abs(y - other[k][1][i]) <= 1e-9)))) {
       refuse("the halves have different contacts, or the upper one rubs less");
     }
   }
-  const order = [lower, upper].map((body) => [...range(body.rigid.length)].sort((i, j) => body.rigid[i] - body.rigid[j]));
-  const extent = largest(lower.x), turns = 2 * d - 3, wrong = () => refuse("the halves have different rigid surfaces, or loads of these");
+  const order = [lower, upper].map((body) => [...range(body.rigid.length)].sort((i, j) =>
+    body.rigid[i] - body.rigid[j]));
+  const extent = largest(lower.x), turns = 2 * d - 3,
+    wrong = () => refuse("the halves have different rigid surfaces, or loads of these");
   if (order[0].length !== order[1].length) wrong();
   order[0].forEach((g, k) => {
-    const h = order[1][k], row = (values, size, i) => [...values.subarray(i * size, (i + 1) * size)];
-    if (lower.rigid[g] !== upper.rigid[h] || row(lower.rigidHeld, d, g).some((y, i) => y !== row(upper.rigidHeld, d, h)[i])) wrong();
+    const h = order[1][k];
+    if (lower.rigid[g] !== upper.rigid[h] ||
+      row(lower.rigidHeld, d, g).some((y, i) => y !== row(upper.rigidHeld, d, h)[i])) wrong();
     lower.loads.forEach((of, kind) => {
       const pull = row(of.rigid_force, d, g), other = upper.loads[kind];
       if (differ(pull, row(other.rigid_force, d, h), 0) || differ(row(of.rigid_moment, turns, g),
@@ -61,7 +73,6 @@ const differ = (one, other, none) => !(largest(one.map((y, i) => y - other[i]))
 
 /** A function that is linear on a simplex of any dimension, at a place in its plane. */
 function linear(vertices, values, place) {
-  const minus = (p, q) => p.map((y, i) => y - q[i]), dots = (p, q) => p.reduce((sum, y, i) => sum + y * q[i], 0);
   const edges = vertices.slice(1).map((p) => minus(p, vertices[0])), from = minus(place, vertices[0]);
   const inverse = inverted(edges.map((p) => edges.map((q) => dots(p, q))));
   const shares = inverse.map((row) => row.reduce((sum, y, k) => sum + y * dots(edges[k], from), 0));
@@ -70,14 +81,15 @@ function linear(vertices, values, place) {
 
 /** Pairs of outer facets that lie on each other; refuses halves in which these do not cover all. */
 function sharedFacets(lower, upper) {
-  const { d } = lower, bodies = [lower, upper], minus = (p, q) => p.map((y, i) => y - q[i]);
-  const dots = (p, q) => p.reduce((sum, y, i) => sum + y * q[i], 0);
+  const { d } = lower, bodies = [lower, upper];
   const all = bodies.map((body) => range(body.f).map((i) => {
     const x = body.ofFacet(i).map(body.point), vector = body.area[body.outer[i]], area = norm(vector);
     const edges = x.map((p, k) => norm(minus(p, x[(k + 1) % d]))), reach = 1e-11 * largest(x.flat());
-    return { x, area, normal: vector.map((y) => y / area), reach, width: d === 2 ? area : (2 * area) / Math.max(...edges), covered: 0 };
+    return { x, area, normal: vector.map((y) => y / area), reach,
+      width: d === 2 ? area : (2 * area) / Math.max(...edges), covered: 0 };
   }));
-  const boxOf = ({ x, reach }) => [0, 1].map((end) => range(d).map((i) => (end ? Math.max(...x.map((p) => p[i])) + reach
+  const boxOf = ({ x, reach }) =>
+    [0, 1].map((end) => range(d).map((i) => (end ? Math.max(...x.map((p) => p[i])) + reach
     : Math.min(...x.map((p) => p[i])) - reach)));
   const grid = new Grid(all[1].map(boxOf)), pairs = [];
   all[0].forEach((one, a) => grid.near(boxOf(one), (b) => {
@@ -100,14 +112,14 @@ function sharedFacets(lower, upper) {
 
 /** The length, or area, that two facets in one plane have in common: one is cut by sides of the other. */
 function commonArea({ x, normal }, small) {
-  const minus = (p, q) => p.map((y, i) => y - q[i]), dots = (p, q) => p.reduce((sum, y, i) => sum + y * q[i], 0);
   if (x.length === 2) {
     const [u, v] = [x, small.x].map((of) => of.map((p) => dots(minus(p, x[0]), [-normal[1], normal[0]])));
     return Math.max(0, Math.min(Math.max(...u), Math.max(...v)) - Math.max(Math.min(...u), Math.min(...v)));
   }
   let polygon = small.x;
   x.forEach((p, k) => {
-    const side = cross(normal, minus(x[(k + 1) % 3], p)), sign = Math.sign(dots(side, minus(x[(k + 2) % 3], p)));
+    const side = cross(normal, minus(x[(k + 1) % 3], p)),
+      sign = Math.sign(dots(side, minus(x[(k + 2) % 3], p)));
     const depth = polygon.map((q) => sign * dots(side, minus(q, p)));
     polygon = polygon.flatMap((q, i) => {
       const j = (i + 1) % polygon.length, cut = depth[i] / (depth[i] - depth[j]);
@@ -124,22 +136,27 @@ function compareCells(lower, upper, alike) {
   const { d, w } = lower, bodies = [lower, upper], shapes = bodies.map(coneShapes), holds = new Map();
   const wet = bodies.some((body) => body.loads.some((of) => largest(of.pore_pressure)));
   const varies = bodies.some((body) => body.strength.some((y) => y !== 1));
-  const force = (body, c, kind) => [...body.loads[kind].body_force.subarray(c * d, (c + 1) * d)];
-  const rows = new Set(bodies.flatMap((body) => range(body.n).map((c) => [body.cone[c], ...range(3).flatMap((k) => force(body, c, k))].join())));
+  const force = (body, c, kind) => row(body.loads[kind].body_force, d, c);
+  const rows = new Set(bodies.flatMap((body) =>
+    range(body.n).map((c) => [body.cone[c], ...range(3).flatMap((k) => force(body, c, k))].join())));
   const stronger = (a, b) => {
-    const key = `${lower.cone[a]},${upper.cone[b]}`, [one, other] = [shapes[0].at(lower.cone[a]), shapes[1].at(upper.cone[b])];
+    const key = `${lower.cone[a]},${upper.cone[b]}`,
+      [one, other] = [shapes[0].at(lower.cone[a]), shapes[1].at(upper.cone[b])];
     if (!holds.has(key)) holds.set(key, isIn(one, other, 1, 1));
     if (!varies) return holds.get(key);
     return overlapEnds(lower, a, upper, b).every((p) => isIn(one, other, ...[[lower, a], [upper, b]].map(
       ([body, c]) => shares(body, c, p).reduce((sum, y, k) => sum + y * body.strength[c * w + k], 0))));
   };
-  const nothing = range(3).map((kind) => 1e-14 * Math.max(...bodies.map((body) => largest(body.loads[kind].pore_pressure))));
+  const nothing = range(3).map((kind) =>
+    1e-14 * Math.max(...bodies.map((body) => largest(body.loads[kind].pore_pressure))));
   const loaded = (a, b) => range(3).some((kind) => {
     if (differ(force(lower, a, kind), force(upper, b, kind), 0)) return true;
-    const pores = (body, c) => [...body.loads[kind].pore_pressure.subarray(c * w, (c + 1) * w)];
-    const [small, large] = lower.volume[a] <= upper.volume[b] ? [[lower, a], [upper, b]] : [[upper, b], [lower, a]];
+    const pores = (body, c) => row(body.loads[kind].pore_pressure, w, c);
+    const [small, large] =
+      lower.volume[a] <= upper.volume[b] ? [[lower, a], [upper, b]] : [[upper, b], [lower, a]];
     if (!wet || ![...pores(...small), ...pores(...large)].some((y) => y)) return false;
-    const there = cornersOf(...small).map((p) => shares(...large, p).reduce((sum, y, k) => sum + y * pores(...large)[k], 0));
+    const there = cornersOf(...small).map((p) => shares(...large, p).reduce((sum, y, k) =>
+      sum + y * pores(...large)[k], 0));
     return differ(pores(...small), there, nothing[kind]);
   });
   if (!wet && !varies && rows.size === 1 && stronger(0, 0)) return;
@@ -150,7 +167,8 @@ function compareCells(lower, upper, alike) {
       : "the halves have different loads");
   };
   if (alike) { range(lower.n).forEach((c) => visit(c, c)); return; }
-  const box = (body, c) => boxOfPoints(cornersOf(body, c)), grid = new Grid(range(upper.n).map((c) => box(upper, c)));
+  const box = (body, c) => boxOfPoints(cornersOf(body, c)),
+    grid = new Grid(range(upper.n).map((c) => box(upper, c)));
   range(lower.n).forEach((a) => grid.near(box(lower, a), (b) => visit(a, b)));
 }
 
@@ -165,7 +183,8 @@ const shares = (body, c, place) => range(body.w).map((k) => {
 /** Places whose hull is the overlap of two cells: ends of the parts of edges of each in the other. */
 function overlapEnds(lower, a, upper, b) {
   const small = 1e-9, found = [];
-  for (const [mine, c, other, o] of [[lower, a, upper, b], [upper, b, lower, a]]) for (const [i, j] of mine.pairs) {
+  const both = [[lower, a, upper, b], [upper, b, lower, a]];
+  for (const [mine, c, other, o] of both) for (const [i, j] of mine.pairs) {
     const [p, q] = [i, j].map((k) => cornersOf(mine, c)[k]), [s, t] = [p, q].map((x) => shares(other, o, x));
     let first = 0, last = 1, outside = false;
     s.forEach((y, k) => {
@@ -174,24 +193,33 @@ function overlapEnds(lower, a, upper, b) {
       else if (rate < -small) last = Math.min(last, -y / rate);
       else if (y < -small) outside = true;
     });
-    if (!outside && first <= last + small) for (const at of [first, last]) found.push(p.map((y, k) => y + at * (q[k] - y)));
+    if (!outside && first <= last + small) for (const at of [first, last]) found.push(p.map((y, k) =>
+      y + at * (q[k] - y)));
   }
   return found;
 }
 
 /** Shapes of the cones of a half by number: families that differ in size alone, slopes and bounds. */
 function coneShapes(body) {
-  const m = body.revolved ? 4 : body.d === 2 ? 3 : 6, normals = m === 3 ? 2 : 3, unit = (i, j) => (i === j ? 1 : 0);
-  const deviator = range(m).map((i) => range(m).map((j) => unit(i, j) - (i < normals && j < normals ? 1 / normals : 0)));
-  const squared = (M, size) => range(m).flatMap((i) => range(m).map((j) => M.reduce((sum, row) => sum + row[i] * row[j], 0) / size ** 2));
+  const m = body.revolved ? 4 : body.d === 2 ? 3 : 6, normals = m === 3 ? 2 : 3,
+    unit = (i, j) => (i === j ? 1 : 0);
+  const deviator = range(m).map((i) =>
+    range(m).map((j) => unit(i, j) - (i < normals && j < normals ? 1 / normals : 0)));
+  const squared = (M, size) =>
+    range(m).flatMap((i) =>
+    range(m).map((j) => M.reduce((sum, row) => sum + row[i] * row[j], 0) / size ** 2));
   const found = body.cones.map(({ c, q, M, s, f }) => {
-    const isPrincipal = s !== undefined, size = isPrincipal ? 1 : norm(M.flat()), rows = isPrincipal ? range(m).map((i) => range(m).map((j) => unit(i, j))) : M;
-    const slope = isPrincipal ? s : norm(q) / size, along = isPrincipal || !norm(q) ? new Array(m).fill(0) : q.map((y) => y / norm(q));
+    const isPrincipal = s !== undefined, size = isPrincipal ? 1 : norm(M.flat()),
+      rows = isPrincipal ? range(m).map((i) => range(m).map((j) => unit(i, j))) : M;
+    const slope = isPrincipal ? s : norm(q) / size, along = isPrincipal ||
+      !norm(q) ? new Array(m).fill(0) : q.map((y) => y / norm(q));
     const lost = norm(rows.map((row) => row.reduce((sum, y, i) => sum + y * along[i], 0)));
-    return { family: [...squared(rows, norm(rows.flat())), ...along, isPrincipal ? 1 : 0, isPrincipal && f > 0 ? c / f : 0],
+    return { family: [...squared(rows, norm(rows.flat())), ...along,
+      isPrincipal ? 1 : 0, isPrincipal && f > 0 ? c / f : 0],
       slope, bound: c / size, axial: isPrincipal || lost <= 1e-11 * size };
   });
-  const elastic = { family: [...squared(deviator, norm(deviator.flat())), ...new Array(m).fill(0), 0, 0], slope: 0, bound: Infinity, axial: false };
+  const elastic = { family: [...squared(deviator, norm(deviator.flat())), ...new Array(m).fill(0), 0, 0],
+    slope: 0, bound: Infinity, axial: false };
   return { at: (k) => (k < 0 ? elastic : found[k]) };
 }
 
@@ -214,10 +242,12 @@ function reductionOf(body, A) {
     return null;
   }
   if (!(factor > 0)) refuse("strength_factor is not positive");
-  const kept = names.map((name, k) => A[name]?.data ?? new Uint8Array([body.n, ...body.rubs.map((of) => of[0].length)][k]));
-  if (kept.some((of, k) => of.length !== [body.n, ...body.rubs.map((rub) => rub[0].length)][k])) refuse("flags of what is kept fit nothing");
+  const counts = [body.n, ...body.rubs.map((of) => of[0].length)];
+  const kept = names.map((name, k) => A[name]?.data ?? new Uint8Array(counts[k]));
+  if (kept.some((of, k) => of.length !== counts[k])) refuse("flags of what is kept fit nothing");
   const cones = [0, 1].map((is) => new Set(body.cone.filter((c, i) => c >= 0 && kept[0][i] === is)));
-  if ([...cones[1]].some((c) => cones[0].has(c))) refuse("cell_kept divides a strength in some cells and not in others");
+  if ([...cones[1]].some((c) =>
+    cones[0].has(c))) refuse("cell_kept divides a strength in some cells and not in others");
   return { factor, kept, divided: cones[0] };
 }
 
@@ -225,11 +255,16 @@ function reductionOf(body, A) {
 function whole(body, { factor, kept, divided }) {
   const cones = body.cones.map((cone, k) => {
     if (!divided.has(k)) return cone;
-    const isPrincipal = cone.s !== undefined, size = isPrincipal ? 1 : norm(cone.M.flat()), m = cone.q?.length;
-    const radius = size / Math.sqrt(m - 1), along = isPrincipal ? 0 : (cone.q[0] + cone.q[1]) / radius; // q·(1, 1, 0)
-    const near = (y, z) => Math.abs(y - z) <= 1e-9, square = (i, j) => cone.M.reduce((sum, row) => sum + row[i] * row[j], 0) / radius ** 2;
-    const usual = m === 3 && along > 0 && along ** 2 < 2 && cone.q.every((y, i) => near(y / radius, i < 2 ? along / 2 : 0))
-      && range(3).every((i) => range(3).every((j) => near(square(i, j), (i === j ? 1 : 0) - (i < 2 && j < 2 ? 0.5 : 0))));
+    const isPrincipal = cone.s !== undefined, size = isPrincipal ? 1 : norm(cone.M.flat()),
+      m = cone.q?.length;
+    // q·(1, 1, 0)
+    const radius = size / Math.sqrt(m - 1), along = isPrincipal ? 0 : (cone.q[0] + cone.q[1]) / radius;
+    const near = (y, z) => Math.abs(y - z) <= 1e-9,
+      square = (i, j) => cone.M.reduce((sum, row) => sum + row[i] * row[j], 0) / radius ** 2;
+    const usual = m === 3 && along > 0 && along ** 2 < 2 &&
+      cone.q.every((y, i) => near(y / radius, i < 2 ? along / 2 : 0))
+      && range(3).every((i) =>
+        range(3).every((j) => near(square(i, j), (i === j ? 1 : 0) - (i < 2 && j < 2 ? 0.5 : 0))));
     const sine = isPrincipal ? cone.s : usual ? along / Math.SQRT2 : null;
     if (sine === null) {
       const times = norm(cone.q) ? size / norm(cone.q) : factor;
@@ -237,8 +272,10 @@ function whole(body, { factor, kept, divided }) {
     }
     const tangent = (factor * sine) / Math.sqrt(1 - sine ** 2), more = tangent / Math.sqrt(1 + tangent ** 2);
     const c = cone.c * factor * Math.sqrt((1 - more ** 2) / (1 - sine ** 2));
-    return isPrincipal ? { ...cone, c, s: more, f: factor * cone.f } : { ...cone, c, q: cone.q.map((y) => (y * more) / sine) };
+    return isPrincipal ? { ...cone, c, s: more, f: factor * cone.f } : { ...cone, c,
+      q: cone.q.map((y) => (y * more) / sine) };
   });
-  const rubs = body.rubs.map((of, k) => of.map((values) => values.map((y, i) => (kept[k + 1][i] ? y : factor * y))));
+  const rubs = body.rubs.map((of, k) =>
+    of.map((values) => values.map((y, i) => (kept[k + 1][i] ? y : factor * y))));
   return { ...body, cones, rubs };
 }

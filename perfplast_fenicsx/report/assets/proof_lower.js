@@ -81,10 +81,13 @@ function lowerBound(body, half) {
     if (stress[at + j * d + k] !== stress[at + k * d + j]) refuse("the stress is not symmetric");
   }
   if (revolved && range(n).some((c) => body.timesRadius(c, [1, 1, 1]).some((rho, k) => rho === 0
-    && largest(stress.subarray((c * 6 + k) * 4, (c * 6 + k + 1) * 4))))) refuse("the stress is not zero on the axis");
+    && largest(stress.subarray((c * 6 + k) * 4,
+      (c * 6 + k + 1) * 4))))) refuse("the stress is not zero on the axis");
   const limits = body.cone.some((c) => c >= 0 && !body.cones[c].c) ? new Limits(body, stress, factors) : null;
-  const load = (name, size) => combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
-  const [force, traction, pores] = [load("body_force", n * d), load("traction", f * d * d), load("pore_pressure", n * w)];
+  const load = (name, size) =>
+    combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
+  const [force, traction, pores] =
+    [load("body_force", n * d), load("traction", f * d * d), load("pore_pressure", n * w)];
   const ring = revolved ? 1 : 0, es = Math.min(Math.floor(Math.log2(largest(stress) || 1)) - 160,
     force.e + body.e * (1 + ring), traction.e + ring * (body.e - 1), pores.e);
   const S = rounded(stress, es), b = finer(force, es - body.e * (1 + ring));
@@ -100,7 +103,8 @@ function lowerBound(body, half) {
     for (let i = 0; i < d; i++) if (b[c * d + i] !== 0n) left.acts[c * d + i] = 1;
     if (revolved) for (let a = 0; a < 3; a++) { // 2V(div S + r b); along r it is a hoop stress
       const rest = range(2).map((i) => D[c] * X[cells[c * 3 + a] * 2] * b[c * 2 + i]);
-      for (let k = 0; k < 3; k++) pull(c, body.number[a][k], c * 3 + k).forEach((y, i) => { rest[i] -= 2n * y; });
+      for (let k = 0; k < 3; k++) pull(c, body.number[a][k], c * 3 + k).forEach(
+        (y, i) => { rest[i] -= 2n * y; });
       left.F[c][1] += rest[1];
       left.within[c] = Math.max(left.within[c], sizeOf(rest[1], e) / 2);
       hoop[c].push(num(rest[0], e) / num(D[c], 2 * body.e));
@@ -130,7 +134,8 @@ function lowerBound(body, half) {
     const side = body.outer[i], root = rootOf(dot(N[side], N[side])), vertices = body.ofFacet(i);
     const at = range(d).map((j) => range(d).map((a) => t[(i * d + j) * d + a]));
     const [p, q] = vertices.map((v) => X[v * d]), [one, two] = at; // r times tractions are quadratic
-    const loads = revolved ? [one.map((y) => p * y), two.map((y) => q * y), one.map((y, a) => (q * y + p * two[a]) / 2n)] : at;
+    const loads = revolved ? [one.map((y) => p * y), two.map((y) => q * y),
+      one.map((y, a) => (q * y + p * two[a]) / 2n)] : at;
     return body.on(Math.floor(side / w), vertices).map((k, j) => pull(Math.floor(side / w), k, side).map(
       (y, a) => y - loads[j][a] * root));
   });
@@ -138,15 +143,20 @@ function lowerBound(body, half) {
   const opposite = new Map(rows.flatMap(({ a, b }) => [[a, b], [b, a]]));
   for (let i = 0; i < f; i++) { // what nothing exerts, and the error of the roots
     const bare = range(d).map((a) => (body.held[i * d + a] ? 0 : 1)), c = Math.floor(body.outer[i] / w);
-    for (let j = 0; j < d * d; j++) if (t[i * d * d + j] !== 0n && !body.glued[i]) left.acts[c * d + (j % d)] = 1;
-    const size = Math.max(...range(d).map((j) => norm(bare.map((is, a) => is * sizeOf(t[(i * d + j) * d + a], es)))));
+    for (let j = 0; j < d * d; j++) if (t[i * d * d + j] !== 0n &&
+      !body.glued[i]) left.acts[c * d + (j % d)] = 1;
+    const size = Math.max(...range(d).map((j) =>
+      norm(bare.map((is, a) => is * sizeOf(t[(i * d + j) * d + a], es)))));
     const off = size * 2 ** (body.e * (d - 1)) * UP;
     const lost = rest[i].map((r) => r.map((y, a) => (bare[a] ? y : 0n)));
     if (limits) {
-      const cells = [i, opposite.get(i) ?? -1].filter((k) => k >= 0).map((k) => Math.floor(body.outer[k] / w));
-      if (!body.glued[i]) limits.ofSide(body.outer[i], lost.map((r) => left.size(r) / norm(body.area[body.outer[i]]) / (d - 1)), cells);
-      const exerts = given[i].map((r, j) => left.size(r.map((y, a) => (body.glued[i] ? y : y - rest[i][j][a]))));
-      limits.act(c, exerts.reduce((sum, y) => sum + y, 0) / d / (d - 1), false);
+      const cells = [i, opposite.get(i) ?? -1].filter((k) => k >= 0).map((k) =>
+        Math.floor(body.outer[k] / w));
+      if (!body.glued[i]) limits.ofSide(body.outer[i],
+        lost.map((r) => left.size(r) / norm(body.area[body.outer[i]]) / (d - 1)), cells);
+      const exerts = given[i].map((r, j) =>
+        left.size(r.map((y, a) => (body.glued[i] ? y : y - rest[i][j][a]))));
+      limits.act(c, exerts.reduce(add, 0) / d / (d - 1), false);
     }
     if (!body.glued[i]) left.act(body.outer[i], body.ofFacet(i), lost, off);
     else left.loose[c] += off; // of which a plate asks
@@ -162,8 +172,10 @@ function lowerBound(body, half) {
   let over = 0;
   for (let c = 0; c < n; c++) {
     if (body.cone[c] < 0) continue;
-    const cone = body.cones[body.cone[c]], tau = limits ? 0 : revolved ? ofRing(body, left, c) : ofCell(body, left, c);
-    const theta = revolved ? body.timesRadius(c, hoop[c]) : [], most = revolved ? Math.max(...hoop[c].map(Math.abs)) : 0;
+    const cone = body.cones[body.cone[c]];
+    const tau = limits ? 0 : revolved ? ofRing(body, left, c) : ofCell(body, left, c);
+    const theta = revolved ? body.timesRadius(c, hoop[c]) : [],
+      most = revolved ? Math.max(...hoop[c].map(Math.abs)) : 0;
     const rho = revolved ? body.timesRadius(c, [1, 1, 1]) : new Array(w).fill(1);
     for (let k = 0; k < body.values; k++) {
       if (!(rho[k] > 0)) continue;
@@ -175,7 +187,8 @@ function lowerBound(body, half) {
     }
   }
   const proven = over <= 1 ? factor : (factor / over) * (1 - 4 * U);
-  if ((body.loads[1].some || limits) && over > 1) refuse(`stresses are ${over} times as large as they may be`);
+  if ((body.loads[1].some || limits) &&
+    over > 1) refuse(`stresses are ${over} times as large as they may be`);
   return { proven, power: 0, forces };
 }
 
@@ -184,7 +197,8 @@ function lowerBound(body, half) {
  * besides: { i, j, o, p, way, e, most } at a value j of facet i, and opposite at p of o, along way 2^e.
  */
 function exerted(body, rest, e) {
-  const { d, w, f } = body, s = d - 1, anchors = [], axes = range(d).map((i) => range(d).map((k) => (i === k ? 1n : 0n)));
+  const { d, w, f } = body, s = d - 1, anchors = [],
+    axes = range(d).map((i) => range(d).map((k) => (i === k ? 1n : 0n)));
   const frees = (i) => range(d).map((a) => (body.held[i * d + a] ? 0 : 1));
   const radii = (i, j) => (body.revolved ? body.radiiOn(i)[j] : 1);
   /** What contact presses with: the factor of a direction that leaves least. */
@@ -209,18 +223,21 @@ function exerted(body, rest, e) {
     const whole = across.map((y, k) => BigInt(Math.round((share * y - pressed * unit[k]) * 2 ** -e)));
     rest[a][j] = rest[a][j].map((y, k) => y - whole[k]);
     if (o >= 0) rest[o][p] = rest[o][p].map((y, k) => y + whole[k]);
-    // Of what presses, and of what friction has left, a part each, so that all together neither pull nor slip.
+    // Of what presses, and of what friction has left, a part each, so that all neither pull nor slip
     const room = Math.min(pressed - off, (most - share * slip) / (1 + mu)) / s / (2 * w);
     for (const way of room > 0 ? axes : []) anchors.push({ i: a, j, o, p, way, e: 0, most: room });
   };
   const rows = contactOf(body), times = new Int32Array(f);
   for (const { a, b, c, mu } of rows) {
     for (const i of b < 0 ? [a] : [a, b]) times[i]++;
-    if (b >= 0 && c + mu > 0 && [a, b].every((i) => frees(i).includes(0))) refuse("supports hold both sides of facets that rub");
+    if (b >= 0 && c + mu > 0 &&
+      [a, b].every((i) => frees(i).includes(0))) refuse("supports hold both sides of facets that rub");
   }
   for (let i = 0; i < f; i++) {
-    if (times[i] + (norm(body.guided.subarray(i * d, i * d + d)) > 0) > 1) refuse("a facet touches two others");
-    if (body.glued[i] && (times[i] || frees(i).includes(0))) refuse("a rigid surface is in contact, or held by supports");
+    if (times[i] + (norm(body.guided.subarray(i * d,
+      i * d + d)) > 0) > 1) refuse("a facet touches two others");
+    if (body.glued[i] &&
+      (times[i] || frees(i).includes(0))) refuse("a rigid surface is in contact, or held by supports");
   }
   for (const { a, b: o, order, normal, e: ea, c, mu } of rows) for (let j = 0; j < rest[a].length; j++) {
     const p = o < 0 ? 0 : order[j], back = normal.map((y) => -y), unit = normal.map((y) => num(y, ea));
@@ -234,7 +251,7 @@ function exerted(body, rest, e) {
     anchors.push({ i: a, j, o, p, way: normal, e: ea, most: (q * long) / s / (2 * w) });
   }
   for (let i = 0; i < f; i++) for (let j = 0; j < rest[i].length; j++) {
-    const guide = [...body.guided.subarray(i * d, i * d + d)], free = frees(i);
+    const guide = row(body.guided, d, i), free = frees(i);
     const ways = axes.filter((_, k) => !free[k]).map((way) => ({ way, e: 0 }));
     if (norm(guide)) {
       const g = exact(guide), q = press(i, j, g.v, free, g.e);
@@ -252,28 +269,37 @@ function exerted(body, rest, e) {
  * besides through facets i, and with the other sign o: where they are held, or joined to more pieces.
  */
 function plates(body, left, rest, factors, limits) {
-  const { d, X } = body, { e, unit } = left, turns = 2 * d - 3, anchors = [], high = d + (body.revolved ? 0 : turns);
-  const load = (name, size) => combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
-  const [force, moment] = [load("rigid_force", d * body.rigid.length), load("rigid_moment", turns * body.rigid.length)];
+  const { d, X } = body, { e, unit } = left, turns = 2 * d - 3, anchors = [],
+    high = d + (body.revolved ? 0 : turns);
+  const load = (name, size) =>
+    combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
+  const [force, moment] =
+    [load("rigid_force", d * body.rigid.length), load("rigid_moment", turns * body.rigid.length)];
   /** times y 2^ey in units of 2^to, rounded: less than one is lost. */
-  const inUnits = (y, ey, to, times) => (ey >= to ? (times * y) << BigInt(ey - to) : (times * y) >> BigInt(to - ey));
+  const inUnits = (y, ey, to, times) =>
+    (ey >= to ? (times * y) << BigInt(ey - to) : (times * y) >> BigInt(to - ey));
   body.rigid.forEach((tag, g) => {
-    const facets = range(body.f).filter((i) => body.surface[i] === tag), held = body.rigidHeld.subarray(g * d, g * d + d);
+    const facets = range(body.f).filter((i) => body.surface[i] === tag),
+      held = body.rigidHeld.subarray(g * d, g * d + d);
     const area = (i) => norm(body.area[body.outer[i]]), still = held.some((y) => y);
     const F = range(d).map((k) => { // around an axis over 2π, which is a number of 224 bits
       const [y, ey] = [force.v[g * d + k], force.e];
       return body.revolved ? inUnits(y * ROUND, ey - 226, e, BigInt(unit)) : inUnits(y, ey, e, BigInt(unit));
     });
-    const M = range(turns).map((k) => inUnits(moment.v[g * turns + k], moment.e, e + body.e, BigInt(body.w * left.factorial)));
+    const M = range(turns).map((k) => inUnits(moment.v[g * turns + k], moment.e, e + body.e,
+      BigInt(body.w * left.factorial)));
     for (const i of facets) {
-      const vertices = body.ofFacet(i), sum = range(d).map((a) => vertices.reduce((y, v) => y + X[v * d + a], 0n));
+      const vertices = body.ofFacet(i),
+        sum = range(d).map((a) => vertices.reduce((y, v) => y + X[v * d + a], 0n));
       rest[i].forEach((r, j) => {
         r.forEach((y, a) => { F[a] -= body.revolved ? 2n * y : y; });
-        if (!body.revolved) cross(sum.map((y, a) => y + X[vertices[j] * d + a]), r).forEach((y, a) => { M[a] -= y; });
+        if (!body.revolved) cross(sum.map((y, a) => y + X[vertices[j] * d + a]), r).forEach(
+          (y, a) => { M[a] -= y; });
       });
     }
     const pieceOf = (i) => body.pieces.of(Math.floor(body.outer[i] / body.w)), on = new Map();
-    for (const i of facets) if (!on.has(pieceOf(i)) || area(i) > area(on.get(pieceOf(i)))) on.set(pieceOf(i), i);
+    for (const i of facets) if (!on.has(pieceOf(i)) ||
+      area(i) > area(on.get(pieceOf(i)))) on.set(pieceOf(i), i);
     const [through, ...joined] = [...on.values()].sort((i, k) => area(k) - area(i));
     const centre = body.ofFacet(through)[0], p = range(d).map((a) => X[centre * d + a]);
     const about = cross(p.map((y) => BigInt(body.w) * y), F).map((y, i) => M[i] - y); // about the centre
@@ -283,17 +309,21 @@ function plates(body, left, rest, factors, limits) {
     const extent = Math.max(...facets.flatMap((i) => body.ofFacet(i).map((v) => norm(
       p.map((y, a) => num(X[v * d + a] - y, body.e))))));
     const at = Math.floor(body.outer[through] / body.w), pushed = range(d).filter((k) => body.loads.some(
-      (of) => of.rigid_force[g * d + k] || facets.some((i) => range(d).some((j) => of.traction[(i * d + j) * d + k]))));
+      (of) => of.rigid_force[g * d + k] ||
+        facets.some((i) => range(d).some((j) => of.traction[(i * d + j) * d + k]))));
     const off = (facets.reduce((sum, i) => sum + left.loose[Math.floor(body.outer[i] / body.w)], 0)
       + 4 * 2 ** e) * (1 + extent / body.reach[at]);
     for (const k of pushed) left.acts[at * d + k] = 1;
     if (limits) {
-      const lack = norm(F.map((y) => num(y, e) / unit)) + norm(turned.map((y) => num(y, e + body.e) / body.w / left.factorial)) / extent;
-      limits.leave(at, lack, lack / facets.reduce((sum, i) => sum + area(i), 0), Math.min(...facets.map((i) => limits.radii[Math.floor(body.outer[i] / body.w)])));
+      const lack = norm(F.map((y) => num(y, e) / unit)) + norm(turned.map((y) =>
+        num(y, e + body.e) / body.w / left.factorial)) / extent;
+      limits.leave(at, lack, lack / facets.reduce((sum, i) => sum + area(i), 0),
+        Math.min(...facets.map((i) => limits.radii[Math.floor(body.outer[i] / body.w)])));
     }
     left.carry(body.outer[through], F, none ?? arms.map((y, i) => y + turned[i]), off);
     const every = range(high).filter((k) => (k < d ? !(body.revolved && k === 0) : true));
-    const besides = (i, o, ks) => ks.forEach((k) => anchors.push({ i, o, k, centre, extent, most: Infinity }));
+    const besides = (i, o, ks) =>
+      ks.forEach((k) => anchors.push({ i, o, k, centre, extent, most: Infinity }));
     if (still && !body.revolved) besides(through, -1, every.filter((k) => k >= d || held[k]));
     for (const i of joined) besides(i, through, every.filter((k) => (k < d ? !held[k] : !still)));
   });
@@ -334,7 +364,8 @@ function reactions(body, anchors, left) {
   }
   /** Forces, and moments over extents, that are missing on the pieces, and errors. */
   const rest = () => {
-    for (const at of sums.values()) Object.assign(at, { F: new Array(d).fill(0n), M: new Array(turns).fill(0n), off: 0 });
+    for (const at of sums.values()) Object.assign(at,
+      { F: new Array(d).fill(0n), M: new Array(turns).fill(0n), off: 0 });
     for (let c = 0; c < n; c++) {
       const at = sums.get(body.pieces.of(c));
       F[c].forEach((y, i) => { at.F[i] += y; });
@@ -357,7 +388,8 @@ function reactions(body, anchors, left) {
   const weight = anchors.map((of) => {
     if (of.weight !== undefined) return of.weight;
     const radius = body.radius(cellOf(of.i));
-    return Math.min(of.most, norm(body.area[body.outer[of.i]]) * (Number.isFinite(radius) ? radius : Math.max(...radii)));
+    return Math.min(of.most,
+      norm(body.area[body.outer[of.i]]) * (Number.isFinite(radius) ? radius : Math.max(...radii)));
   });
   for (const of of anchors) if (of.way) { // an exact direction, and one of size 1
     const along = of.way.map((y) => num(y, 0));
@@ -379,11 +411,14 @@ function reactions(body, anchors, left) {
     const turn = range(turns).map((m) => (of.k === d + m ? of.extent / at.far : 0));
     return of.k < d ? [...unitOf(of.k), ...cross(from(of.centre), unitOf(of.k))] : [...unitOf(-1), ...turn];
   };
-  const columns = anchors.map((of, k) => [[of.i, of.j, 1], [of.o, of.p, -1]].flatMap(([i, j, sign]) => (i < 0 ? []
+  const columns = anchors.map((of, k) =>
+    [[of.i, of.j, 1], [of.o, of.p, -1]].flatMap(([i, j, sign]) => (i < 0 ? []
     : wrench(of, i, j).map((y, m) => [sums.get(body.pieces.of(cellOf(i))).row + m, sign * y * weight[k]]))));
   let [missing, errors] = rest();
-  const idle = errors.map((_, i) => !revolved && i % high < d); // along axes along which nothing acts all cancels
-  left.acts.forEach((is, i) => { if (is) idle[sums.get(body.pieces.of(Math.floor(i / d))).row + (i % d)] = false; });
+  // along axes along which nothing acts all cancels
+  const idle = errors.map((_, i) => !revolved && i % high < d);
+  left.acts.forEach((is, i) =>
+    { if (is) idle[sums.get(body.pieces.of(Math.floor(i / d))).row + (i % d)] = false; });
   for (const column of columns) for (const [i, y] of column) if (y !== 0) idle[i] = false;
   const some = errors.map((y, i) => !idle[i] && (y > 0 || missing[i] !== 0));
   if (!some.includes(true)) return held;
@@ -399,7 +434,8 @@ function reactions(body, anchors, left) {
   if (rows.length > 1200) refuse("there are too many bodies for this checker");
   const gram = rows.map(() => new Array(rows.length).fill(0)), least = rows.map(() => 0);
   for (const column of columns) for (const [i, y] of column) if (place.has(i)) least[place.get(i)] += y * y;
-  const scale = least.map((y) => 2 ** -Math.round(Math.log2(Math.sqrt(y || 1)))), sized = gram.map((row) => [...row]);
+  const scale = least.map((y) => 2 ** -Math.round(Math.log2(Math.sqrt(y || 1)))),
+    sized = gram.map((row) => [...row]);
   for (const column of columns) for (const [i, y] of column) for (const [j, z] of column) {
     if (!place.has(i)) continue;
     const [a, b] = [place.get(i), place.get(j)], part = y * z * scale[a] * scale[b];
@@ -411,7 +447,9 @@ function reactions(body, anchors, left) {
   const off = Math.max(...inverse.map((row, i) => {
     const product = new Float64Array(rows.length), size = new Float64Array(rows.length);
     product[i] = -1;
-    row.forEach((y, k) => { for (let j = 0; j < rows.length; j++) { product[j] += y * gram[k][j]; size[j] += Math.abs(y) * sized[k][j]; } });
+    row.forEach((y, k) =>
+      { for (let j = 0; j < rows.length; j++) { product[j] += y * gram[k][j];
+      size[j] += Math.abs(y) * sized[k][j]; } });
     return product.reduce((sum, y, j) => sum + Math.abs(y) + size[j] * rounding, 0);
   }));
   if (!(off < 0.5)) lost();
@@ -423,7 +461,8 @@ function reactions(body, anchors, left) {
     const size = BigInt(round(q * unit * 2 ** -e)), p = range(d).map((m) => body.X[of.centre * d + m]);
     const force = unitOf(of.k).map((y) => BigInt(y) * size), arm = revolved ? [0n] : cross(p, force);
     const turn = round(q * of.extent * w * left.factorial * 2 ** -(e + body.e));
-    return [force, of.k < d ? arm.map((y) => BigInt(w) * y) : range(turns).map((m) => (of.k === d + m ? BigInt(turn) : 0n))];
+    return [force, of.k < d ? arm.map((y) => BigInt(w) * y) : range(turns).map((m) =>
+      (of.k === d + m ? BigInt(turn) : 0n))];
   };
   anchors.forEach((of, k) => {
     for (const [i, j, sign] of [[of.i, of.j, 1], [of.o, of.p, -1]]) {
@@ -436,7 +475,8 @@ function reactions(body, anchors, left) {
         left.carry(body.outer[i], force.map((y) => -y), cross(p, force).map((y) => -BigInt(w) * y));
         continue;
       }
-      left.act(body.outer[i], body.ofFacet(i), range(revolved ? 3 : d).map((m) => (m === j ? force : force.map(() => 0n))), 0);
+      left.act(body.outer[i], body.ofFacet(i),
+        range(revolved ? 3 : d).map((m) => (m === j ? force : force.map(() => 0n))), 0);
     }
   });
   [missing, errors] = rest();
@@ -448,7 +488,8 @@ function reactions(body, anchors, left) {
       ? sum + Math.abs(y) * scale[place.get(i)] * (needed[place.get(i)] + worst) : sum), 0);
     if (!(force + Math.abs(pushed[k]) * UP <= of.most)) lost();
     for (const i of [of.i, of.o]) if (i >= 0) {
-      held[i] += of.k === undefined ? force : left.traction(body.outer[i], ...whole(of, force, Math.ceil), 0, 0) * UP;
+      held[i] += of.k === undefined ? force : left.traction(body.outer[i],
+        ...whole(of, force, Math.ceil), 0, 0) * UP;
     }
   });
   return held;
@@ -456,8 +497,10 @@ function reactions(body, anchors, left) {
 
 /** Let each cell of a tree pass on what acts on it and all beyond, through one of its facets. */
 function passOn(body, left) {
-  const { d, w, n, cells, across } = body, { F, M, loose, onSides } = left, towards = new Int32Array(n).fill(-1);
-  const order = [], seen = new Uint8Array(n), roots = [...range(n)].sort((a, b) => body.volume[b] - body.volume[a]);
+  const { d, w, n, cells, across } = body, { F, M, loose, onSides } = left,
+    towards = new Int32Array(n).fill(-1);
+  const order = [], seen = new Uint8Array(n),
+    roots = [...range(n)].sort((a, b) => body.volume[b] - body.volume[a]);
   for (const root of roots) {
     if (seen[root]) continue;
     seen[root] = 1;
@@ -467,11 +510,13 @@ function passOn(body, left) {
       seen[c] = 1; towards[c] = other; order.push(c);
     }
   }
-  const centre = (c) => range(d).map((i) => body.ends(towards[c]).reduce((sum, v) => sum + body.x[v * d + i], 0) / d);
+  const centre = (c) =>
+    range(d).map((i) => body.ends(towards[c]).reduce((sum, v) => sum + body.x[v * d + i], 0) / d);
   const all = Float64Array.from(loose), bent = loose.map((y, c) => 2 * y * body.reach[c]);
   for (const c of order.reverse()) {
     if (towards[c] < 0) continue;
-    const there = Math.floor(across[towards[c]] / w), passed = left.traction(towards[c], F[c], M[c], all[c], bent[c]);
+    const there = Math.floor(across[towards[c]] / w);
+    const passed = left.traction(towards[c], F[c], M[c], all[c], bent[c]);
     onSides[c] += passed; onSides[there] += passed;
     F[c].forEach((y, i) => { F[there][i] += y; });
     M[c].forEach((y, i) => { M[there][i] += y; });
@@ -493,11 +538,12 @@ function ofCell(body, left, c) {
 /** The same around an axis, where radial forces in the cell put it in balance as a plane body. */
 function ofRing(body, left, c) {
   const x = range(3).map((k) => body.point(body.cells[c * 3 + k])), r = x.map((p) => p[0]);
-  const mean = (of) => of.reduce((sum, y) => sum + y, 0) / 3, middle = mean(x.map((p) => p[1]));
+  const mean = (of) => of.reduce(add, 0) / 3, middle = mean(x.map((p) => p[1]));
   const heights = x.map((p) => p[1] - middle), spread = heights.reduce((sum, y) => sum + y * y, 0) / 12;
   const extent = norm(range(2).map((i) => Math.max(...x.map((p) => p[i])) - Math.min(...x.map((p) => p[i]))));
   const sides = left.onSides[c], within = left.within[c], [ofSides, ofForce] = OF_STRESS.rings;
-  const turn = ((sides + within) * extent) / spread, radial = sides + turn * Math.max(...heights.map(Math.abs));
+  const turn = ((sides + within) * extent) / spread,
+    radial = sides + turn * Math.max(...heights.map(Math.abs));
   const inside = ofSides * sides + ofForce * (within + radial), [large, inverse] = body.stretch[c];
   if (!(inside > 0)) return 0;
   const some = Math.min(...r.filter((y) => y > 0)), near = r.includes(0) ? Math.min(some, mean(r)) / 2 : some;

@@ -22,18 +22,21 @@ function readVelocity(body, A) {
   const { d, w, n, cells, x } = body, count = x.length / d, wide = d === 2 ? 6 : 10;
   const v = A.velocity?.data ?? refuse("there is no velocity"), nodes = A.nodes?.data;
   if (nodes?.length !== n * wide || A.velocity.shape[1] !== d) refuse("nodes or velocity fit nothing");
-  if (!v.every(Number.isFinite) || !nodes.every((k) => k >= 0 && k < v.length / d)) refuse("a velocity is missing");
+  if (!v.every(Number.isFinite) ||
+    !nodes.every((k) => k >= 0 && k < v.length / d)) refuse("a velocity is missing");
   const { number, pairs: ends } = body;
   const edges = new Map(), P = new Int32Array(n * wide), pairs = [], nodeAt = [];
   for (let c = 0; c < n; c++) for (let k = 0; k < wide; k++) {
     let place = cells[c * w + k];
     if (k >= w) {
-      const pair = ends[k - w].map((a) => cells[c * w + a]).sort((a, b) => a - b), key = pair[0] * count + pair[1];
+      const pair = ends[k - w].map((a) => cells[c * w + a]).sort((a, b) => a - b),
+        key = pair[0] * count + pair[1];
       place = edges.get(key) ?? (pairs.push(pair), count + edges.size);
       edges.set(key, place);
     }
     P[c * wide + k] = place;
-    if ((nodeAt[place] ??= nodes[c * wide + k]) !== nodes[c * wide + k]) refuse("the velocity is not continuous");
+    nodeAt[place] ??= nodes[c * wide + k];
+    if (nodeAt[place] !== nodes[c * wide + k]) refuse("the velocity is not continuous");
   }
   const top = largest(v), ev = Math.floor(Math.log2(top || 1)) - 260, V = rounded(v, ev + 1);
   const at = (place, i) => V[nodeAt[place] * d + i] ?? 0n;
@@ -41,24 +44,27 @@ function readVelocity(body, A) {
     : 4n * at(place, i) - at(pairs[place - count][0], i) - at(pairs[place - count][1], i))));
   const facet = range(body.f).map((i) => {
     const c = Math.floor(body.outer[i] / w), own = body.places[i];
-    return [...own.map((a) => [a, a]), ...range(d).flatMap((a) => range(d).slice(a + 1).map((b) => [own[a], own[b]]))]
+    return [...own.map((a) => [a, a]),
+      ...range(d).flatMap((a) => range(d).slice(a + 1).map((b) => [own[a], own[b]]))]
       .map(([a, b]) => P[c * wide + number[a][b]]);
   });
   const held = Q.map(() => new Array(d).fill(false)), guides = new Map();
   const axis = (v) => body.revolved && x[v * d] === 0;
-  if (body.revolved) held.forEach((of, p) => { if (p < count ? axis(p) : pairs[p - count].every(axis)) of.fill(true); });
+  if (body.revolved) held.forEach((of, p) =>
+    { if (p < count ? axis(p) : pairs[p - count].every(axis)) of.fill(true); });
   facet.forEach((places, i) => places.forEach((p) => {
     for (let k = 0; k < d; k++) held[p][k] ||= body.held[i * d + k] === 1;
-    const g = [...body.guided.subarray(i * d, i * d + d)];
+    const g = row(body.guided, d, i);
     if (norm(g)) guides.set(p, [...(guides.get(p) ?? []), exact(g).v]);
   }));
-  const flow = { Q, P, ev, wide, number, facet, held, guides, pairs, count, top, v: (p, i) => v[nodeAt[p] * d + i] };
-  const placesOf = (some) => [...new Set(some.flatMap((c) => [...P.subarray(c * wide, (c + 1) * wide)]))];
+  const flow = { Q, P, ev, wide, number, facet, held, guides, pairs, count, top,
+    v: (p, i) => v[nodeAt[p] * d + i] };
+  const placesOf = (some) => [...new Set(some.flatMap((c) => row(P, wide, c)))];
   // Groups of places that move as rigid bodies: elastic cells, rigid surfaces, and cells that may
   flow.groups = sets(body, (c, o) => body.cone[c] < 0 && body.cone[o] < 0)
     .filter((of) => body.cone[of[0]] < 0).map((of) => ({ every: placesOf(of), lock: [] }));
   body.rigid.forEach((tag, g) => flow.groups.push({ plate: g, every: [...new Set(facet.filter(
-    (_, i) => body.surface[i] === tag).flat())], lock: [...body.rigidHeld.subarray(g * d, g * d + d)] }));
+    (_, i) => body.surface[i] === tag).flat())], lock: row(body.rigidHeld, d, g) }));
   flow.resting = sets(body, (c, o, glued) => glued && body.cone[c] >= 0 && body.cone[c] === body.cone[o])
     .filter((of) => body.cone[of[0]] >= 0).map((of) => ({ every: placesOf(of), lock: [] }))
     .filter((of) => rigid(body, flow, of, true).off <= 1e-5 * top);
@@ -74,7 +80,8 @@ function sets(body, test) {
     if (before !== undefined && test(c, before, false)) joined.join(c, before);
     if (before === undefined || (body.cone[before] >= 0 && body.cone[c] < 0)) first.set(v, c);
   }
-  for (let c = 0; c < n; c++) (found.get(joined.of(c)) ?? found.set(joined.of(c), []).get(joined.of(c))).push(c);
+  for (let c = 0; c < n;
+    c++) (found.get(joined.of(c)) ?? found.set(joined.of(c), []).get(joined.of(c))).push(c);
   return [...found.values()];
 }
 
@@ -84,15 +91,18 @@ function sets(body, test) {
  */
 function motionsOf(body, flow, { every, lock = [] }, loose = false) {
   const { d, x, X, revolved } = body, { held, guides, count, pairs } = flow, turns = revolved ? 1 : 2 * d - 3;
-  const mine = every.filter((p) => p < count), supported = loose ? undefined : mine.find((v) => held[v].some((y) => y));
+  const mine = every.filter((p) => p < count),
+    supported = loose ? undefined : mine.find((v) => held[v].some((y) => y));
   const centre = supported ?? mine[0], unit = (m) => range(3).map((i) => (i === m ? 1 : 0));
   const arm = (v) => range(d).map((i) => x[v * d + i] - (revolved ? 0 : x[centre * d + i]));
   // Around an axis bodies move along it, with the radius in v = ru
   const turned = (a, m) => (revolved ? [0, a[0]] : d === 2 ? [-a[1], a[0]] : cross(unit(m), a));
-  const free = range(d + turns).map((i) => !(revolved && i < d)), stuck = !loose && mine.some((v) => guides.has(v));
+  const free = range(d + turns).map((i) => !(revolved && i < d)), stuck = !loose &&
+    mine.some((v) => guides.has(v));
   if (!loose) for (const v of mine) {
     for (let i = 0; i < d; i++) if (held[v][i]) free[i] = false;
-    for (let m = 0; m < turns; m++) if (turned(arm(v), m).some((y, i) => held[v][i] && y !== 0)) free[d + m] = false;
+    for (let m = 0; m < turns;
+      m++) if (turned(arm(v), m).some((y, i) => held[v][i] && y !== 0)) free[d + m] = false;
   }
   if (!revolved && lock.some((y) => y)) free.fill(false, d);
   lock.forEach((is, i) => { if (is) free[i] = false; });
@@ -109,18 +119,22 @@ function motionsOf(body, flow, { every, lock = [] }, loose = false) {
   };
   const whole = (way) => { // even numbers, as velocities of edges are means
     const even = (y, e) => 2n * BigInt(Math.round(y * 2 ** -(e + 1)));
-    return [Array.from(way.slice(0, d), (y) => even(y, flow.ev)), Array.from(way.slice(d), (y) => even(y / far, flow.ev - body.e))];
+    return [Array.from(way.slice(0, d), (y) => even(y, flow.ev)),
+      Array.from(way.slice(d), (y) => even(y / far, flow.ev - body.e))];
   };
   return { every, mine, centre, free, stuck, lock, columns, at, whole };
 }
 
 /** The rigid motion next to that of a group. */
 function rigid(body, flow, group, loose = false) {
-  const found = motionsOf(body, flow, group, loose), { mine, every, free, columns } = found, size = free.length;
-  const gram = range(size).map((i) => range(size).map((j) => (i === j && !free[i] ? 1 : 0))), right = new Array(size).fill(0);
+  const found = motionsOf(body, flow, group, loose), { mine, every, free, columns } = found,
+    size = free.length;
+  const gram = range(size).map((i) => range(size).map((j) => (i === j && !free[i] ? 1 : 0))),
+    right = new Array(size).fill(0);
   for (const v of mine) {
     const parts = columns(v);
-    parts.forEach((p, i) => parts.forEach((q, j) => { gram[i][j] += p.reduce((sum, y, k) => sum + y * q[k], 0); }));
+    parts.forEach((p, i) =>
+      parts.forEach((q, j) => { gram[i][j] += p.reduce((sum, y, k) => sum + y * q[k], 0); }));
     parts.forEach((p, i) => { right[i] += p.reduce((sum, y, k) => sum + y * flow.v(v, k), 0); });
   }
   const inverse = inverted(gram) ?? refuse("a rigid motion is lost to rounding");
@@ -133,7 +147,8 @@ function rigid(body, flow, group, loose = false) {
 /** Admissible coefficients, but for changes of volume. */
 function bent(body, flow, rows, resting) {
   const { d, n, X } = body, { P, wide, held, guides, facet, ev } = flow;
-  const Q = flow.Q.map((q, p) => q.map((y, i) => (held[p][i] ? 0n : y))), unitOf = new Array(Q.length).fill(-1);
+  const Q = flow.Q.map((q, p) => q.map((y, i) => (held[p][i] ? 0n : y))),
+    unitOf = new Array(Q.length).fill(-1);
   const moveAcross = (q, fixed, directions) => { // without what it has along directions
     const axes = range(d).filter((i) => fixed[i]).map((i) => range(d).map((k) => (k === i ? 1n : 0n)));
     const ways = [];
@@ -157,7 +172,8 @@ function bent(body, flow, rows, resting) {
     }, none);
   };
   for (const [p, directions] of guides) Q[p] = moveAcross(Q[p], held[p], directions);
-  const groups = [...flow.groups, ...(resting ? flow.resting : [])], joined = new Joined(groups.length), owner = new Map();
+  const groups = [...flow.groups, ...(resting ? flow.resting : [])], joined = new Joined(groups.length),
+    owner = new Map();
   groups.forEach(({ every }, g) => every.forEach((p) => {
     if (owner.has(p)) joined.join(g, owner.get(p)); else owner.set(p, g);
   }));
@@ -167,14 +183,17 @@ function bent(body, flow, rows, resting) {
     merged.set(joined.of(g), { every: at.every.concat(every), lock: at.lock.map((y, i) => y || lock[i]) });
   });
   const roots = [...merged.keys()];
-  const units = roots.map((g) => rigid(body, flow, { every: [...new Set(merged.get(g).every)], lock: merged.get(g).lock }));
-  groups.forEach(({ plate }, g) => { if (plate !== undefined) plateUnit[plate] = units[roots.indexOf(joined.of(g))]; });
+  const units = roots.map((g) =>
+    rigid(body, flow, { every: [...new Set(merged.get(g).every)], lock: merged.get(g).lock }));
+  groups.forEach(({ plate }, g) =>
+    { if (plate !== undefined) plateUnit[plate] = units[roots.indexOf(joined.of(g))]; });
   units.forEach((unit, k) => {
     let [shift, turn] = unit.motion;
     unit.every.forEach((p) => { unitOf[p] = k; });
     if (unit.stuck) { // nor is it moved again
       const directions = unit.every.flatMap((p) => guides.get(p) ?? []);
-      shift = moveAcross(shift, unit.lock.map((is, i) => is || unit.mine.some((v) => held[v][i])), directions);
+      shift = moveAcross(shift,
+        unit.lock.map((is, i) => is || unit.mine.some((v) => held[v][i])), directions);
       unit.free.fill(false);
     }
     unit.turn = turn;
@@ -195,7 +214,8 @@ function bent(body, flow, rows, resting) {
   const jumpOf = ({ p, q }) => Q[p].map((y, i) => y - (q < 0 ? 0n : Q[q][i]));
   /** How far a jump enters, or parts too little for its slip: positive unless it does neither. */
   const enters = (row) => {
-    const w = jumpOf(row), along = dot(w, row.normal), m = row.factor.v[0], one = 1n << BigInt(-2 * row.factor.e);
+    const w = jumpOf(row), along = dot(w, row.normal), m = row.factor.v[0],
+      one = 1n << BigInt(-2 * row.factor.e);
     const fine = along <= 0n && along * along * (one + m * m) >= m * m * dot(w, w) * row.square;
     const v = w.map((y) => num(y, ev)), height = v.reduce((sum, y, i) => sum + y * row.unit[i], 0);
     const depth = height + row.mu * norm(v.map((y, i) => y - height * row.unit[i]));
@@ -203,12 +223,14 @@ function bent(body, flow, rows, resting) {
   };
   // Whole bodies give way first, then rigid ones, then places one by one.
   const bodyOf_ = new Array(Q.length).fill(-1);
-  for (let c = 0; c < n; c++) P.subarray(c * wide, (c + 1) * wide).forEach((p) => { bodyOf_[p] = body.pieces.of(c); });
+  for (let c = 0; c < n; c++) P.subarray(c * wide, (c + 1) * wide).forEach((p) =>
+    { bodyOf_[p] = body.pieces.of(c); });
   const bound = new Joined(n), byPlace = new Map();
   for (let c = 0; c < n; c++) P.subarray(c * wide, (c + 1) * wide).forEach((p) => {
     if (byPlace.has(p)) bound.join(body.pieces.of(c), body.pieces.of(byPlace.get(p))); else byPlace.set(p, c);
   });
-  for (const unit of units) unit.every.forEach((p) => bound.join(body.pieces.of(byPlace.get(p)), body.pieces.of(byPlace.get(unit.every[0]))));
+  for (const unit of units) unit.every.forEach((p) => bound.join(body.pieces.of(byPlace.get(p)),
+    body.pieces.of(byPlace.get(unit.every[0]))));
   const movers = new Map();
   const moverOf = (p, whole) => {
     const key = whole ? `b${bound.of(bodyOf_[p])}` : unitOf[p] >= 0 ? `u${unitOf[p]}` : `p${p}`;
@@ -217,12 +239,14 @@ function bent(body, flow, rows, resting) {
     if (whole) {
       const every = range(Q.length).filter((k) => bound.of(bodyOf_[k]) === bound.of(bodyOf_[p]));
       const parts = [...new Set(every.map((k) => unitOf[k]))].filter((k) => k >= 0);
-      mover = motionsOf(body, flow, { every, lock: range(d).map((i) => parts.some((k) => units[k].lock[i])) });
+      mover = motionsOf(body, flow,
+        { every, lock: range(d).map((i) => parts.some((k) => units[k].lock[i])) });
       if (mover.stuck) mover.free.fill(false);
       mover.parts = parts.map((k) => units[k]);
     } else if (!mover) {
       const free = held[p].map((is) => !is && !guides.has(p)), still = range(d).map(() => 0);
-      mover = { every: [p], free, columns: () => free.map((is, i) => still.map((_, k) => (is && i === k ? 1 : 0))) };
+      mover = { every: [p], free,
+        columns: () => free.map((is, i) => still.map((_, k) => (is && i === k ? 1 : 0))) };
     }
     movers.set(key, { ...mover, way: new Float64Array(mover.free.length), moves: false });
     return movers.get(key);
@@ -233,14 +257,14 @@ function bent(body, flow, rows, resting) {
       Q[p] = Q[p].map((y, i) => y + 2n * BigInt(Math.round(mover.way[i] * 2 ** -(ev + 1))));
       return;
     }
-    const [shift, turn] = mover.whole(mover.way), moved = new Map(mover.mine.map((v) => [v, mover.at(v, shift, turn)]));
+    const [shift, turn] = mover.whole(mover.way),
+      moved = new Map(mover.mine.map((v) => [v, mover.at(v, shift, turn)]));
     for (const p of mover.every) {
       const [a, b] = p < flow.count ? [p, p] : flow.pairs[p - flow.count];
       Q[p] = Q[p].map((y, i) => y + (moved.get(a)[i] + moved.get(b)[i]) / 2n);
     }
     for (const unit of mover.parts) unit.turn = unit.turn.map((y, i) => y + turn[i]);
   };
-  const dots = (p, q) => p.reduce((sum, y, i) => sum + y * q[i], 0);
   for (let round = 0; round < 14; round++) {
     const depth = jumps.map(enters), worst = Math.max(0, ...depth), whole = round < 2;
     if (!(worst > 0)) break;
@@ -251,7 +275,8 @@ function bent(body, flow, rows, resting) {
       if (sides[0][0] === sides[1]?.[0]) return [];
       const both = sides.filter((of) => of).map(([mover, sign, p]) => ({ mover, columns: mover.columns(p).map(
         (column, i) => column.map((y) => (mover.free[i] ? sign * y : 0))) }));
-      const gain = both.reduce((sum, { columns }) => sum + columns.reduce((y, of) => y + dots(of, row.unit) ** 2, 0), 0);
+      const gain = both.reduce((sum, { columns }) =>
+        sum + columns.reduce((y, of) => y + dots(of, row.unit) ** 2, 0), 0);
       return gain > (body.revolved ? 1e-8 : 0.01) ? [{ row, both, deep: depth[k] }] : [];
     });
     let more = true;
@@ -260,7 +285,8 @@ function bent(body, flow, rows, resting) {
       for (const { row, both, deep } of near) {
         const m = range(d).map((k) => both.reduce((sum, { mover, columns }) => sum + columns.reduce(
           (y, of, i) => y + of[k] * mover.way[i], 0), 0));
-        const along = dots(m, row.unit), across = m.map((y, i) => y - along * row.unit[i]), slip = norm(across);
+        const along = dots(m, row.unit), across = m.map((y, i) => y - along * row.unit[i]),
+          slip = norm(across);
         const now = deep + along + row.mu * slip;
         const wanted = whole ? deep - 2 * worst : deep > 0 ? -deep : Math.min(0, deep);
         if (now <= wanted + 0.25 * (whole ? worst : Math.max(deep, 0))) continue;
@@ -316,11 +342,13 @@ function halvings(d) {
 function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
   const { d, w, n, f, N, D, e, area, volume, cells } = body, { P, wide, ev, number, facet } = flow;
   const factorial = d === 2 ? 2 : 6, points = halvings(d);
-  const eg = ev + e * (d - 1) + 1, changes = new Array(n * w).fill(0n); // of −∇v times d! times the volume
-  const cone = (c) => body.cones[body.cone[c]], keeps = range(n).map((c) => !still[c] && body.cone[c] >= 0 && cone(c).keeps);
+  const eg = ev + e * (d - 1) + 1, changes = new Array(n * w).fill(0n); // −∇v times d! and volume
+  const cone = (c) => body.cones[body.cone[c]], keeps = range(n).map((c) => !still[c] && body.cone[c] >= 0 &&
+    cone(c).keeps);
   const takes = range(n).map((c) => !still[c] && body.cone[c] >= 0 && cone(c).takes);
   let total = 0, size = 0, errors = 0;
-  const lacks = new Float64Array(n).fill(-Infinity), rings = range(n).map(() => ({ reach: 1, rate: 1, radius: 1 }));
+  const lacks = new Float64Array(n).fill(-Infinity),
+    rings = range(n).map(() => ({ reach: 1, rate: 1, radius: 1 }));
   for (let c = 0; c < n; c++) {
     if (still[c]) continue;
     if (body.cone[c] < 0) refuse("an elastic cell strains");
@@ -358,14 +386,16 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
     const steep = own.steep * Math.max(...strength) * rings[c].reach;
     size += most * steep;
     errors += off * steep;
-    if (own.grows) lacks[c] = Math.max(...rates.filter((_, k) => !rho || rho[k] > 0).map(own.short)) + off * own.alert;
+    if (own.grows) lacks[c] =
+      Math.max(...rates.filter((_, k) => !rho || rho[k] > 0).map(own.short)) + off * own.alert;
     else if (!own.keeps && !own.takes) refuse("a cone leaves another stress free than the mean one");
   }
   const left = undone(body, { Q, flow, rows }, changes, eg, keeps, takes);
   let cost = 0;
   for (let c = 0; c < n; c++) {
     if (!(left.gradients[c] > 0)) continue;
-    const steep = body.cone[c] >= 0 ? cone(c).steep * Math.max(...body.strength.subarray(c * w, c * w + w)) : 0;
+    const steep = body.cone[c] >= 0 ? cone(c).steep * Math.max(...body.strength.subarray(c * w,
+      c * w + w)) : 0;
     cost += left.gradients[c] * rings[c].rate * steep;
   }
   for (let c = 0; c < n; c++) {
@@ -377,33 +407,39 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
   const dissipation = total + (errors + cost) * UP + slip + (n * (w + 2) + 512) * U * (size + slip);
   const usual = () => works[0][0] / works[0][3]; // the mean velocity with which loads do their work
   const works = [];
-  for (const loads of body.loads) works.push(workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, works.length === 2 ? usual() : 0));
-  const [work, off] = works[0], [dead, deadOff] = works[1], [other, otherOff, most] = works[2], excess = dissipation - dead + deadOff;
+  for (const loads of body.loads) works.push(workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left,
+    works.length === 2 ? usual() : 0));
+  const [work, off] = works[0], [dead, deadOff] = works[1], [other, otherOff, most] = works[2],
+    excess = dissipation - dead + deadOff;
   if (!(work - off > 0) || !Number.isFinite(excess)) refuse("the loads do no work beyond rounding");
   // Loads of any factor may do as much work as rounding of the velocity makes of them.
   if (body.loads[2].some && !(Math.abs(other) <= 1e-6 * most)) refuse("loads of any factor do work");
   const proven = excess === 0 ? 0 : excess / (excess > 0 ? work - off : work + off);
-  return { speed: flow.top / (work - off), proven: proven + Math.abs(proven) * 4 * U, power: Math.max(dissipation, Math.abs(excess)) / (work - off),
-    others: body.loads[2].some ? (1e-3 * Math.abs(proven) * (work - off)) / (Math.abs(other) + otherOff) : null };
+  return { speed: flow.top / (work - off), proven: proven + Math.abs(proven) * 4 * U,
+    power: Math.max(dissipation, Math.abs(excess)) / (work - off),
+    others: body.loads[2].some ? (1e-3 * Math.abs(proven) * (work - off)) / (Math.abs(other) + otherOff)
+      : null };
 }
 
-/** Coefficients of r²ε times the volume, from those of v = ru and its gradients; exact but for one rounding. */
+/** Coefficients of r²ε times the volume, from those of v = ru and its gradients; rounded once. */
 function ringRates(body, gradients, Q, c, ev) {
   const { e, D, X, cells, pairs } = body, r = range(3).map((k) => X[cells[c * 3 + k] * 2]);
   return range(6).map((k) => {
-    const [a, b] = k < 3 ? [k, k] : pairs[k - 3], g = range(4).map((i) => r[a] * gradients[b][i] + r[b] * gradients[a][i]);
+    const [a, b] = k < 3 ? [k, k] : pairs[k - 3],
+      g = range(4).map((i) => r[a] * gradients[b][i] + r[b] * gradients[a][i]);
     const u = Q[k].map((y) => D[c] * y);
-    return vector([g[0] - u[0], g[1], g[2] - u[1], g[3]].map((y) => num(y, ev + 2 * e) / 2), 2, num(u[0], ev + 2 * e) / 2);
+    return vector([g[0] - u[0], g[1], g[2] - u[1], g[3]].map((y) => num(y, ev + 2 * e) / 2), 2,
+      num(u[0], ev + 2 * e) / 2);
   });
 }
 
-/** ∫ of a rate of size 1 over r, what ‖∇w‖ = 1 makes of it, and the largest radius (docs/proof.md). */
+/** ∫ of a rate of size 1 over r, what ‖∇w‖ = 1 makes of it, and the largest radius. */
 function ofRingCell(body, c) {
   const x = range(3).map((k) => body.point(body.cells[c * 3 + k])), r = x.map((p) => p[0]);
   const near = Math.min(...r.filter((y) => y > 0)), touches = r.includes(0);
   const far = range(3).flatMap((a) => range(3).map((b) => (touches && (r[a] > 0 || r[b] === 0) ? 0
     : norm(x[a].map((y, i) => y - x[b][i])))));
-  return { reach: overRadius(r).reduce((sum, y) => sum + y, 0) * UP,
+  return { reach: overRadius(r).reduce(add, 0) * UP,
     rate: (1 + Math.SQRT2 * Math.max(...far) / near) * UP, radius: Math.max(...r) };
 }
 
@@ -413,7 +449,8 @@ function overRadius(r) {
   const found = new Array(6).fill(0), edge = (a, b) => (a + b) + 2; // numbers of edges 01, 02, 12
   if (!axis.length) for (let k = 0; k < 3; k++) { // 1/r is at most linear between vertices
     for (let j = 0; j < 3; j++) found[j] += (j === k ? 3 : 1) / 30 / r[k];
-    for (const [a, b] of [[0, 1], [0, 2], [1, 2]]) found[edge(a, b)] += (a === k || b === k ? 2 : 1) / 30 / r[k];
+    for (const [a, b] of [[0, 1], [0, 2], [1, 2]]) found[edge(a, b)] += (a === k ||
+      b === k ? 2 : 1) / 30 / r[k];
   } else if (axis.length === 1) { // it is so along the edge opposite, over the distance from the axis
     const [b, c] = away, [s, t] = [1 / r[b], 1 / r[c]];
     found[b] = s / 6 + t / 18; found[c] = s / 18 + t / 6; found[edge(b, c)] = (s + t) / 9;
@@ -469,25 +506,33 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
     if (!force.some((y) => y)) continue;
     const all = range(d).map((i) => range(wide).reduce((y, k) => y + Q[P[c * wide + k]][i], 0n));
     sum += dot(force, all) * D[c];
-    const reach = norm(range(d).map((i) => range(w).reduce((y, k) => Math.max(y, Math.abs(x[cells[c * w + k] * d + i] - x[cells[c * w] * d + i])), 0))) * 2;
+    const reach = norm(range(d).map((i) =>
+      range(w).reduce((y, k) =>
+      Math.max(y, Math.abs(x[cells[c * w + k] * d + i] - x[cells[c * w] * d + i])), 0))) * 2;
     forces += norm(force.map((y) => num(y, b.e))) * body.volume[c];
-    most += norm(force.map((y) => num(y, b.e))) * body.volume[c] * speed([...P.subarray(c * wide, (c + 1) * wide)]);
+    most += norm(force.map((y) => num(y, b.e))) * body.volume[c] * speed(row(P, wide, c));
     off += norm(force.map((y) => num(y, b.e))) * reach * left.gradients[c];
   }
   found += num(sum, b.e + ev + e * d) / (factorial * wide);
   sum = 0n;
-  const edges = range(d).flatMap((i) => range(d).slice(i + 1).map((j) => [i, j])), groups = [...range(d).map((i) => [i, i]), ...edges];
+  const edges = range(d).flatMap((i) => range(d).slice(i + 1).map((j) => [i, j])),
+    groups = [...range(d).map((i) => [i, i]), ...edges];
   for (let i = 0; i < f; i++) {
     const force = range(d).map((j) => range(d).map((k) => t.v[(i * d + j) * d + k]));
     if (!force.flat().some((y) => y)) continue;
-    const part = force.reduce((y, of, a) => y + groups.reduce((z, [j, k], m) => { // (d+2)!/(d−1)! times means
+    // (d + 2)!/(d − 1)! times the means of products
+    const part = force.reduce((y, of, a) => y + groups.reduce((z, [j, k], m) => {
       const times = [a, j, k], alike = new Set(times).size, own = j === k ? 1n : 2n;
       return z + own * (alike === 1 ? 6n : alike === 2 ? 2n : 1n) * dot(of, Q[facet[i][m]]);
     }, 0n), 0n);
     sum += part * rootOf(dot(N[body.outer[i]], N[body.outer[i]]));
-    forces += norm(body.area[body.outer[i]]) * Math.max(...force.map((of) => norm(of.map((y, k) => (body.held[i * d + k] ? 0 : num(y, t.e))))));
-    most += Math.max(...force.map((of) => norm(of.map((y) => num(y, t.e))))) * norm(body.area[body.outer[i]]) * speed(facet[i]);
-    off += sizeOf(part, t.e + ev + e * (d - 1)) + Math.max(...force.map((of) => norm(of.map((y) => num(y, t.e))))) * left.through[i];
+    forces += norm(body.area[body.outer[i]]) * Math.max(...force.map((of) =>
+      norm(of.map((y, k) => (body.held[i * d + k] ? 0 : num(y, t.e))))));
+    most += Math.max(...force.map((of) =>
+      norm(of.map((y) => num(y, t.e))))) * norm(body.area[body.outer[i]]) * speed(facet[i]);
+    off += sizeOf(part,
+      t.e + ev + e * (d - 1)) + Math.max(...force.map((of) =>
+      norm(of.map((y) => num(y, t.e))))) * left.through[i];
   }
   found += num(sum, t.e + ev + e * (d - 1)) / ((d - 1) * (d === 2 ? 24 : 60));
   sum = 0n;
@@ -539,21 +584,25 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
     const i = body.facetAt[side];
     return i < 0 ? norm(area[side]) : norm(area[side].map((y, k) => (body.held[i * d + k] ? 0 : y)));
   };
-  const meets = new Map(rows.flatMap(({ a, b, c, mu }) => [[a, { b, c, mu }], ...(b < 0 ? [] : [[b, { b: a, c, mu }]])]));
+  const meets = new Map(rows.flatMap(({ a, b, c, mu }) =>
+    [[a, { b, c, mu }], ...(b < 0 ? [] : [[b, { b: a, c, mu }]])]));
   const touched = new Set([...body.contacts, ...body.obstacles]);
   const kindOf = (side) => { // 0 a free surface, 1 a cell that dilates, 2 contact that parts, 9 no way out
     const c = Math.floor(across[side] / w), i = body.facetAt[side];
     if (i < 0) return takes[c] ? 0 : !keeps[c] && body.cone[c] >= 0 && body.cones[body.cone[c]].grows ? 1 : 9;
-    if (body.glued[i] || body.onAxis[i] || norm(body.guided.subarray(i * d, i * d + d)) || !(free(side) > 0.1 * norm(area[side]))) return 9;
+    if (body.glued[i] || body.onAxis[i] || norm(body.guided.subarray(i * d, i * d + d)) ||
+      !(free(side) > 0.1 * norm(area[side]))) return 9;
     if (!touched.has(body.surface[i])) return 0;
     const own = meets.get(i);
     return own && !(own.c > 0) && !(own.mu > 0) && free(side) === norm(area[side]) ? 2 : own ? 9 : 0;
   };
-  const out = new Int32Array(n).fill(-1), parent = new Int32Array(n).fill(-1), order = [], seen = new Uint8Array(n);
+  const out = new Int32Array(n).fill(-1), parent = new Int32Array(n).fill(-1), order = [],
+    seen = new Uint8Array(n);
   const over = (side) => { // the other side, through contact too
     if (across[side] >= 0) return across[side];
     const own = meets.get(body.facetAt[side]);
-    return own && own.b >= 0 && kindOf(side) === 2 && kindOf(body.outer[own.b]) === 2 ? body.outer[own.b] : -1;
+    return own && own.b >= 0 && kindOf(side) === 2 &&
+      kindOf(body.outer[own.b]) === 2 ? body.outer[own.b] : -1;
   };
   const grow = (first) => {
     for (let at = first; at < order.length; at++) for (let k = 0; k < w; k++) {
@@ -566,7 +615,9 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
     const first = order.length;
     for (let c = 0; c < n; c++) for (let k = 0; k < w && keeps[c] && !seen[c]; k++) {
       const side = c * w + k;
-      if (kindOf(side) === kind && (kind < 2 || over(side) < 0 || !keeps[Math.floor(over(side) / w)])) { seen[c] = 1; out[c] = side; order.push(c); }
+      if (kindOf(side) === kind &&
+        (kind < 2 || over(side) < 0 || !keeps[Math.floor(over(side) / w)])) { seen[c] = 1; out[c] = side;
+      order.push(c); }
     }
     grow(first);
   }

@@ -9,7 +9,8 @@ async function unpacked({ shape, type, data }) {
   const byPlace = new Uint8Array(await new Response(stream).arrayBuffer());
   const Type = TYPES_OF_PROOF[type], width = Type.BYTES_PER_ELEMENT, count = byPlace.length / width;
   const bytes = new Uint8Array(byPlace.length);
-  for (let k = 0; k < width; k++) for (let i = 0; i < count; i++) bytes[i * width + k] = byPlace[k * count + i];
+  for (let k = 0; k < width; k++) for (let i = 0; i < count; i++) bytes[i * width + k] =
+    byPlace[k * count + i];
   const size = shape.reduce((a, b) => a * b, 1), values = new Type(bytes.buffer);
   if (values.length !== size) refuse("the page has fewer numbers than it says");
   return { shape, data: values };
@@ -19,7 +20,8 @@ async function unpacked({ shape, type, data }) {
 function shown(x, up) {
   if (x === 0) return "0";
   const unit = 10 ** (Math.floor(Math.log10(Math.abs(x))) - 5);
-  return String(Number(((up ? Math.ceil : Math.floor)(x / unit) * unit).toPrecision(6)));
+  const near = Number(x.toPrecision(6)), beyond = up ? near < x : near > x;
+  return String(beyond ? Number((near + (up ? unit : -unit)).toPrecision(6)) : near);
 }
 
 /** Arrays of a half by name, and its numbers. */
@@ -49,7 +51,9 @@ async function verdictOnPair(below, above, lower, upper) {
     compare(...parts.map(({ body }) => body));
     const [carried, not] = parts.map(({ factor }) => factor);
     if (!(carried <= not)) refuse("the factor with which the loads are carried is above the other one");
-    return { carried, not, sentence: `Factor of safety: between ${shown(carried)} and ${shown(not, true)}; both files are of the same bodies.` };
+    return { carried, not,
+      sentence: `Factor of safety: between ${shown(carried)} and ${shown(not, true)}; both files are`
+        + " of the same bodies." };
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
     return { fault: error.message, sentence: `The factor of safety is not proven: ${error.message}.` };
@@ -81,23 +85,31 @@ async function verdictOn(halves) {
       reductionOf(body, arrays[kind]);
       ready[kind] = { body, half: read[kind](body, arrays[kind]) };
     }
-    if (kinds.length === 2 && ready.upper.body !== ready.lower.body) compare(ready.lower.body, ready.upper.body);
+    if (kinds.length === 2 && ready.upper.body !== ready.lower.body) compare(ready.lower.body,
+      ready.upper.body);
     for (const kind of kinds) ready[kind].fine = true;
   });
   for (const kind of kinds) if (ready[kind]?.fine) caught([kind], () => {
-    const { body, half } = ready[kind], result = judge[kind](body, half), { proven, power, others } = result, { claimed } = found[kind];
+    const { body, half } = ready[kind], result = judge[kind](body, half), { proven, power, others } = result,
+      { claimed } = found[kind];
     ready[kind].result = result;
     const off = kind === "lower" ? claimed - proven : proven - claimed;
-    if (!(off <= 1e-8 * Math.abs(proven) + 1e-12 * power)) refuse(`only ${proven} is proven, and ${claimed} is claimed`);
+    if (!(off <= 1e-8 * Math.abs(proven) + 1e-12 * power)) {
+      refuse(`only ${proven} is proven, and ${claimed} is claimed`);
+    }
     found[kind].proven = proven;
-    if (others < Infinity && others !== null) found[kind].note = ` With loads of any factor up to ${shown(others)} it holds but for a thousandth.`;
+    if (others < Infinity && others !== null) found[kind].note =
+      ` With loads of any factor up to ${shown(others)} it holds but for a thousandth.`;
   });
   const [low, high] = ["lower", "upper"].map((kind) => found[kind]?.proven);
   if (low !== undefined && high !== undefined) caught(kinds, () => {
     const { speed, power } = ready.upper.result, { forces = 0 } = ready.lower.result;
-    if (!(low <= high + 1e-8 * Math.abs(high) + 1e-12 * power)) refuse(`the lower bound ${low} is above the upper one ${high}`);
+    if (!(low <= high + 1e-8 * Math.abs(high) + 1e-12 * power)) {
+      refuse(`the lower bound ${low} is above the upper one ${high}`);
+    }
     // What forces without balance, beside c = 0, may change of a bound by their work on the mechanism
-    if (forces && !(forces * speed <= 1e-6 * Math.max(high - low, 1e-4 * power))) refuse("forces without balance change the bound");
+    if (forces && !(forces * speed <= 1e-6 * Math.max(high - low,
+      1e-4 * power))) refuse("forces without balance change the bound");
   });
   if (kinds.every((kind) => found[kind].fault === found[kinds[0]].fault && found[kind].fault)) {
     found.sentence = `Not proven in this browser: ${found[kinds[0]].fault}.`;
@@ -105,7 +117,8 @@ async function verdictOn(halves) {
     found.sentence = `Proven again in this browser: between ${shown(low)} and ${shown(high, true)}.`;
   } else found.sentence = kinds.map((kind) => (found[kind].fault
     ? `The ${kind} bound is not proven in this browser: ${found[kind].fault}.`
-    : `The ${kind} bound ${shown(found[kind].proven, kind === "upper")} is proven again in this browser.`)).join(" ");
+    : `The ${kind} bound ${shown(found[kind].proven, kind === "upper")} is proven again in this browser.`))
+    .join(" ");
   if (high !== undefined) found.sentence += found.upper.note ?? "";
   return found;
 }
