@@ -9,6 +9,7 @@ enclosed by itself.
 
 import ast
 import operator
+from collections.abc import Callable
 from itertools import combinations
 from typing import Any
 
@@ -104,7 +105,7 @@ def _combined(sign: ast.operator, one: Any, other: Any) -> Any:
         with np.errstate(all="ignore"):
             return float(OPERATORS[type(sign)][1](np.float64(one), np.float64(other)))
     if isinstance(sign, ast.Add):
-        return tuple(map(operator.add, _pair(one), _pair(other)))
+        return _each(operator.add, _pair(one), _pair(other))
     if isinstance(sign, ast.Sub):
         return _combined(ast.Add(), one, _negative(other))
     if isinstance(sign, ast.Mult):
@@ -120,8 +121,15 @@ def _pair(value: Any) -> Any:
     return value if isinstance(value, tuple) else (value, value)
 
 
+def _each(function: Callable[..., Floats], *pairs: Pair) -> Pair:
+    """Return a function of both sides; one array for both where each pair is linear."""
+    low = function(*(it[0] for it in pairs))
+    linear = all(it[0] is it[1] for it in pairs)
+    return low, low if linear else function(*(it[1] for it in pairs))
+
+
 def _negative(value: Any) -> Any:
-    return (-value[1], -value[0]) if isinstance(value, tuple) else -value
+    return _each(operator.neg, value[::-1]) if isinstance(value, tuple) else -value
 
 
 def _larger(one: Any, other: Any) -> Any:
@@ -138,10 +146,9 @@ def _product(one: Any, other: Any) -> Any:
     if not isinstance(one, tuple):
         one, other = other, one
     if not isinstance(other, tuple):
-        low, high = one[0] * other, one[1] * other
-        return (low, high) if other >= 0 else (high, low)
+        return _each(lambda side: side * other, one if other >= 0 else one[::-1])
     if one[0] is not one[1] or other[0] is not other[1]:
-        raise _UnknownFormula
+        raise _UnknownFormula  # a factor is not linear
     f, g = one[0], other[0]
     low, high = f * g, f * g
     for i, j in combinations(range(f.shape[1]), 2):

@@ -11,6 +11,7 @@ pytestmark = pytest.mark.serial
 WATER = "9.81*maximum(0, minimum(maximum(0.2, 0.2 + (x - 0.3)*2/3), 0.5 + (x - 0.7)/3) - y)"
 STEPS = "where((x < 0.5) & (y >= 0.25), 2*x, where(x > 0.8, 3 - y, y)) - 1"
 BENT = ["abs(x - y)", "x*y - 2*x**2 + y", WATER, STEPS, "minimum(z, 2*x) / 4 + sin(pi/2)"]
+BENT += ["3 - 2*(x - 0.3)*(0.7 - y)/5", "(1 - x)**2 - -y*(2 - x)"]
 
 
 @pytest.mark.parametrize("formula", BENT)
