@@ -117,10 +117,12 @@ def check_profiles(problem: Problem) -> None:
             vertices, places = corners(problem.tagged_mesh.mesh)
             cell = int(np.argmax(wrong))
             where = place_of(places[vertices[cell]].mean(axis=0))
+            tagged_mesh = problem.tagged_mesh
+            named = (name for name in tagged_mesh.volumes if cell in tagged_mesh.cells(name))
             message = (
-                f"a strength varies so steeply in the cell at {where} that no positive linear"
-                " function below it is known there; refine the mesh there, or give it lines where"
-                " the slope of the strength changes."
+                f"the strength of '{next(named)}' varies so steeply in the cell at {where} that no"
+                " positive linear function below it is known there; refine the mesh there, or give"
+                " it lines where the slope of the strength changes."
             )
     except InputError as error:
         message = str(error)
