@@ -7,19 +7,23 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.pictures.heading import drawable
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.result_reader import StoredFlow
 
-WATER, LINES, GROUND = "Blues", "#1f3b5c", "#e8dfd0"
-"""Colours: pressure, lines of the flow, dry ground."""
+WATER, LINES, GROUND, SURFACE = "Blues", "#1f3b5c", "#e8dfd0", "#0b5cad"
+"""Colours: pressure, lines of the flow, dry ground, free surface."""
+
+SATURATED = 0.5
+"""Saturation above which the head at a point is that of water."""
 
 
 def save_flow(flow: StoredFlow, title: str, units: Mapping[str, str], path: Path) -> None:
@@ -52,22 +56,14 @@ def save_flow(flow: StoredFlow, title: str, units: Mapping[str, str], path: Path
         unit = units.get("stress", "")
         label = f"pore pressure{f' ({unit})' if unit else ''}"
         figure.colorbar(water, ax=axes, label=label, ticks=np.linspace(0.0, largest, 6))
-        saturated = 0.5  # value of the saturation that is drawn as the free surface
-        wet = Triangulation(x, y, flow.cells[flow.saturation[flow.cells].min(axis=1) > saturated])
+        wet = Triangulation(x, y, flow.cells[_saturated(flow)[flow.cells].all(axis=1)])
         if np.ptp(flow.head[np.unique(wet.triangles)]) > 1e-9 * np.ptp(flow.points):
             axes.tricontour(
                 wet, flow.head, levels=12, colors="white", linewidths=0.8, linestyles="--", zorder=2
             )
             _flow_lines(axes, wet, flow)
-        if flow.saturation.min() < saturated:
-            axes.tricontour(
-                mesh,
-                flow.saturation,
-                levels=[saturated],
-                colors="#0b5cad",
-                linewidths=2.0,
-                zorder=3,
-            )
+        for line in free_surface(flow):
+            axes.plot(*line.T, color=SURFACE, linewidth=2.0, solid_capstyle="round", zorder=3)
     axes.set_aspect("equal")
     length = units.get("length", "")
     names = [f"{name}{f' ({length})' if length else ''}" for name in ("x", "y")]
@@ -75,6 +71,73 @@ def save_flow(flow: StoredFlow, title: str, units: Mapping[str, str], path: Path
     told = "dashed: equal heads; arrows: flow; thick line: free surface"
     axes.set_title(f"{drawable(title)}\n{told}", parse_math=False, fontsize=10)
     replace_picture(path, figure)
+
+
+def free_surface(flow: StoredFlow) -> Floats:
+    """Return the free surface: where the pressure of saturated ground, continued, is zero.
+
+    Pressures are zero at all points above the free surface, so that the pressure is positive in the
+    lower part of a cell and also above the surface. Therefore the pressure head of the saturated
+    cells is continued linearly to the points above them.
+
+    Args:
+        flow: A flow in the plane.
+
+    Returns:
+        Ends of a segment in each cell that the surface crosses, shape (num_segments, 2, 2).
+    """
+    saturated = _saturated(flow)
+    crossed = flow.cells[saturated[flow.cells].any(axis=1) & ~saturated[flow.cells].all(axis=1)]
+    if not len(crossed):
+        return np.zeros((0, 2, 2))
+    heads = _continued(flow, saturated, crossed)
+    pairs = crossed[:, [[0, 1], [1, 2], [2, 0]]]  # sides of the cells, two of which are crossed
+    pairs = pairs[saturated[pairs].sum(axis=2) == 1].reshape(-1, 2, 2)
+    pairs = np.where(saturated[pairs[..., :1]], pairs, pairs[..., ::-1])
+    below, above = heads[pairs[..., 0]], heads[pairs[..., 1]]
+    shares = (below / (below - above))[..., None]
+    ends = flow.points[pairs]
+    return np.asarray(ends[..., 0, :] + shares * (ends[..., 1, :] - ends[..., 0, :]))
+
+
+def _saturated(flow: StoredFlow) -> npt.NDArray[np.bool_]:
+    return np.asarray(flow.saturation > SATURATED)
+
+
+def _continued(flow: StoredFlow, saturated: npt.NDArray[np.bool_], crossed: Longs) -> Floats:
+    """Return pressure heads that are negative at the points above the free surface.
+
+    A point above has the mean of what its neighbours below give. Each of these has the mean slope
+    of the total head in its saturated cells, which is zero without such a cell.
+
+    Args:
+        flow: A flow in the plane.
+        saturated: Which points are below.
+        crossed: Cells that the surface crosses.
+    """
+    count, d = flow.points.shape
+    wet = flow.cells[saturated[flow.cells].all(axis=1)]
+    corners, heads = flow.points[wet], flow.head[wet]
+    slopes = np.linalg.solve(
+        corners[:, 1:] - corners[:, :1], (heads[:, 1:] - heads[:, :1])[..., None]
+    )
+    sums, number = np.zeros((count, d)), np.zeros(count)
+    np.add.at(sums, wet.ravel(), np.repeat(slopes[..., 0], d + 1, axis=0))
+    np.add.at(number, wet.ravel(), 1.0)
+    slope = sums / np.maximum(number, 1.0)[:, None]
+    pairs = crossed[:, [[0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2]]].reshape(-1, 2)
+    below, above = pairs[saturated[pairs[:, 0]] & ~saturated[pairs[:, 1]]].T
+    apart = flow.points[above] - flow.points[below]
+    given = flow.head[below] + np.einsum("pi,pi->p", slope[below], apart)
+    total, number = np.zeros(count), np.zeros(count)
+    np.add.at(total, above, given)
+    np.add.at(number, above, 1.0)
+    dry = number > 0
+    pressure = flow.head - flow.height
+    little = 1e-6 * float(np.ptp(flow.points))
+    found = np.maximum(pressure, little)
+    found[dry] = np.minimum(total[dry] / number[dry] - flow.height[dry], -little)
+    return found
 
 
 def _flow_lines(axes: Axes, wet: Triangulation, flow: StoredFlow) -> None:

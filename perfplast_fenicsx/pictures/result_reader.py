@@ -79,6 +79,7 @@ class StoredFlow:
         pressure: At the points (stress).
         head: Total head at the points (length).
         saturation: At the points; 1 below the free surface, 0 above it.
+        axis: Number of the coordinate that points upwards.
     """
 
     points: npt.NDArray[np.float64]
@@ -86,6 +87,12 @@ class StoredFlow:
     pressure: npt.NDArray[np.float64]
     head: npt.NDArray[np.float64]
     saturation: npt.NDArray[np.float64]
+    axis: int
+
+    @property
+    def height(self) -> npt.NDArray[np.float64]:
+        """Return the height of the points (length)."""
+        return self.points[:, self.axis]
 
 
 class ResultReader:
@@ -246,11 +253,12 @@ class ResultReader:
         if self.summary.seepage is None:
             return None
         names = [f"{POINT_DATA}/{name}" for name in ("pressure", "head", "saturation")]
-        points, corners, offsets, *fields = self._arrays(
-            FLOW, POINTS, CONNECTIVITY, OFFSETS, *names
+        points, corners, offsets, upwards, *fields = self._arrays(
+            FLOW, POINTS, CONNECTIVITY, OFFSETS, f"{FIELD_DATA}/upwards", *names
         )
         cells = corners.reshape(len(offsets) - 1, -1)
-        return StoredFlow(points[:, : cells.shape[1] - 1], cells, *fields)
+        axis = "xyz".index(upwards[0].decode())
+        return StoredFlow(points[:, : cells.shape[1] - 1], cells, *fields, axis)
 
     def _arrays(self, name: str, *places: str) -> list[npt.NDArray[Any]]:
         """Return arrays of a VTKHDF file."""
