@@ -1,7 +1,7 @@
 """Ground that is drawn in a case by its coordinates: regions, strata and lines in the plane."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -104,6 +104,7 @@ class DrawnGround:
         lines: With names.
         kinks: Further lines that the mesh follows, as loads have kinks there; what of them is
             outside of the ground is left out.
+        notes: What a user should know of the drawing, a sentence each.
 
     Raises:
         InputError: If names are missing or given twice, polygons cross themselves, have no area,
@@ -114,6 +115,7 @@ class DrawnGround:
     strata: Sequence[Stratum] = ()
     lines: Sequence[DrawnLine] = ()
     kinks: Sequence[Floats] = field(default=(), compare=False)
+    notes: Sequence[str] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         self._check_names()
@@ -131,7 +133,7 @@ class DrawnGround:
 
     def with_kinks(self, kinks: Sequence[Floats]) -> "DrawnGround":
         """Return the same ground with other lines that the mesh follows."""
-        return DrawnGround(self.regions, self.strata, self.lines, kinks)
+        return replace(self, kinks=kinks)
 
     def outline(self) -> "Outline":
         """Return the ground divided by all its lines."""
@@ -161,7 +163,7 @@ class DrawnGround:
             for k in np.flatnonzero(outline.plan.owners[:, outline.first_line + number])[:1]
             if outline.body[k, 0] == outline.body[k, 1]
         ]
-        return told + ([outline.unnamed] if outline.unnamed else [])
+        return [*self.notes, *told, *([outline.unnamed] if outline.unnamed else [])]
 
     def _shapes(self) -> list[_Shape]:
         shapes = [

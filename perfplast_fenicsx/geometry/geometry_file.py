@@ -64,6 +64,11 @@ def check_file(path: Path) -> None:
         raise InputError(
             f"'{path}' is a mesh already; give it in a case, by file = '{path.name}' under [mesh]."
         )
+    if suffix == ".dxf":
+        raise InputError(
+            f"'{path}' draws ground in the plane; give it in a case, by file = '{path.name}' under"
+            " [geometry], which has materials and supports by the names of its layers."
+        )
     if suffix not in (*IMPORTED, *SCRIPTS):
         known = ", ".join((*IMPORTED, *SCRIPTS))
         raise InputError(

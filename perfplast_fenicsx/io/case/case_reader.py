@@ -101,7 +101,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         with at(place):
             weights = weight.loads(materials)
     loads += weights
-    ground = read_ground(top.region, top.stratum, top.line, name)
+    ground = read_ground(top, path)
     water = read_water(top, ground, materials, units, name)
     given = (top.water or top.seepage or {}).get("unit_weight")
     in_cracks, cracks = water_in_cracks(ground, given, units, weight)

@@ -9,10 +9,12 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.drawn_ground import DrawnGround, DrawnLine, Region, Stratum
+from perfplast_fenicsx.geometry.dxf_file import DxfDrawing, read_dxf
 from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.kept_mesh import drawn_in, glued_in, keep_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.io.case.schema import T, Table, at, convert
+from perfplast_fenicsx.io.case.tables import Document
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 
 
@@ -30,7 +32,9 @@ def _kept(comm: MPI.Intracomm, mesh: Path, keep: Callable[[], object]) -> Tagged
 class GeometryFile:
     """A STEP, BREP or IGES file, or gmsh's ``.geo``, whose bodies are meshed for the run.
 
-    A ``.geo`` is a script that may run any command: it is run with ``--trust`` alone.
+    A ``.geo`` is a script that may run any command: it is run with ``--trust`` alone. A ``.dxf``
+    file draws ground in the plane: its closed lines are as ``[[region]]``, other lines as
+    ``[[line]]``, with the names of their layers.
 
     The mesh is kept beside the case file, as ``case.msh`` for ``case.toml``, and is made again
     after the geometry file or this table has changed. ``perfplast mesh`` writes a first case file
@@ -63,7 +67,7 @@ class GeometryFile:
 
 @dataclass(frozen=True)
 class GroundInCase:
-    """Ground that a case draws by ``[[region]]``, ``[[stratum]]`` and ``[[line]]``.
+    """Ground that a case draws by ``[[region]]``, ``[[stratum]]``, ``[[line]]`` or a DXF file.
 
     The mesh is kept beside the case file, as of a geometry file.
 
@@ -103,23 +107,32 @@ class GroundInCase:
                 raise InputError(str(error).replace(str(script), case.name)) from error
 
 
-def read_ground(
-    regions: Sequence[Table], strata: Sequence[Table], lines: Sequence[Table], name: str
-) -> DrawnGround | None:
+def is_dxf(table: Table) -> bool:
+    """Return whether ``[geometry]`` names a DXF file, whose lines are ground in the plane."""
+    file = table.get("file")
+    return isinstance(file, str) and file.lower().endswith(".dxf")
+
+
+def read_ground(top: Document, case: Path) -> DrawnGround | None:
     """Return the ground that a case draws; None if it draws none.
 
     Args:
-        regions: Each ``[[region]]``.
-        strata: Each ``[[stratum]]``.
-        lines: Each ``[[line]]``.
-        name: Name of the case file.
+        top: The case.
+        case: The case file, beside which a DXF file is.
 
     Raises:
-        InputError: If keys are wrong, or the ground cannot be what is drawn.
+        InputError: If keys are wrong, a DXF file cannot be read, or the ground cannot be what is
+            drawn.
     """
-    if not (regions or strata or lines):
+    name, geometry = case.name, top.geometry or {}
+    regions, strata, lines = top.region, top.stratum, top.line
+    of_file = DxfDrawing([], [])
+    if is_dxf(geometry):
+        with at(f"{name}, [geometry]"):
+            of_file = read_dxf(case.parent / geometry["file"])
+    if not (regions or strata or lines or of_file.regions or of_file.lines):
         return None
-    if not (regions or strata):
+    if not (regions or strata or of_file.regions):
         raise InputError(
             f"{name}, [[line]]: there is no [[region]] and no [[stratum]], whose boundaries lines"
             " name; draw the ground, or name faces of a file by [[geometry.face]]."
@@ -129,10 +142,10 @@ def read_ground(
         places = (f"{name}, [[{key}]] number {number}" for number in range(1, len(tables) + 1))
         return [convert(table, kind, place) for table, place in zip(tables, places, strict=True)]
 
-    drawn = read("region", Region, regions), read("stratum", Stratum, strata)
-    named = read("line", DrawnLine, lines)
+    drawn = [*of_file.regions, *read("region", Region, regions)]
+    layers, named = read("stratum", Stratum, strata), read("line", DrawnLine, lines)
     with at(name):
-        return DrawnGround(*drawn, named)
+        return DrawnGround(drawn, layers, [*of_file.lines, *named], notes=of_file.remarks)
 
 
 def read_geometry(
@@ -149,8 +162,9 @@ def read_geometry(
     Raises:
         InputError: If there is a mesh besides, or keys are wrong.
     """
-    if ground is not None and (mesh.keys() - {"adapt"} or "file" in table):
-        other = "[geometry] file" if "file" in table else "[mesh] file or builder"
+    other_file = "file" in table and not is_dxf(table)
+    if ground is not None and (mesh.keys() - {"adapt"} or other_file):
+        other = "[geometry] file" if other_file else "[mesh] file or builder"
         raise InputError(
             f"{place}: the case draws its ground by [[region]] or [[stratum]], and there is a"
             f" {other} besides; leave out one of them."

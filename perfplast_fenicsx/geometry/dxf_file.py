@@ -1,0 +1,180 @@
+"""Ground from a DXF file: closed lines are regions, others are lines, named by their layers."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError, place_of
+from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region
+from perfplast_fenicsx.geometry.part_names import unique_names
+
+CHORD = 1e-3
+"""Largest distance of a curve from its chords, over the size of the drawing."""
+
+TOGETHER = 1e-9
+"""Distance of two ends that are one point, over the size of the drawing."""
+
+LINES = {"LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE"}
+"""Entities that are lines."""
+
+IGNORED = {"TEXT", "MTEXT", "DIMENSION", "HATCH", "LEADER", "MULTILEADER", "POINT", "IMAGE"}
+"""Entities that annotate a drawing."""
+
+
+@dataclass(frozen=True)
+class DxfDrawing:
+    """What a DXF file draws.
+
+    Attributes:
+        regions: Each closed line.
+        lines: Each other line.
+        remarks: What a user should know, a sentence each.
+    """
+
+    regions: list[Region]
+    lines: list[DrawnLine]
+    remarks: list[str] = field(default_factory=list)
+
+
+def read_dxf(path: Path) -> DxfDrawing:
+    """Return regions and lines of a DXF file by the names of its layers. Not collective.
+
+    Segments of one layer that share ends are one line. Layers that are off or frozen are left out.
+    A name is that of the layer in small letters; lines of one layer are numbered if there are
+    several.
+
+    Args:
+        path: The file. Its x and y are those of the case.
+
+    Raises:
+        InputError: If the package ezdxf is missing, the file cannot be read, it has no line, a line
+            is not in a plane of constant z, or lines of one layer branch.
+    """
+    try:
+        ezdxf, paths = import_module("ezdxf"), import_module("ezdxf.path")
+    except ImportError as missing:
+        raise InputError(
+            f"'{path.name}' needs the package ezdxf, which is not installed; install it"
+            " (pip install ezdxf), or draw the ground by [[region]]."
+        ) from missing
+    try:
+        drawing = ezdxf.readfile(path)
+    except (OSError, UnicodeDecodeError, ezdxf.DXFError) as error:
+        raise InputError(f"'{path.name}' cannot be read as DXF ({error}); check it.") from error
+    curves, left_out = _curves(drawing, paths)
+    if not curves:
+        raise InputError(
+            f"'{path.name}' has no line in a layer that is on; draw each region as a closed line in"
+            " a layer with its name."
+        )
+    size = max(np.ptp(np.concatenate([p.control_vertices() for _, p in curves]), axis=0).tolist())
+    of_layers: dict[str, list[Floats]] = {}
+    bent = False
+    for layer, curve in curves:
+        points = np.array(list(curve.flattening(CHORD * size)), dtype=np.float64).reshape(-1, 3)
+        if np.ptp(points[:, 2]) > TOGETHER * size:
+            where = place_of(points[int(np.argmax(points[:, 2]))])
+            raise InputError(
+                f"'{path.name}': the layer '{layer}' has a line that is not in the plane, at"
+                f" {where}; project the drawing to z = 0."
+            )
+        bent |= curve.has_curves
+        of_layers.setdefault(layer, []).append(points[:, :2])
+    chains = [
+        (layer, chain)
+        for layer, parts in of_layers.items()
+        for chain in _joined(parts, TOGETHER * size, f"'{path.name}': the layer '{layer}'")
+    ]
+    names = unique_names(layer for layer, _ in chains)
+    regions, lines = [], []
+    for name, (_, (points, closed)) in zip(names, chains, strict=True):
+        given = [[float(value) for value in point] for point in points]
+        if closed:
+            regions.append(Region(name, given))
+        else:
+            lines.append(DrawnLine(name, given))
+    remarks = []
+    if bent:
+        remarks.append(f"'{path.name}': curves are chords within {CHORD * size:.3g} of them")
+    if left_out:
+        kinds = ", ".join(sorted(left_out))
+        remarks.append(f"'{path.name}': entities that are no lines were left out: {kinds}")
+    return DxfDrawing(regions, lines, remarks)
+
+
+def _curves(drawing: Any, paths: Any) -> tuple[list[tuple[str, Any]], set[str]]:
+    """Return the lines of layers that are on, with their layers, and kinds that are no lines."""
+    found, left_out = list[tuple[str, Any]](), set[str]()
+    for entity in _entities(drawing.modelspace()):
+        layer = entity.dxf.layer
+        if drawing.layers.has_entry(layer):
+            shown = drawing.layers.get(layer)
+            if shown.is_off() or shown.is_frozen():
+                continue
+        if entity.dxftype() in LINES:
+            found.append((layer, paths.make_path(entity)))
+        else:
+            left_out.add(entity.dxftype())
+    return [(layer, path) for layer, path in found if len(path)], left_out - IGNORED
+
+
+def _entities(space: Iterable[Any]) -> Iterable[Any]:
+    """Yield entities, those of blocks in their places."""
+    for entity in space:
+        if entity.dxftype() == "INSERT":
+            yield from _entities(entity.virtual_entities())
+        else:
+            yield entity
+
+
+def _joined(parts: Sequence[Floats], little: float, what: str) -> list[tuple[Floats, bool]]:
+    """Return lines that share ends as one, and whether each is closed.
+
+    Args:
+        parts: Points of each line, shape (n, 2).
+        little: Distance of ends that are one.
+        what: Whose lines they are, for messages.
+
+    Raises:
+        InputError: If more than two ends are at one place.
+    """
+    found, open_ones = list[tuple[Floats, bool]](), list[Floats]()
+    for part in parts:
+        if np.linalg.norm(part[0] - part[-1]) <= little:
+            found.append((part[:-1], True))
+        else:
+            open_ones.append(part)
+    ends = np.array([end for part in open_ones for end in (part[0], part[-1])]).reshape(-1, 2)
+    near = np.linalg.norm(ends[:, None] - ends, axis=2) <= little
+    if (near.sum(axis=1) > 2).any():
+        where = place_of(ends[int(np.argmax(near.sum(axis=1)))])
+        raise InputError(
+            f"{what} has lines that branch at {where}; draw each region as one closed line, or give"
+            " each line a layer of its own."
+        )
+    while open_ones:
+        chain = open_ones.pop(0)
+        while (found_next := _next(chain, open_ones, little)) is not None:
+            chain = np.concatenate([chain, found_next[1:]])
+        while (found_next := _next(chain[::-1], open_ones, little)) is not None:
+            chain = np.concatenate([found_next[:0:-1], chain])
+        closed = bool(np.linalg.norm(chain[0] - chain[-1]) <= little)
+        found.append((chain[:-1] if closed else chain, closed))
+    return found
+
+
+def _next(chain: Floats, others: list[Floats], little: float) -> Floats | None:
+    """Return the line that begins where a chain ends, taken out of the others; None without one."""
+    if np.linalg.norm(chain[0] - chain[-1]) <= little:
+        return None
+    for number, other in enumerate(others):
+        for turned in (other, other[::-1]):
+            if np.linalg.norm(turned[0] - chain[-1]) <= little:
+                del others[number]
+                return turned
+    return None
