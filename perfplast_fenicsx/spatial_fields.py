@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.enclosures import ROUNDING, Pair, enclosed
 from perfplast_fenicsx.errors import InputError, place_of
 from perfplast_fenicsx.formulas import check, evaluate
+from perfplast_fenicsx.vtu_points import read_vtu_points
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,67 +218,182 @@ class DepthTable(SpatialField):
 
 _ENDS = (np.argmin, np.argmax)
 
+OUTSIDE = 1e-9
+"""Barycentric coordinate below zero that counts as none, which rounding may be."""
+
+PLACES_AT_ONCE = 2000
+"""Places that are looked for together, for the memory."""
+
 
 class Triangulation:
-    """Points of a file, the values there, and Delaunay's triangles or tetrahedra between them.
+    """Points of a file, the values there, and triangles or tetrahedra between them.
 
     Attributes:
         name: Of the file, for messages.
         values: Shape (num_points,).
-        digest: SHA-256 of points and values.
+        simplices: Points of each, shape (num_simplices, d + 1).
+        corners: Their coordinates, shape (num_simplices, d + 1, d).
+        digest: SHA-256 of points, values and the simplices of the file.
     """
 
-    def __init__(self, name: str, points: Floats, values: Floats) -> None:
-        """Triangulate the points.
+    def __init__(
+        self, name: str, points: Floats, values: Floats, cells: Longs | None = None
+    ) -> None:
+        """Take the triangles of a file, or those of Delaunay.
 
         Args:
             name: Of the file.
             points: Shape (num_points, d), d = 2 or 3.
             values: Shape (num_points,).
+            cells: Points of the triangles or tetrahedra of the file, shape (num_cells, d + 1); none
+                if there are only points.
 
         Raises:
-            InputError: If the points span no area, or two of them are the same.
+            InputError: If the points span no area, two of them are the same, or cells of the file
+                have no area or overlap.
+        """
+        self.name, self.values = name, values
+        told = b"" if cells is None else cells.astype(np.int64).tobytes()
+        self.digest = hashlib.sha256(points.tobytes() + values.tobytes() + told).hexdigest()
+        self._net: Any = None
+        if cells is None:
+            self._by_delaunay(points)
+        else:
+            self.simplices, self.corners = cells, points[cells]
+            self._check_cells()
+
+    def _by_delaunay(self, points: Floats) -> None:
+        """Triangulate the points.
+
+        Raises:
+            InputError: As the constructor.
         """
         from scipy.spatial import Delaunay, QhullError  # takes a while, and few cases need it
 
-        self.name, self.values = name, values
-        self.digest = hashlib.sha256(points.tobytes() + values.tobytes()).hexdigest()
         try:
-            self._net = Delaunay(points)
+            self._net = net = Delaunay(points)
         except (QhullError, ValueError) as error:
             raise InputError(
-                f"the {len(points)} points of '{name}' span no area (in space no volume), so that"
-                " nothing is known between them; give points all around the body."
+                f"the {len(points)} points of '{self.name}' span no area (in space no volume), so"
+                " that nothing is known between them; give points all around the body."
             ) from error
-        if len(self._net.coplanar):
-            where = place_of(points[self._net.coplanar[0, 0]])
-            raise InputError(f"'{name}' has the point {where} twice; give one value there.")
-        x: Floats = points[self._net.simplices]
+        if len(net.coplanar):
+            where = place_of(points[net.coplanar[0, 0]])
+            raise InputError(f"'{self.name}' has the point {where} twice; give one value there.")
+        x: Floats = points[net.simplices]
         thin = 1e-12  # of a flat simplex at the hull, relative to its size
         size = np.ptp(x, axis=1).max(axis=1) ** points.shape[1]
         kept = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) > thin * size
-        self.simplices = self._net.simplices[kept]
-        self.corners = x[kept]
+        self.simplices: Longs = net.simplices[kept].astype(np.int64)
+        self.corners: Floats = x[kept]
+
+    def _check_cells(self) -> None:
+        """Refuse cells of a file that have no area or overlap, and points that are there twice.
+
+        Raises:
+            InputError: Naming the place of the first one.
+        """
+        middles = self.corners.mean(axis=1)
+        size = np.ptp(self.corners, axis=1).max(axis=1) ** middles.shape[1]
+        edges = self.corners[:, 1:] - self.corners[:, :1]
+        flat = np.abs(np.linalg.det(edges)) <= 1e-12 * size
+        if flat.any():
+            where = place_of(middles[np.argmax(flat)])
+            raise InputError(f"'{self.name}' has a cell without area at {where}; leave it out.")
+        d = middles.shape[1]
+        near_sides = np.full((d + 1, d + 1), 0.9 / d)
+        np.fill_diagonal(near_sides, 0.1)
+        inside = np.einsum("sv,cvi->csi", near_sides, self.corners).reshape(-1, d)
+        places, _, shares = self._candidates(inside)
+        around = np.bincount(places[(shares > OUTSIDE).all(axis=1)], minlength=len(inside))
+        if (around > 1).any():
+            where = place_of(inside[np.argmax(around > 1)])
+            raise InputError(
+                f"'{self.name}' has cells that overlap at {where}, so that its values there are not"
+                " known; correct its mesh."
+            )
+        used = np.unique(self.simplices)
+        x = np.zeros((len(self.values), middles.shape[1]))
+        x[self.simplices.ravel()] = self.corners.reshape(-1, middles.shape[1])
+        _, first, inverse = np.unique(x[used], axis=0, return_index=True, return_inverse=True)
+        apart = self.values[used] != self.values[used][first[inverse.ravel()]]
+        if apart.any():
+            where = place_of(x[used[np.argmax(apart)]])
+            raise InputError(
+                f"'{self.name}' has two values at the point {where}, where its field jumps; give"
+                " one there, and a body to each side of the jump."
+            )
+
+    def _candidates(self, x: Floats) -> tuple[Longs, Longs, Floats]:
+        """Return pairs of places and simplices whose boxes have them, with barycentric coordinates.
+
+        Args:
+            x: Places, shape (n, d).
+
+        Returns:
+            Number of the place and of the simplex of each pair, shape (num_pairs,), and shares of
+            the simplex's vertices, shape (num_pairs, d + 1).
+        """
+        from scipy.spatial import cKDTree  # takes a while, and few cases need it
+
+        low, high = self.corners.min(axis=1), self.corners.max(axis=1)
+        middles = (low + high) / 2
+        reach = np.linalg.norm(high - low, axis=1).max() / 2 * (1 + 1e-6)
+        near = cKDTree(middles).query_ball_point(x, reach)
+        places = np.repeat(np.arange(len(x)), [len(one) for one in near])
+        simplices = np.concatenate([np.array(one, dtype=np.int64) for one in near] or [[]])
+        simplices = simplices.astype(np.int64)
+        little = OUTSIDE * (high - low)[simplices].max(axis=1, keepdims=True)
+        inside = (x[places] >= low[simplices] - little) & (x[places] <= high[simplices] + little)
+        kept = inside.all(axis=1)
+        places, simplices = places[kept], simplices[kept]
+        corners = self.corners[simplices]
+        sides = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
+        shares = np.linalg.solve(sides, (x[places] - corners[:, 0])[..., None])[..., 0]
+        return places, simplices, np.column_stack([1 - shares.sum(axis=1), shares])
 
     def at(self, x: Floats, place: str) -> Floats:
         """Return the values at places, linear between the points.
 
         Raises:
-            InputError: If a place is outside of the points' convex hull.
+            InputError: If a place is in none of the simplices.
         """
-        outside_by = 1e-9  # in barycentric coordinates, which rounding may be
-        found = self._net.find_simplex(x, tol=outside_by)
-        if (outside := found < 0).any():
+        if x.shape[1] != self.corners.shape[2]:
+            raise InputError(
+                f"{place}: '{self.name}' has points in {self.corners.shape[2]} dimensions, and the"
+                f" body has {x.shape[1]}; give points in as many."
+            )
+        vertices, shares = self._in_net(x) if self._net is not None else self._in_cells(x)
+        outside = shares.min(axis=1) < -OUTSIDE
+        if outside.any():
             where = place_of(x[np.argmax(outside)])
             raise InputError(
                 f"{place}: there is material at {where}, outside of the points of '{self.name}';"
                 " give points all around the body."
             )
-        d = x.shape[1]
+        return np.asarray(np.einsum("ni,ni->n", shares, self.values[vertices]))
+
+    def _in_net(self, x: Floats) -> tuple[Longs, Floats]:
+        """Return the vertices of Delaunay's simplex at each place, and its barycentric coordinates.
+
+        Those of a place outside are -1.
+        """
+        found, d = self._net.find_simplex(x, tol=OUTSIDE), x.shape[1]
         maps = self._net.transform[found]
         shares = np.einsum("nij,nj->ni", maps[:, :d], x - maps[:, d])
         shares = np.column_stack([shares, 1 - shares.sum(axis=1)])
-        return np.asarray(np.einsum("ni,ni->n", shares, self.values[self._net.simplices[found]]))
+        return self._net.simplices[found], np.where((found < 0)[:, None], -1.0, shares)
+
+    def _in_cells(self, x: Floats) -> tuple[Longs, Floats]:
+        """Return the same of the cells of a file."""
+        found = np.zeros(len(x), dtype=np.int64)
+        shares = np.full((len(x), x.shape[1] + 1), -1.0)
+        for some in np.array_split(np.arange(len(x)), len(x) // PLACES_AT_ONCE + 1):
+            places, simplices, given = self._candidates(x[some])
+            order = np.lexsort((given.min(axis=1), places))  # the last one of a place is its own
+            found[some[places[order]]] = simplices[order]
+            shares[some[places[order]]] = given[order]
+        return self.simplices[found], shares
 
     def deviations(self, corners: Floats, chords: Floats) -> Pair:
         """Return by how much the values are below and above linear functions in simplices, at most.
@@ -347,10 +463,10 @@ def _overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Floats, npt.NDA
 
 @dataclass(frozen=True)
 class PointValues(SpatialField):
-    """Values at scattered points, linear in Delaunay's triangles or tetrahedra between them.
+    """Values at points of a file, linear in triangles or tetrahedra between them.
 
     Args:
-        net: The points and the values.
+        net: The points, the values, and the triangles.
         scale: The number that the values are multiplied by.
     """
 
@@ -410,11 +526,37 @@ def read_points(path: Path, column: str) -> PointValues:
     return PointValues(Triangulation(path.name, numbers[:, :-1], numbers[:, -1]))
 
 
+def read_vtu(path: Path, name: str) -> PointValues:
+    """Return the field of an array at the points of a ``.vtu`` file, linear in its cells.
+
+    Args:
+        path: The file.
+        name: Of the array.
+
+    Raises:
+        InputError: If the file cannot be read, has no such array, or its cells overlap, have no
+            area, are not simplices, or (triangles) are not in a plane z = constant.
+    """
+    found = read_vtu_points(path, name)
+    points = found.points
+    if not (np.isfinite(points).all() and np.isfinite(found.values).all()):
+        raise InputError(f"'{path.name}' has an entry that is not finite; give numbers.")
+    if found.cells.shape[1] == 3:
+        if np.ptp(points[found.cells, 2]) > 1e-9 * np.ptp(points):
+            raise InputError(
+                f"'{path.name}' has triangles that are not in a plane z = constant; give a mesh in"
+                " the plane, or tetrahedra."
+            )
+        points = np.ascontiguousarray(points[:, :2])
+    return PointValues(Triangulation(path.name, points, found.values, found.cells))
+
+
 def spatial_field(value: object, folder: Path) -> SpatialField:
     """Return the field that a case file gives.
 
     Args:
-        value: A formula, a list of pairs, or a table with a file and the column of its values.
+        value: A formula, a list of pairs, or a table with a file and the column of its values, in
+            a .vtu file the name of an array at its points.
         folder: Where files are, if their paths are relative.
 
     Raises:
@@ -427,13 +569,16 @@ def spatial_field(value: object, folder: Path) -> SpatialField:
     if isinstance(value, dict) and set(value) == {"file", "column"}:
         file, column = value["file"], value["column"]
         if isinstance(file, str) and isinstance(column, str):
-            return read_points(folder / file, column)
+            by_cells = file.lower().endswith(".vtu")
+            return (
+                read_vtu(folder / file, column) if by_cells else read_points(folder / file, column)
+            )
     if isinstance(value, Sequence) and all(_is_pair(row) for row in value):
         return DepthTable(tuple((float(row[0]), float(row[1])) for row in value))
     raise InputError(
         'it is no number, formula such as "20 + 1.5*(12 - y)", table of [coordinate, value] pairs'
-        ' such as [[0.0, 30.0], [10.0, 20.0]], or CSV file such as { file = "points.csv", column ='
-        ' "c" }; give one of them.'
+        ' such as [[0.0, 30.0], [10.0, 20.0]], or .csv or .vtu file such as { file = "points.csv",'
+        ' column = "c" }; give one of them.'
     )
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -19,13 +20,14 @@ from perfplast_fenicsx import (
     Support,
     VonMises,
 )
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.io.results.given_table import given_table
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import Side, profiles_of_cells
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import weakened
 from perfplast_fenicsx.materials import Material, MohrCoulomb, Tresca
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.checker import check_lower, check_upper
@@ -37,7 +39,9 @@ from perfplast_fenicsx.spatial_fields import (
     SpatialField,
     Strength,
     read_points,
+    read_vtu,
 )
+from perfplast_fenicsx.vtu_points import read_vtu_points
 from tests.limit_analysis.test_linear_tractions import SQUARE, cube
 from tests.limit_analysis.test_static_bound import rectangle
 
@@ -309,3 +313,116 @@ def test_a_formula_that_is_constant_is_a_number() -> None:
 def test_results_have_a_field_in_words() -> None:
     told = given_table(square("tresca", 2 * Formula(LINEAR), 1.0).given)
     assert told["materials"]["lower"]["cohesion"] == "2 times (10 + 6*x)"
+
+
+def write_vtu(path: Path, problem: Problem, value: Callable[[Floats], Floats]) -> Path:
+    """Write values at the vertices of a mesh, with its triangles, as text."""
+    vertices, places = corners(problem.tagged_mesh.mesh)
+    write_grid(path, places, vertices, value(places))
+    return path
+
+
+def write_grid(path: Path, points: Floats, cells: Longs, values: Floats) -> None:
+    """Write a mesh with an array c at its points, as text."""
+
+    def array(kind: str, numbers: Any, more: str = "") -> str:
+        text = " ".join(map(repr, np.asarray(numbers).ravel().tolist()))
+        return f'<DataArray type="{kind}" {more} format="ascii">{text}</DataArray>'
+
+    n, size = len(cells), cells.shape[1]
+    inside = [
+        f"<Points>{array('Float64', np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))}</Points>",
+        "<Cells>",
+        array("Int64", cells, 'Name="connectivity"'),
+        array("Int64", size * np.arange(1, n + 1), 'Name="offsets"'),
+        array("UInt8", np.full(n, {3: 5, 4: 10}[size]), 'Name="types"'),
+        "</Cells><PointData>",
+        array("Float64", values, 'Name="c"'),
+        "</PointData>",
+    ]
+    piece = f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{n}">{"".join(inside)}</Piece>'
+    grid = f"<UnstructuredGrid>{piece}</UnstructuredGrid>"
+    path.write_text(f'<VTKFile type="UnstructuredGrid">{grid}</VTKFile>', encoding="utf-8")
+
+
+def test_values_on_the_cells_of_the_mesh_are_exact(tmp_path: Path) -> None:
+    """A field of a file with the cells of the mesh is linear in each, and in their parts."""
+    rng = np.random.default_rng(11)
+    problem = square("tresca", 1.0, 1.0, 3)
+    path = write_vtu(tmp_path / "c.vtu", problem, lambda x: rng.lognormal(2.0, 0.5, len(x)))
+    field = read_vtu(path, "c")
+    vertices, places = corners(problem.tagged_mesh.mesh)
+    low, high = field.between(places[vertices], "here")
+    assert np.allclose(low, field.net.values[vertices], rtol=1e-9, atol=0.0)
+    assert np.allclose(low, high, rtol=1e-9, atol=0.0)
+    middles = (places[vertices] + places[vertices][:, [1, 2, 0]]) / 2
+    low, high = field.between(middles, "here")
+    assert np.allclose(low, high, rtol=1e-9, atol=0.0)
+
+
+def test_a_linear_field_is_one_strength_however_it_is_given(tmp_path: Path) -> None:
+    """A formula, a table, points, a mesh of its own and the mesh of the body: equal to 1e-12."""
+    rng = np.random.default_rng(2)
+    points = write_points(tmp_path / "points.csv", 40, 1, lambda x: 16 - 6 * x[:, 1])
+    other = write_vtu(tmp_path / "c.vtu", square("tresca", 1.0, 1.0, 5), lambda x: 16 - 6 * x[:, 1])
+    given: list[Strength] = [Formula("16 - 6*y"), DepthTable([(1.0, 10.0), (0.0, 16.0)])]
+    given += [read_points(points, "c"), read_vtu(other, "c")]
+    x = rng.random((100, 3, 2)) * 0.9 + 0.05
+    first, *others = (field.between(x, "here") for field in given)
+    for one in others:
+        assert np.allclose(one, first, rtol=1e-12, atol=0.0)
+
+
+def test_meshes_of_values_that_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "c.vtu"
+    points = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    cells = np.array([[0, 1, 2], [0, 2, 3]])
+    write_grid(path, points, cells, np.ones(4))
+    with pytest.raises(InputError, match=r"'c\.vtu' has no array 'd'.* it has c"):
+        read_vtu(path, "d")
+    with pytest.raises(InputError, match=r"material at \(0\.5, 2\), outside"):
+        read_vtu(path, "c").at(np.array([[0.5, 2.0]]), "here")
+    with pytest.raises(InputError, match="points in 2 dimensions, and the body has 3"):
+        read_vtu(path, "c").at(np.array([[0.5, 0.5, 0.5]]), "here")
+    for wrong, words in [
+        ([[0, 1, 2], [0, 1, 3]], r"cells that overlap at \("),
+        ([[0, 1, 2], [0, 2, 2]], r"a cell without area at \("),
+        ([[0, 1, 2], [0, 2, 7]], "whose points do not exist"),
+    ]:
+        write_grid(path, points, np.array(wrong), np.ones(4))
+        with pytest.raises(InputError, match=words):
+            read_vtu(path, "c")
+    write_grid(
+        path, np.vstack([points, points[[2]]]), np.array([[0, 1, 2], [0, 4, 3]]), np.arange(5.0)
+    )
+    with pytest.raises(InputError, match=r"two values at the point \(1, 1\)"):
+        read_vtu(path, "c")
+    path.write_text("<VTKFile/>", encoding="utf-8")
+    with pytest.raises(InputError, match=r"cannot be read as a \.vtu file"):
+        read_vtu(path, "c")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_vtu(tmp_path / "none.vtu", "c")
+
+
+@pytest.mark.parametrize("mode", ["Ascii", "Binary", "Appended"])
+def test_files_that_vtk_writes(tmp_path: Path, mode: str) -> None:
+    """As text, base64 and raw bytes, with and without compression."""
+    vtk = pytest.importorskip("vtkmodules.vtkIOXML", reason="VTK is not installed")
+    pyvista = pytest.importorskip("pyvista", reason="pyvista is not installed")
+    rng = np.random.default_rng(4)
+    cells = np.arange(30000).reshape(-1, 3)  # more than a block of VTK's
+    grid = pyvista.UnstructuredGrid({5: cells}, rng.random((30000, 3)))
+    grid.point_data["other"], grid.point_data["c"] = np.arange(30000), rng.random(30000)
+    for compressed, coded in ((True, True), (True, False), (False, True), (False, False)):
+        writer = vtk.vtkXMLUnstructuredGridWriter()
+        writer.SetFileName(str(tmp_path / "c.vtu"))
+        writer.SetInputData(grid)
+        getattr(writer, f"SetDataModeTo{mode}")()
+        writer.SetEncodeAppendedData(coded)
+        if not compressed:
+            writer.SetCompressorTypeToNone()
+        writer.Write()
+        found = read_vtu_points(tmp_path / "c.vtu", "c")
+        assert np.allclose(found.points, grid.points, rtol=0.0, atol=1e-9)
+        assert np.allclose(found.values, grid.point_data["c"], rtol=0.0, atol=1e-9)
+        assert np.array_equal(found.cells, cells)
