@@ -17,17 +17,35 @@ class Head:
         level: Height of the water's level, in the coordinate that points upwards (length).
         presses: Whether the water presses on the surface, as a reservoir does. Give false where
             the ground goes on beyond the surface.
+        drawdown: Level to which the water outside has fallen so quickly that none has left the
+            ground (length). The pressure in the pores is that of the steady flow, less the pressure
+            that the water outside has lost vertically above (A. W. Bishop, 1954, with B = 1).
         name: What messages and tables call it; the surface where it is missing.
     """
 
     on: str
     level: float
     presses: bool = True
+    drawdown: float | None = None
     name: str = ""
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.level):
             raise InputError(f"level = {self.level} is not finite; give the height of the water.")
+        if self.drawdown is not None and not -math.inf < self.drawdown < self.level:
+            raise InputError(
+                f"drawdown = {self.drawdown} is not below level = {self.level}; give the level to"
+                " which the water outside has fallen."
+            )
+        if self.drawdown is not None and not self.presses:
+            raise InputError(
+                "drawdown is of water that presses on the ground; leave it out, or presses = false."
+            )
+
+    @property
+    def outside(self) -> float:
+        """Return the level of the water that presses on the surface (length)."""
+        return self.level if self.drawdown is None else self.drawdown
 
 
 @dataclass(frozen=True)

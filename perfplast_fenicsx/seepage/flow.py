@@ -249,11 +249,16 @@ def _flow(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
     discharges = {
         name: one if abs(one) > ROUNDING * most else 0.0 for name, one in discharges.items()
     }
+    lost = np.zeros(len(w))
+    for head in seepage.head:
+        if head.drawdown is not None:
+            above = network.surface_above(mesh, head.on)
+            lost += np.maximum(head.level - np.fmax(above, head.drawdown), 0.0)
     return SteadyFlow(
         points=network.points,
         cells=network.cells,
         bodies=network.bodies,
-        pressure_heads=network.height * np.maximum(w - 1.0, 0.0),
+        pressure_heads=np.maximum(network.height * np.maximum(w - 1.0, 0.0) - lost, 0.0),
         saturation=saturation,
         outflow=outflow,
         discharges=discharges,
@@ -341,6 +346,30 @@ class Network:
         numbers = self.numbers[vertices[mesh.facets(surface)]]
         return numbers[(numbers >= 0).all(axis=1)]
 
+    def surface_above(self, mesh: TaggedMesh, surface: str) -> Floats:
+        """Return the height of a surface vertically above each point; infinite where there is none.
+
+        Args:
+            mesh: In the plane.
+            surface: The name.
+
+        Raises:
+            InputError: If the mesh is in space.
+        """
+        if self.points.shape[1] != 2:
+            raise InputError("drawdown is known in the plane only; leave it out.")
+        along, up = 1 - self.axis, self.axis
+        little = COINCIDE * self.height
+        start, end = np.swapaxes(self.points[self._facets(mesh, surface)], 0, 1)
+        x, z = self.points[:, along, None], self.points[:, up, None]
+        width = end[:, along] - start[:, along]
+        flat = np.where(np.abs(width) > little, width, np.inf)
+        share = (x - start[:, along]) / flat
+        there = (share >= -1e-9) & (share <= 1 + 1e-9) & (np.abs(width) > little)
+        heights = start[:, up] + share * (end[:, up] - start[:, up])
+        over = there & (heights >= z - little)
+        return np.asarray(np.where(over, heights, np.inf).min(axis=1, initial=np.inf))
+
     def obstacles(self, mesh: TaggedMesh, seepage: Seepage) -> tuple[Floats, Floats, Floats]:
         """Return lower and upper bounds of w, and where to begin, shape (num_points,) each.
 
@@ -388,15 +417,16 @@ class Network:
                 " surface in outlet."
             )
         facets = self._facets(mesh, head.on)
-        above = z[facets] - head.level
-        cut = (above.min(axis=1) < -rounding) & (above.max(axis=1) > rounding)
-        if head.presses and cut.any():
-            at = self.points[facets[np.argmax(cut)]].mean(axis=0)
-            raise InputError(
-                f"the level {head.level:g} of the water at '{head.on}' crosses a facet near"
-                f" {place_of(at)}; put a point of the drawing at that height, so that the mesh has"
-                " a vertex there."
-            )
+        for level in dict.fromkeys((head.level, head.outside)):
+            above = z[facets] - level
+            cut = (above.min(axis=1) < -rounding) & (above.max(axis=1) > rounding)
+            if head.presses and cut.any():
+                at = self.points[facets[np.argmax(cut)]].mean(axis=0)
+                raise InputError(
+                    f"the level {level:g} of the water at '{head.on}' crosses a facet near"
+                    f" {place_of(at)}; put a point of the drawing at that height, so that the mesh"
+                    " has a vertex there."
+                )
 
     def _check_parts(self, known: npt.NDArray[np.bool_], opened: npt.NDArray[np.bool_]) -> None:
         """Refuse parts of the ground that are connected to no level and no outlet."""

@@ -194,6 +194,29 @@ def test_water_at_rest() -> None:
     assert flow.saturation[flow.points[:, 1] < 2.0] == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(("drawdown", "depth"), [(3.5, 3.5), (3.0, 3.0), (0.5, 3.0)])
+def test_drawdown_of_water_above_a_level_surface(drawdown: float, depth: float) -> None:
+    """The pores lose what the water above the ground has lost, and not more."""
+    mesh = grid(steps(0, 2, 4), steps(0, 3, 7), {"top": at(1, 3.0), "left": at(0, 0.0)})
+    heads = [Head("top", 5.0, drawdown=drawdown)]
+    flow = steady_flow(mesh, water(10.0, {"ground": 1.0}, heads))
+    assert flow.pressures == pytest.approx(10.0 * (depth - flow.points[:, 1]), abs=1e-6)
+
+
+def test_drawdown_beside_a_slope() -> None:
+    """Of water at rest up to the crest: the pressure follows the slope, and below it the level."""
+
+    def bent(x: Floats) -> Floats:
+        return np.column_stack([x[:, 0], x[:, 1] * (1 + x[:, 0] / 2)])
+
+    slope = {"slope": lambda x: np.isclose(x[1], 1 + x[0] / 2)}
+    mesh = grid(steps(0, 2, 9), steps(0, 1, 5), slope, bent=bent)
+    flow = steady_flow(mesh, water(10.0, {"ground": 1.0}, [Head("slope", 2.0, drawdown=1.5)]))
+    x, y = flow.points.T
+    assert flow.pressures == pytest.approx(10.0 * (np.maximum(1.5, 1 + x / 2) - y), abs=1e-6)
+    assert flow.discharges["slope"] == pytest.approx(0.0, abs=1e-6)
+
+
 @pytest.mark.mpi2
 def test_layers_in_series() -> None:
     """Water that falls through two layers, each of its own body: q = H / (d₁/k₁ + d₂/k₂)."""
@@ -305,12 +328,23 @@ def small(**given: object) -> SteadyFlow:
         ({"head": [Head("top", 3.0)]}, "lies below that surface"),
         ({"head": [Head("left", 2.5)]}, r"crosses a facet near \(0, 2.5\)"),
         ({"head": [Head("left", 3.0), Head("base", 1.0)]}, r"meet at \(0, 0\)"),
+        (
+            {"head": [Head("left", 3.0, drawdown=2.5)]},
+            r"level 2.5 .* crosses a facet near \(0, 2.5\)",
+        ),
         ({"up": "z"}, "no coordinate of 2"),
     ],
 )
 def test_what_cannot_be_is_refused(given: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words):
         small(**given)
+
+
+def test_drawdowns_that_cannot_be() -> None:
+    with pytest.raises(InputError, match=r"drawdown = 3\.0 is not below level = 3\.0"):
+        Head("left", 3.0, drawdown=3.0)
+    with pytest.raises(InputError, match="is of water that presses"):
+        Head("left", 3.0, presses=False, drawdown=1.0)
 
 
 def test_ground_without_a_level_is_refused() -> None:

@@ -23,7 +23,7 @@ from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
 from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
 from perfplast_fenicsx.io.case.method_table import read_conic, read_method
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert, shown
-from perfplast_fenicsx.io.case.seepage_table import read_seepage, water_loads
+from perfplast_fenicsx.io.case.seepage_table import drawdowns, read_seepage, water_loads
 from perfplast_fenicsx.io.case.support_tables import (
     RigidSurfaceTable,
     SupportTable,
@@ -193,7 +193,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         units=units,
         initial=initial,
         combinations=combinations,
-        remarks=tuple(filter(None, (weaker, other_solver))),
+        remarks=tuple(filter(None, (weaker, other_solver, *drawdowns(seepage)))),
         water=water,
         cracks=cracks,
     )

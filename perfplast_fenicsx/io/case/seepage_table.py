@@ -63,9 +63,19 @@ def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | 
         found.append(FieldPores(body, "steady seepage", name=f"pore water in {body}"))
     for head in seepage.head:
         if head.presses:
-            value = f"{seepage.unit_weight!r}*maximum({head.level!r} - {seepage.up}, 0)"
+            value = f"{seepage.unit_weight!r}*maximum({head.outside!r} - {seepage.up}, 0)"
             found.append(Pressure(head.on, value, name=f"water on {head.on}", constant=True))
     return found
+
+
+def drawdowns(seepage: Seepage | None) -> list[str]:
+    """Return a clause on each level that has fallen."""
+    return [
+        f"the water outside '{head.on}' has fallen from {head.level:g} to {head.drawdown:g}, and"
+        " none has left the ground since"
+        for head in (() if seepage is None else seepage.head)
+        if head.drawdown is not None
+    ]
 
 
 def with_flow(loads: Sequence[Load], flow: SteadyFlow) -> list[Load]:
