@@ -37,7 +37,7 @@ def marks(script: Path) -> list[pytest.MarkDecorator]:
     return serial if script.stem in SHORT else [*serial, pytest.mark.long]
 
 
-NAMED = (*VERIFIED, "compare_algorithms", "tfeti_scaling")
+NAMED = (*VERIFIED, "compare_algorithms", "random_fields", "tfeti_scaling")
 SCRIPTS = [FOLDER / "two_blocks.py", *(FOLDER / "verification" / f"{name}.py" for name in NAMED)]
 CASES = sorted(FOLDER.glob("*.toml"))
 

@@ -21,6 +21,7 @@ from perfplast_fenicsx.mesh.refinement import fan, fan_around, refine, spread
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import fetch_rows
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.spatial_fields import PointValues
 
 
 def finer_mesh(
@@ -143,7 +144,14 @@ def refined(
     if problem.comm.allreduce(len(points)):
         finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
     fields = varying_of(problem)
-    strengths = [(name, field) for name, each in fields.items() for field in each.values()]
+    # A field of a file has kinks everywhere. Vertices on them move, since bounds that take linear
+    # functions beside the field lose less by it than by lines that cross.
+    strengths = [
+        (name, field)
+        for name, each in fields.items()
+        for field in each.values()
+        if not isinstance(field, PointValues)
+    ]
     bend_crossings(finer, on_kinks(finer, given.loads, strengths))
     return finer
 
