@@ -256,6 +256,8 @@ class Triangulation:
         told = b"" if cells is None else cells.astype(np.int64).tobytes()
         self.digest = hashlib.sha256(points.tobytes() + values.tobytes() + told).hexdigest()
         self._net: Any = None
+        self.simplices: Longs
+        self.corners: Floats
         if cells is None:
             self._by_delaunay(points)
         else:
@@ -284,8 +286,8 @@ class Triangulation:
         thin = 1e-12  # of a flat simplex at the hull, relative to its size
         size = np.ptp(x, axis=1).max(axis=1) ** points.shape[1]
         kept = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) > thin * size
-        self.simplices: Longs = net.simplices[kept].astype(np.int64)
-        self.corners: Floats = x[kept]
+        self.simplices = net.simplices[kept].astype(np.int64)
+        self.corners = x[kept]
 
     def _check_cells(self) -> None:
         """Refuse cells of a file that have no area or overlap, and points that are there twice.
@@ -341,8 +343,8 @@ class Triangulation:
         reach = np.linalg.norm(high - low, axis=1).max() / 2 * (1 + 1e-6)
         near = cKDTree(middles).query_ball_point(x, reach)
         places = np.repeat(np.arange(len(x)), [len(one) for one in near])
-        simplices = np.concatenate([np.array(one, dtype=np.int64) for one in near] or [[]])
-        simplices = simplices.astype(np.int64)
+        each = [np.array(one, dtype=np.int64) for one in near]
+        simplices = np.concatenate([np.zeros(0, dtype=np.int64), *each])
         little = OUTSIDE * (high - low)[simplices].max(axis=1, keepdims=True)
         inside = (x[places] >= low[simplices] - little) & (x[places] <= high[simplices] + little)
         kept = inside.all(axis=1)
@@ -555,8 +557,8 @@ def spatial_field(value: object, folder: Path) -> SpatialField:
     """Return the field that a case file gives.
 
     Args:
-        value: A formula, a list of pairs, or a table with a file and the column of its values, in
-            a .vtu file the name of an array at its points.
+        value: A formula, a list of pairs, or a table with a file and the column of its values. The
+            column of a .vtu file is an array at its points.
         folder: Where files are, if their paths are relative.
 
     Raises:

@@ -61,7 +61,7 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
         values = file.array("PointData", name).astype(np.float64) if name in known else None
     except OSError as error:
         raise InputError(f"'{path.name}' cannot be read ({error}); give a .vtu file.") from error
-    except (ElementTree.ParseError, ValueError, KeyError, zlib.error) as error:
+    except (ElementTree.ParseError, ValueError, LookupError, zlib.error) as error:
         raise InputError(
             f"'{path.name}' cannot be read as a .vtu file of one piece ({error}); write it again."
         ) from error
@@ -70,20 +70,23 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
         raise InputError(
             f"'{path.name}' has no array '{name}' of one number a point; it has {given}."
         )
-    found = sorted(set(kinds.tolist()) - LOWER)
+    found = [int(kind) for kind in np.unique(kinds) if kind not in LOWER]
     if len(found) != 1 or found[0] not in SIMPLICES:
         raise InputError(
             f"'{path.name}' has cells of VTK's types {', '.join(map(str, found)) or 'none'}; give"
             " triangles (5) in the plane, or tetrahedra (10) in space."
         )
     corners = SIMPLICES[found[0]]
-    first = (offsets - np.diff(offsets, prepend=0))[kinds == found[0]]
-    right = len(offsets) == len(kinds) and (
-        np.diff(offsets, prepend=0)[kinds == found[0]] == corners
-    )
-    table = nodes[np.minimum(first[:, None] + np.arange(corners), len(nodes) - 1)]
-    if not np.all(right) or not 0 <= table.min() <= table.max() < len(points):
-        raise InputError(f"'{path.name}' has cells whose points do not exist; write it again.")
+    counts = np.diff(offsets, prepend=0)
+    damaged = InputError(f"'{path.name}' has cells whose points do not exist; write it again.")
+    if len(offsets) != len(kinds) or counts.sum() != len(nodes):
+        raise damaged
+    mine = np.flatnonzero(kinds == found[0])
+    if not ((counts[mine] == corners).all() and (counts >= 0).all()):
+        raise damaged
+    table = nodes[(offsets - counts)[mine][:, None] + np.arange(corners)]
+    if not 0 <= table.min() <= table.max() < len(points):
+        raise damaged
     return PointArray(points, table, values)
 
 
@@ -133,10 +136,9 @@ class _File:
         raise KeyError(name or group)
 
     def _decoded(self, one: ElementTree.Element) -> npt.NDArray[Any]:
-        kind, bits = re.fullmatch(r"(Float|Int|UInt)(\d+)", one.attrib["type"]).groups()  # type: ignore[union-attr]
-        dtype = np.dtype(
-            f"{self.order}{ {'Float': 'f', 'Int': 'i', 'UInt': 'u'}[kind] }{int(bits) // 8}"
-        )
+        kind, bits = one.attrib["type"].rstrip("0123456789"), re.sub(r"\D", "", one.attrib["type"])
+        letter = {"Float": "f", "Int": "i", "UInt": "u"}[kind]
+        dtype = np.dtype(f"{self.order}{letter}{int(bits) // 8}")
         how = one.get("format", "ascii")
         if how == "ascii":
             return np.array((one.text or "").split(), dtype=dtype)
@@ -174,7 +176,7 @@ class _File:
         else:
             content = content[length : length + int(numbers[3:].sum())]
         parts, at = [], 0
-        for number, packed in enumerate(numbers[3:].tolist()):
+        for number, packed in enumerate(map(int, numbers[3:])):
             last = number == blocks - 1 and numbers[2]
             most = int(numbers[2] if last else numbers[1])
             parts.append(zlib.decompressobj().decompress(content[at : at + packed], most))

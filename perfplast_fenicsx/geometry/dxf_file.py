@@ -28,7 +28,7 @@ IGNORED = {"TEXT", "MTEXT", "DIMENSION", "HATCH", "LEADER", "MULTILEADER", "POIN
 
 @dataclass(frozen=True)
 class DxfDrawing:
-    """What a DXF file draws.
+    """Regions and lines that a DXF file draws.
 
     Attributes:
         regions: Each closed line.
@@ -52,8 +52,8 @@ def read_dxf(path: Path) -> DxfDrawing:
         path: The file. Its x and y are those of the case.
 
     Raises:
-        InputError: If the package ezdxf is missing, the file cannot be read, it has no line, a line
-            is not in a plane of constant z, or lines of one layer branch.
+        InputError: If the package ezdxf is missing, or the file cannot be read. Also if it has no
+            line, a line has several z, or lines of one layer branch.
     """
     try:
         ezdxf, paths = import_module("ezdxf"), import_module("ezdxf.path")
@@ -92,8 +92,8 @@ def read_dxf(path: Path) -> DxfDrawing:
     ]
     names = unique_names(layer for layer, _ in chains)
     regions, lines = [], []
-    for name, (_, (points, closed)) in zip(names, chains, strict=True):
-        given = [[float(value) for value in point] for point in points]
+    for name, (_, (chain, closed)) in zip(names, chains, strict=True):
+        given = [[float(value) for value in point] for point in chain]
         if closed:
             regions.append(Region(name, given))
         else:

@@ -112,8 +112,8 @@ def a_line_leaves_the_plane(drawing: Any) -> None:
 @pytest.mark.parametrize(
     ("draw", "words"),
     [
-        (lambda _: None, "has no line in a layer that is on"),
-        (lines_branch, r"the layer 'clay' has lines that branch at \(0, 0\)"),
+        (lambda _: None, "no line in a layer"),
+        (lines_branch, r"layer 'clay' .* branch at \(0, 0\)"),
         (a_line_leaves_the_plane, r"is not in the plane, at \(3, 0, 2\)"),
         (two_regions_overlap, r"case.toml: 'clay' and 'sand' overlap"),
     ],
