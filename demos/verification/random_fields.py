@@ -8,8 +8,8 @@
 # drawn at the vertices of the first mesh and are linear between them, so that both bounds take the
 # field as it is. As the ground has no friction, the factor of the weight is the factor of safety.
 #
-# Field k is in `field_k.vtu`, and its proof, which the checker reads, in `field_k.h5`. `fields.csv`
-# has a row a field; a field with a row is not solved again.
+# Field k is in `field_k.vtu`, and its proof, which the checker reads, in `field_k/bounds.h5`.
+# `fields.csv` has a row a field; a field with a row is not solved again.
 #
 #     ./fenicsx python3 demos/verification/random_fields.py
 
@@ -19,20 +19,20 @@ import csv
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from perfplast_fenicsx import Adaptation, adaptive_bounds
-from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.io import ResultFolder, read_case
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io import Case, ResultFolder, ResultWriter, read_case
 from perfplast_fenicsx.materials import Tresca
-from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.problem import Prescribed
 from perfplast_fenicsx.proof import check
 
 CASE = Path(__file__).parent / "cases" / "random_slope.toml"
@@ -48,23 +48,28 @@ COLUMNS = ("seed", "lower", "upper", "cells", "seconds", "mean_cohesion")
 
 
 # %%
-def square_root(points: Floats) -> Floats:
+def square_root(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Return a matrix whose product with independent normal numbers is the logarithm's field."""
     apart = np.linalg.norm(points[:, None] - points, axis=2)
     variance = np.log(1 + VARIATION**2)
     return np.asarray(np.linalg.cholesky(variance * np.exp(-2 * apart / LENGTH)))
 
 
-def field(root: Floats, seed: int) -> Floats:
+def field(root: npt.NDArray[np.float64], seed: int) -> npt.NDArray[np.float64]:
     """Return log-normal values at the points."""
     normal = np.random.default_rng(seed).standard_normal(len(root))
     return np.asarray(MEAN / np.sqrt(1 + VARIATION**2) * np.exp(root @ normal))
 
 
-def write_field(path: Path, points: Floats, cells: Longs, values: Floats) -> None:
+def write_field(
+    path: Path,
+    points: npt.NDArray[np.float64],
+    cells: npt.NDArray[np.int64],
+    values: npt.NDArray[np.float64],
+) -> None:
     """Write values at the vertices of triangles as a .vtu file, in text."""
 
-    def array(kind: str, name: str, numbers: Floats | Longs) -> str:
+    def array(kind: str, name: str, numbers: npt.NDArray[Any]) -> str:
         text = " ".join(map(repr, numbers.ravel().tolist()))
         return f'<DataArray type="{kind}" Name="{name}" format="ascii">{text}</DataArray>\n'
 
@@ -92,25 +97,35 @@ def solve(folder: Path, seed: int, coarse: bool) -> dict[str, str]:
     """Bound the factor of a field, check the proof, and return its row."""
     began = time.process_time()
     name = f"field_{seed:03d}"
-    mean = read_case(write_case(folder, COHESION))
-    vertices, points = corners(mean.tagged_mesh(MPI.COMM_SELF).mesh)
+    points, cells = first_mesh(read_case(write_case(folder, COHESION)))
     values = field(square_root(points), seed)
-    write_field(folder / f"{name}.vtu", points, vertices.astype(np.int64), values)
+    write_field(folder / f"{name}.vtu", points, cells, values)
     case = read_case(write_case(folder, of_file(seed)))
     adaptation = Adaptation(0.3, 600) if coarse else case.adapt
     bounds = adaptive_bounds(case.problem(MPI.COMM_WORLD), adaptation)
     assert bounds.lower.strict and bounds.upper.strict, (bounds.lower.why_not, bounds.upper.why_not)
-    results = ResultFolder(MPI.COMM_WORLD, folder, force=True)
-    write_proof(results, results.file(f"{name}.h5"), *proofs(bounds.low, bounds.high))
-    halves = check(folder / f"{name}.h5")
+    results = ResultFolder(MPI.COMM_WORLD, folder / name, force=True)
+    results.create()
+    best = bounds.best
+    writer = ResultWriter(
+        results, best.problem, case.scene, "interior-point", prescribed=Prescribed.WORK
+    )
+    writer.write_limit(best.mesh, bounds.body, bounds, fields=False)
+    halves = check(results.file("bounds.h5"))
     assert set(halves) == {"lower", "upper"}
     assert not any(half.faults for half in halves.values()), halves
     low, high = bounds.lower.value, bounds.upper.value
     assert low is not None and high is not None and low <= high
-    cells = bounds.high.problem.tagged_mesh.mesh.topology.index_map(2).size_global
+    count = bounds.high.problem.tagged_mesh.mesh.topology.index_map(2).size_global
     seconds = time.process_time() - began
-    row = (seed, low, high, cells, round(seconds, 1), values.mean())
+    row = (seed, low, high, count, round(seconds, 1), values.mean())
     return dict(zip(COLUMNS, map(repr, map(float, row)), strict=True))
+
+
+def first_mesh(case: Case) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+    """Return vertices and triangles of the mesh of a case."""
+    geometry = case.tagged_mesh(MPI.COMM_SELF).mesh.geometry
+    return geometry.x[:, :2].astype(np.float64), geometry.dofmap.astype(np.int64)
 
 
 def of_file(seed: int) -> str:
@@ -164,11 +179,11 @@ def draw_field(folder: Path, row: dict[str, str], picture: Path) -> None:
     case = read_case(write_case(folder, of_file(int(float(row["seed"])))))
     clay = case.materials["clay"]
     assert isinstance(clay, Tresca)
-    vertices, points = corners(case.tagged_mesh(MPI.COMM_SELF).mesh)
+    points, cells = first_mesh(case)
     figure = Figure(figsize=(9, 3.6), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    mesh = Triangulation(points[:, 0], points[:, 1], vertices)
+    mesh = Triangulation(points[:, 0], points[:, 1], cells)
     drawn = axes.tripcolor(mesh, clay.cohesion.at(points, "clay"), shading="gouraud", cmap="YlOrBr")
     figure.colorbar(drawn, ax=axes, label="cohesion (kPa)")
     axes.set_aspect("equal")

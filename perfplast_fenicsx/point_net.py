@@ -1,0 +1,256 @@
+"""Values at points, linear in triangles or tetrahedra between them."""
+
+import hashlib
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.enclosures import Pair
+from perfplast_fenicsx.errors import InputError, place_of
+
+OUTSIDE = 1e-9
+"""Barycentric coordinate below zero that counts as none, which rounding may be."""
+
+PLACES_AT_ONCE = 2000
+"""Places that are looked for together, for the memory."""
+
+
+class Triangulation:
+    """Points of a file, the values there, and triangles or tetrahedra between them.
+
+    Attributes:
+        name: Of the file, for messages.
+        values: Shape (num_points,).
+        simplices: Points of each, shape (num_simplices, d + 1).
+        corners: Their coordinates, shape (num_simplices, d + 1, d).
+        digest: SHA-256 of points, values and the simplices of the file.
+    """
+
+    def __init__(
+        self, name: str, points: Floats, values: Floats, cells: Longs | None = None
+    ) -> None:
+        """Take the triangles of a file, or those of Delaunay.
+
+        Args:
+            name: Of the file.
+            points: Shape (num_points, d), d = 2 or 3.
+            values: Shape (num_points,).
+            cells: Points of the triangles or tetrahedra of the file, shape (num_cells, d + 1); none
+                if there are only points.
+
+        Raises:
+            InputError: If the points span no area, two of them are the same, or cells of the file
+                have no area or overlap.
+        """
+        self.name, self.values = name, values
+        told = b"" if cells is None else cells.astype(np.int64).tobytes()
+        self.digest = hashlib.sha256(points.tobytes() + values.tobytes() + told).hexdigest()
+        self._net: Any = None
+        self.simplices: Longs
+        self.corners: Floats
+        if cells is None:
+            self._by_delaunay(points)
+        else:
+            self.simplices, self.corners = cells, points[cells]
+            self._check_cells()
+
+    def _by_delaunay(self, points: Floats) -> None:
+        """Triangulate the points.
+
+        Raises:
+            InputError: As the constructor.
+        """
+        from scipy.spatial import Delaunay, QhullError  # takes a while, and few cases need it
+
+        try:
+            self._net = net = Delaunay(points)
+        except (QhullError, ValueError) as error:
+            raise InputError(
+                f"the {len(points)} points of '{self.name}' span no area (in space no volume), so"
+                " that nothing is known between them; give points all around the body."
+            ) from error
+        if len(net.coplanar):
+            where = place_of(points[net.coplanar[0, 0]])
+            raise InputError(f"'{self.name}' has the point {where} twice; give one value there.")
+        x: Floats = points[net.simplices]
+        thin = 1e-12  # of a flat simplex at the hull, relative to its size
+        size = np.ptp(x, axis=1).max(axis=1) ** points.shape[1]
+        kept = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) > thin * size
+        self.simplices = net.simplices[kept].astype(np.int64)
+        self.corners = x[kept]
+
+    def _check_cells(self) -> None:
+        """Refuse cells of a file that have no area or overlap, and points that are there twice.
+
+        Raises:
+            InputError: Naming the place of the first one.
+        """
+        middles = self.corners.mean(axis=1)
+        size = np.ptp(self.corners, axis=1).max(axis=1) ** middles.shape[1]
+        edges = self.corners[:, 1:] - self.corners[:, :1]
+        flat = np.abs(np.linalg.det(edges)) <= 1e-12 * size
+        if flat.any():
+            where = place_of(middles[np.argmax(flat)])
+            raise InputError(f"'{self.name}' has a cell without area at {where}; leave it out.")
+        d = middles.shape[1]
+        near_sides = np.full((d + 1, d + 1), 0.9 / d)
+        np.fill_diagonal(near_sides, 0.1)
+        inside = np.einsum("sv,cvi->csi", near_sides, self.corners).reshape(-1, d)
+        places, _, shares = self._candidates(inside)
+        around = np.bincount(places[(shares > OUTSIDE).all(axis=1)], minlength=len(inside))
+        if (around > 1).any():
+            where = place_of(inside[np.argmax(around > 1)])
+            raise InputError(
+                f"'{self.name}' has cells that overlap at {where}, so that its values there are not"
+                " known; correct its mesh."
+            )
+        used = np.unique(self.simplices)
+        x = np.zeros((len(self.values), middles.shape[1]))
+        x[self.simplices.ravel()] = self.corners.reshape(-1, middles.shape[1])
+        _, first, inverse = np.unique(x[used], axis=0, return_index=True, return_inverse=True)
+        apart = self.values[used] != self.values[used][first[inverse.ravel()]]
+        if apart.any():
+            where = place_of(x[used[np.argmax(apart)]])
+            raise InputError(
+                f"'{self.name}' has two values at the point {where}, where its field jumps; give"
+                " one there, and a body to each side of the jump."
+            )
+
+    def _candidates(self, x: Floats) -> tuple[Longs, Longs, Floats]:
+        """Return pairs of places and simplices whose boxes have them, with barycentric coordinates.
+
+        Args:
+            x: Places, shape (n, d).
+
+        Returns:
+            Number of the place and of the simplex of each pair, shape (num_pairs,), and shares of
+            the simplex's vertices, shape (num_pairs, d + 1).
+        """
+        from scipy.spatial import cKDTree  # takes a while, and few cases need it
+
+        low, high = self.corners.min(axis=1), self.corners.max(axis=1)
+        middles = (low + high) / 2
+        reach = np.linalg.norm(high - low, axis=1).max() / 2 * (1 + 1e-6)
+        near = cKDTree(middles).query_ball_point(x, reach)
+        places = np.repeat(np.arange(len(x)), [len(one) for one in near])
+        each = [np.array(one, dtype=np.int64) for one in near]
+        simplices = np.concatenate([np.zeros(0, dtype=np.int64), *each])
+        little = OUTSIDE * (high - low)[simplices].max(axis=1, keepdims=True)
+        inside = (x[places] >= low[simplices] - little) & (x[places] <= high[simplices] + little)
+        kept = inside.all(axis=1)
+        places, simplices = places[kept], simplices[kept]
+        corners = self.corners[simplices]
+        sides = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
+        shares = np.linalg.solve(sides, (x[places] - corners[:, 0])[..., None])[..., 0]
+        return places, simplices, np.column_stack([1 - shares.sum(axis=1), shares])
+
+    def at(self, x: Floats, place: str) -> Floats:
+        """Return the values at places, linear between the points.
+
+        Raises:
+            InputError: If a place is in none of the simplices.
+        """
+        if x.shape[1] != self.corners.shape[2]:
+            raise InputError(
+                f"{place}: '{self.name}' has points in {self.corners.shape[2]} dimensions, and the"
+                f" body has {x.shape[1]}; give points in as many."
+            )
+        vertices, shares = self._in_net(x) if self._net is not None else self._in_cells(x)
+        outside = shares.min(axis=1) < -OUTSIDE
+        if outside.any():
+            where = place_of(x[np.argmax(outside)])
+            raise InputError(
+                f"{place}: there is material at {where}, outside of the points of '{self.name}';"
+                " give points all around the body."
+            )
+        return np.asarray(np.einsum("ni,ni->n", shares, self.values[vertices]))
+
+    def _in_net(self, x: Floats) -> tuple[Longs, Floats]:
+        """Return the vertices of Delaunay's simplex at each place, and its barycentric coordinates.
+
+        Those of a place outside are -1.
+        """
+        found, d = self._net.find_simplex(x, tol=OUTSIDE), x.shape[1]
+        maps = self._net.transform[found]
+        shares = np.einsum("nij,nj->ni", maps[:, :d], x - maps[:, d])
+        shares = np.column_stack([shares, 1 - shares.sum(axis=1)])
+        return self._net.simplices[found], np.where((found < 0)[:, None], -1.0, shares)
+
+    def _in_cells(self, x: Floats) -> tuple[Longs, Floats]:
+        """Return the same of the cells of a file."""
+        found = np.zeros(len(x), dtype=np.int64)
+        shares = np.full((len(x), x.shape[1] + 1), -1.0)
+        for some in np.array_split(np.arange(len(x)), len(x) // PLACES_AT_ONCE + 1):
+            places, simplices, given = self._candidates(x[some])
+            order = np.lexsort((given.min(axis=1), places))  # the last one of a place is its own
+            found[some[places[order]]] = simplices[order]
+            shares[some[places[order]]] = given[order]
+        return self.simplices[found], shares
+
+    def deviations(self, corners: Floats, chords: Floats) -> Pair:
+        """Return by how much the values are below and above linear functions in simplices, at most.
+
+        Args:
+            corners: Vertices of the simplices, shape (n, d + 1, d).
+            chords: Values of the linear functions there, shape (n, d + 1).
+
+        Returns:
+            The least difference (zero or negative) and the largest one, each of shape (n,).
+        """
+        least, most = np.zeros((2, len(corners)))
+        boxes = [(x.min(axis=1), x.max(axis=1)) for x in (corners, self.corners)]
+        (low, high), (others_low, others_high) = boxes
+        at_once = 200  # simplices whose neighbours are looked for together, for the memory
+        for some in np.array_split(np.arange(len(corners)), len(corners) // at_once + 1):
+            apart = (low[some, None] > others_high).any(axis=2)
+            apart |= (high[some, None] < others_low).any(axis=2)
+            a, b = np.nonzero(~apart)
+            a = some[a]
+            first, second, there = _overlap_ends(corners[a], self.corners[b])
+            above = np.einsum("pev,pv->pe", second, self.values[self.simplices[b]])
+            above -= np.einsum("pev,pv->pe", first, chords[a])
+            above = np.where(there, above, 0.0)
+            np.minimum.at(least, a, above.min(axis=1))
+            np.maximum.at(most, a, above.max(axis=1))
+        return least, most
+
+
+def _overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+    """Return barycentric coordinates of places whose convex hull is the overlap of two simplices.
+
+    They are the ends of the part of each edge of the one that lies in the other, and the other way
+    round. Every vertex of the overlap is such an end.
+
+    Args:
+        ones: Vertices of simplices, shape (num_pairs, d + 1, d).
+        others: Vertices of the simplices beside them, of the same shape.
+
+    Returns:
+        Coordinates in both simplices, each of shape (num_pairs, n, d + 1), and which places there
+        are.
+    """
+    rounding, count = 1e-9, ones.shape[1]  # of barycentric coordinates
+    pairs = np.array(list(combinations(range(count), 2)))
+    own = np.eye(count)
+    found: list[tuple[Floats, Floats]] = []
+    inside = []
+    for x, y, swapped in ((ones, others, False), (others, ones, True)):
+        inverse = np.linalg.inv(y[:, 1:] - y[:, :1])
+        shares = (x - y[:, :1]) @ inverse  # of the vertices of x in y
+        shares = np.concatenate([1 - shares.sum(axis=2, keepdims=True), shares], axis=2)
+        start, rates = shares[:, pairs[:, 0]], shares[:, pairs[:, 1]] - shares[:, pairs[:, 0]]
+        enters, leaves = rates > rounding, rates < -rounding
+        cuts = np.divide(-start, rates, out=np.zeros_like(rates), where=enters | leaves)
+        first = np.maximum(np.where(enters, cuts, 0.0).max(axis=2), 0.0)
+        last = np.minimum(np.where(leaves, cuts, 1.0).min(axis=2), 1.0)
+        beside = (~enters & ~leaves & (start < -rounding)).any(axis=2)
+        for at in (first, last):
+            here = own[pairs[:, 0]] + at[..., None] * (own[pairs[:, 1]] - own[pairs[:, 0]])
+            there = start + at[..., None] * rates
+            found.append((there, here) if swapped else (here, there))
+            inside.append((first <= last + rounding) & ~beside)
+    firsts, seconds = zip(*found, strict=True)
+    return np.hstack(firsts), np.hstack(seconds), np.hstack(inside)
