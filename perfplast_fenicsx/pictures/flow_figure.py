@@ -78,7 +78,8 @@ def free_surface(flow: StoredFlow) -> Floats:
 
     Pressures are zero at all points above the free surface, so that the pressure is positive in the
     lower part of a cell and also above the surface. Therefore the pressure head of the saturated
-    cells is continued linearly to the points above them.
+    cells is continued linearly to the points above them. Points of a drain that water merely passes
+    are in no saturated cell, and have no surface above them.
 
     Args:
         flow: A flow in the plane.
@@ -87,6 +88,9 @@ def free_surface(flow: StoredFlow) -> Floats:
         Ends of a segment in each cell that the surface crosses, shape (num_segments, 2, 2).
     """
     saturated = _saturated(flow)
+    in_water = flow.pressure > 0
+    in_water[flow.cells[saturated[flow.cells].all(axis=1)]] = True
+    saturated &= in_water
     crossed = flow.cells[saturated[flow.cells].any(axis=1) & ~saturated[flow.cells].all(axis=1)]
     if not len(crossed):
         return np.zeros((0, 2, 2))

@@ -253,12 +253,13 @@ class ResultReader:
         if self.summary.seepage is None:
             return None
         names = [f"{POINT_DATA}/{name}" for name in ("pressure", "head", "saturation")]
-        points, corners, offsets, upwards, *fields = self._arrays(
+        points, corners, offsets, upwards, pressure, head, saturation = self._arrays(
             FLOW, POINTS, CONNECTIVITY, OFFSETS, f"{FIELD_DATA}/upwards", *names
         )
         cells = corners.reshape(len(offsets) - 1, -1)
         axis = "xyz".index(upwards[0].decode())
-        return StoredFlow(points[:, : cells.shape[1] - 1], cells, *fields, axis)
+        points = points[:, : cells.shape[1] - 1]
+        return StoredFlow(points, cells, pressure, head, saturation, axis)
 
     def _arrays(self, name: str, *places: str) -> list[npt.NDArray[Any]]:
         """Return arrays of a VTKHDF file."""

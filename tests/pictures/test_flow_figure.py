@@ -47,6 +47,14 @@ def test_a_level_at_points_is_met() -> None:
     assert free_surface(flow)[..., 1] == pytest.approx(level, abs=1e-5)
 
 
+def test_a_drain_that_water_passes_has_no_free_surface() -> None:
+    """Its points are saturated, and no cell is."""
+    points, cells = net(3)
+    on_base = (points[:, 1] == 0).astype(float)
+    flow = StoredFlow(points, cells, np.zeros(len(points)), points[:, 1], on_base, 1)
+    assert free_surface(flow).shape == (0, 2, 2)
+
+
 def test_ground_that_is_saturated_has_no_free_surface() -> None:
     points, cells = net(2)
     head = np.full(len(points), 2.0)
