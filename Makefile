@@ -10,7 +10,7 @@ help:
 	@echo 'make test        the tests on 1 rank, some of them on 2, a few on 3'
 	@echo 'make pip-test    the demo and a twentieth of the tests with the packages of PyPI'
 	@echo 'make verify      all that make test leaves out; PART=random runs one part of it'
-	@echo 'make tribunal    published factors of safety judged: docs/tribunal.md; NAMES="cheng" selects'
+	@echo 'make tribunal    published factors and limit loads judged: docs/tribunal.md; NAMES="cheng" selects'
 	@echo 'make bench       how fast and how large: benchmarks/README.md (hours)'
 	@echo 'make lint        ruff and mypy'
 	@echo 'make docs        the documentation site, in build/docs/index.html'

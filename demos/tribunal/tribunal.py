@@ -1,4 +1,4 @@
-"""Judge published factors of safety of slopes by bounds that a file proves.
+"""Judge published factors of safety and limit loads by bounds that a file proves.
 
     ./fenicsx python3 demos/tribunal/tribunal.py [--only NAME ...] [-o DIR] [--publish]
 
@@ -35,7 +35,12 @@ from demos.tribunal.log_spiral import slope_of, upper_bound
 
 PUBLISHED, BOUNDS, VERDICTS = "published.csv", "bounds.csv", "verdicts.csv"
 PAGE = ROOT / "docs" / "tribunal.md"
-PROOFS = {"lower": "stands.h5", "upper": "falls.h5"}
+PROOFS = {
+    "strength": {"lower": "stands.h5", "upper": "falls.h5"},
+    "bounds": {"lower": "bounds.h5", "upper": "bounds.h5"},
+}
+"""Files of the proofs by the control of a case: of a factor of safety, and of a load factor."""
+
 LONGEST = 1800.0
 """Wall time (s) after which a run is given up."""
 
@@ -45,7 +50,7 @@ BELOW = "below what associated ground carries for certain"
 UNDECIDED = "not decided"
 WORDS = (IMPOSSIBLE, POSSIBLE, BELOW, UNDECIDED)
 
-METHODS = ("limit equilibrium", "strength reduction", "limit analysis")
+METHODS = ("limit equilibrium", "strength reduction", "limit analysis", "slip lines", "formula")
 DIGITS = Decimal("1e-5")
 """To which bounds are rounded, away from each other."""
 
@@ -59,7 +64,7 @@ class Published:
     Attributes:
         problem: Name of the case file.
         value: As printed; its decimals are its rounding.
-        quantity: Such as "factor of safety".
+        quantity: "factor of safety", or what the load factor of the case is.
         method: One of :data:`METHODS`.
         program: Who or what computed it.
         year: Of the source, or "undated".
@@ -86,8 +91,8 @@ class Solved:
     Attributes:
         problem: Name of the case file.
         case: SHA-256 of the case file.
-        lower: Factor with which the slope does not fall, rounded down.
-        upper: Factor with which it falls, rounded up.
+        lower: Factor with which the bodies do not fall, rounded down.
+        upper: Factor with which they fall, rounded up.
         spiral: Factor with which a log spiral falls.
         cells: Number of triangles of the larger proof.
         seconds: Processor time of the run.
@@ -234,19 +239,22 @@ def solve(case: Path, folder: Path) -> Solved:
     ended = resource.getrusage(resource.RUSAGE_CHILDREN)
     spent = ended.ru_utime + ended.ru_stime - began.ru_utime - began.ru_stime
     summary = loads((results / "summary.json").read_text(encoding="utf-8"))
-    found = summary["limit"]["strength"]
+    asked = tomllib.loads(case.read_text(encoding="utf-8"))
+    control = asked["loading"]["control"]
+    found = summary["limit"]["strength" if control == "strength" else "body"]
     if found["lower"] is None and found["upper"] is None:
-        raise Failed(found["in_words"])
-    slope = slope_of(tomllib.loads(case.read_text(encoding="utf-8")))
+        raise Failed(summary["limit"]["verdict"])
+    slope = slope_of(asked) if control == "strength" else None
     spiral = None if slope is None else upper_bound(slope)
     if spiral is not None and found["lower"] is not None and spiral < found["lower"]:
         raise Failed(f"a log spiral falls at F = {spiral}, but {found['lower']} is called proven")
     texts, sums, cells = {"lower": "", "upper": ""}, {"lower": "", "upper": ""}, 0
     for side, way in (("lower", ROUND_FLOOR), ("upper", ROUND_CEILING)):
         if found[side] is not None:
-            cells = max(cells, check_proof(results / PROOFS[side], side, found[side]))
+            proof = results / PROOFS[control][side]
+            cells = max(cells, check_proof(proof, side, found[side], control == "strength"))
             texts[side] = str(Decimal(found[side]).quantize(DIGITS, way))
-            sums[side] = checksum(results / PROOFS[side])
+            sums[side] = checksum(proof)
     return Solved(
         problem=case.stem,
         case=checksum(case),
@@ -260,8 +268,14 @@ def solve(case: Path, folder: Path) -> Solved:
     )
 
 
-def check_proof(path: Path, side: str, factor: float) -> int:
+def check_proof(path: Path, side: str, factor: float, divides: bool) -> int:
     """Have a proof checked by the checker of proofs, in a process of its own.
+
+    Args:
+        path: The file.
+        side: "lower" or "upper".
+        factor: What it has to prove.
+        divides: Whether the factor divides strengths; else it multiplies loads.
 
     Returns:
         The number of its cells.
@@ -271,11 +285,17 @@ def check_proof(path: Path, side: str, factor: float) -> int:
     """
     said = command("perfplast_fenicsx.proof", str(path))
     proven = re.search(rf"^{side}: ([\d.e+-]+) is proven", said, re.MULTILINE)
-    divided = re.search(r"divided by F = ([\d.e+-]+?)[.;]?\s", said)
     cells = re.search(r"Taken as written: (\d+) triangles", said)
-    if proven is None or divided is None or cells is None:
+    if proven is None or cells is None:
         raise Failed(f"{path.name} is not accepted: {said}")
     carried = Decimal(proven[1])
+    if not divides:
+        if abs(float(carried) / factor - 1) > 1e-6:
+            raise Failed(f"{path.name} proves {carried}, not {factor}")
+        return int(cells[1])
+    divided = re.search(r"divided by F = ([\d.e+-]+?)[.;]?\s", said)
+    if divided is None:
+        raise Failed(f"{path.name} does not divide strengths: {said}")
     if not (carried >= 1 if side == "lower" else carried <= 1):
         raise Failed(f"{path.name} proves that the loads are carried {carried} times, not once")
     if abs(float(divided[1]) / factor - 1) > 1e-8:
@@ -314,14 +334,16 @@ def known(folder: Path, cases: Mapping[str, Path]) -> dict[str, Solved]:
 
 # ------------------------------------------------------------------------------- the page
 
-ABOVE_ALL = """# Published factors of safety before a proof
+ABOVE_ALL = """# Published numbers before a proof
 
 <!-- written by demos/tribunal/tribunal.py; edit that -->
 
-Many programs and papers give factors of safety of the same slopes, and their numbers differ. This
-page compares each number with two bounds that a file proves. With strengths divided by the lower
-bound, a stress carries the weight, and no cell yields. With strengths divided by the upper bound, a
-mechanism moves, and the weight does more work than the ground can take up.
+Many programs, papers and books give factors of safety of the same slopes, or limit loads of the
+same bodies, and their numbers differ. This page compares each number with two bounds that a file
+proves. With strengths divided by the lower bound on a factor of safety, a stress carries the
+weight, and no cell yields. With strengths divided by the upper bound, a mechanism moves, and the
+weight does more work than the ground can take up. Bounds on a load factor multiply the loads
+instead.
 
 ```bash
 make tribunal                     # solves all problems; NAMES="pruska_01 cheng" selects
@@ -348,14 +370,19 @@ EXPLAINED = """
   solved.
 - The rounding is half a unit of the last printed digit. The percentage is the least one within it.
 
-The bounds hold for plane strain, Mohr–Coulomb's law without a limit of tension, associated flow,
-and the geometry as written in the case file. This includes its base, which is fixed, and its ends,
-which cannot move along x. A published number may belong to other ends or to another base. Nothing
-is proven of cracks, of progressive failure, or of the ground in the field.
+The bounds hold for plane strain, the law in the case file (Mohr–Coulomb's without a limit of
+tension, or von Mises'), associated flow, and the geometry as written. In slopes this includes the
+base, which is fixed, and the ends, which cannot move along x. A published number may belong to
+other ends or to another base. Nothing is proven of cracks, of progressive failure, or of the ground
+in the field.
 
 Most sources were read in a transcription, which `published.csv` names in each row. So a verdict may
 also mean a misprint in the source or in its transcription. Problems with a geometry that only a
 figure has are left out, and so are factors of one given slip surface.
+
+Factors of bearing capacity in textbooks are empirical or for design. "Impossible" then means that
+no footing of this kind on such ground carries that much, and says nothing of a footing in the
+field.
 
 The last column of the first table is independent of the other bounds. It is the best log spiral
 that `log_spiral.py` finds, with NumPy and SciPy alone: an upper bound of homogeneous dry slopes.
@@ -394,8 +421,12 @@ def page(
         [
             ABOVE_ALL,
             in_short(cases, verdicts, solved),
-            "\n## Problems\n\nThe columns of verdicts have numbers of published values.\n\n",
-            of_problems(titles, verdicts, solved),
+            "\n## Slopes\n\nBounds are those of the factor of safety. The columns of verdicts have"
+            " numbers of published values.\n\n",
+            of_problems(titles, verdicts, solved, loads=False),
+            "\n## Footings, cuts and metal\n\nBounds are those of the load factor, which each case"
+            " file explains.\n\n",
+            of_problems(titles, verdicts, solved, loads=True),
             "\n## Verdicts by method\n\n",
             of_methods(verdicts),
             EXPLAINED,
@@ -446,10 +477,25 @@ def of_problems(
     titles: Mapping[str, str],
     verdicts: Sequence[tuple[Published, Verdict]],
     solved: Mapping[str, Solved],
+    loads: bool,
 ) -> str:
-    """Return the table with a row a problem."""
+    """Return the table with a row a problem.
+
+    Args:
+        titles: Of all problems, by name.
+        verdicts: On all numbers.
+        solved: What is proven, by name.
+        loads: Whether to return the problems of a load factor; else those of a factor of safety.
+    """
+    asked = {number.problem: number.quantity for number, _ in verdicts}
+    titles = {
+        name: title
+        for name, title in titles.items()
+        if loads != asked.get(name, "").startswith("factor of safety")
+    }
     heads = ["problem", "case", "lower:", "upper:", "width, %:", "s:"]
-    heads += ["impossible:", "possible:", "below:", "not decided:", "log spiral:"]
+    heads += ["impossible:", "possible:", "below:", "not decided:"]
+    heads += [] if loads else ["log spiral:"]
     rows = []
     for name in sorted(titles, key=lambda name: (not name.startswith("pruska"), name)):
         row = solved.get(name)
@@ -460,7 +506,8 @@ def of_problems(
         case = f"[`{name}`](../demos/tribunal/{name}.toml)"
         shown = [titles[name], case, *found, "–" if width is None else f"{width:.2f}", spent]
         shown += [str(numbers[word] or "") for word in WORDS]
-        rows.append([*shown, "" if row is None else row.spiral])
+        spiral = [] if loads else ["" if row is None else row.spiral]
+        rows.append([*shown, *spiral])
     return table(heads, rows)
 
 

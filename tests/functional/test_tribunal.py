@@ -77,7 +77,8 @@ def test_numbers_have_a_source_and_a_case() -> None:
     for number in PUBLISHED:
         assert number.method in tribunal.METHODS
         assert float(number.value) > 0
-        assert number.quantity.startswith("factor of safety")
+        control = tomllib.loads(CASES[number.problem].read_text("utf-8"))["loading"]["control"]
+        assert number.quantity.startswith("factor of safety") == (control == "strength")
         assert number.program and number.source
         assert number.year == "undated" or number.year[:4].isdigit()
 
@@ -164,7 +165,23 @@ def test_a_problem_is_solved_and_its_proofs_are_checked(tmp_path: Path) -> None:
     proof = tmp_path / "out" / "results" / "stands.h5"
     assert tribunal.checksum(proof) == found.stands
     with pytest.raises(tribunal.Failed, match=r"is a proof of F = 1\."):
-        tribunal.check_proof(proof, "lower", 1.5)
+        tribunal.check_proof(proof, "lower", 1.5, divides=True)
+
+
+def test_a_limit_load_is_solved_and_its_proof_is_checked(tmp_path: Path) -> None:
+    """Ewing and Hill's constraint factor lies between the bounds."""
+    text = CASES["double_cracks_50"].read_text(encoding="utf-8")
+    case = tmp_path / "double_cracks_50.toml"
+    case.write_text(text.replace("until = 0.005, cells = 6000", "until = 0.1"), encoding="utf-8")
+    found = tribunal.solve(case, tmp_path / "out")
+    low, high = found.sides
+    assert low is not None and high is not None
+    assert float(low) < 1.0 + math.log(1.5) < float(high)
+    assert found.spiral == ""
+    proof = tmp_path / "out" / "results" / "bounds.h5"
+    assert tribunal.checksum(proof) == found.stands == found.falls
+    with pytest.raises(tribunal.Failed, match="proves 1"):
+        tribunal.check_proof(proof, "lower", 1.5, divides=False)
 
 
 @pytest.mark.long
