@@ -99,6 +99,6 @@ class _Tree:
         own[:, order >= 0] = boxes[:, order[order >= 0]]
         levels = [own]
         for wide in (IN_LEAF, *(2 for _ in range(depth))):
-            parts = levels[0].reshape(2, -1, wide, d)
-            levels.insert(0, np.stack([parts[0].min(axis=1), parts[1].max(axis=1)]))
+            low, high = levels[0].reshape(2, -1, wide, d)
+            levels.insert(0, np.stack([low.min(axis=1), high.max(axis=1)]))
         return cls(levels, order)
