@@ -17,11 +17,11 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "what_goes_with_what.md"
 
 HEAD = """# What goes with what
 
-Each statement about two blocks in contact that are pressed, and each question that can be asked of
-them: "yes" where it is answered, one bound where only that is strict, and a number where it is
-refused or nothing is proven. Below are the sentences that the program says then. All are small
-cases in plane strain with quadratic elements, where nothing else is said. Shakedown is asked of
-blocks that are tied where they touch, and all loads vary. The page is made by running them
+A row is a statement about two blocks that are pressed together, and a column is a question about
+them. "yes" means that the program answers. If only one bound is strict, the cell has this bound. A
+number means that the program refuses the question or proves nothing; its sentence is below the
+table. If not stated otherwise, cases are small, in plane strain, with quadratic elements. For
+shakedown the blocks are tied and all loads vary. The page is made by running the cases
 (`tests/combinations`).
 
 """
