@@ -12,9 +12,9 @@ continuous, as cells share these. The coefficients are changed as real numbers
   by motions with which all that touch them part.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -283,12 +283,15 @@ class _Units:
         body, d = self._body, self._body.dim
         x = body.vertices[mine]
         fixed = held.any(axis=1)
-        centre = x[np.argmax(fixed)]
+        least, centre = held[fixed], x[np.argmax(fixed)]
         free = np.ones(3 * (d - 1), dtype=bool)
         free[:d] = ~held.any(axis=0)
-        turns = np.eye(2 * d - 3)
-        for k in range(2 * d - 3):
-            free[d + k] = not (_turned(turns[k], x - centre)[held] != 0).any()
+        turns, most = np.eye(2 * d - 3), -1
+        for about in _hinges(x[fixed], least, centre):
+            arms = x[fixed] - about
+            may = np.array([not (_turned(turn, arms)[least] != 0).any() for turn in turns])
+            if may.sum() > most:
+                most, centre, free[d:] = int(may.sum()), about, may
         for number, of in enumerate(self._plates):
             if of == unit and body.rigid_held[number].any():
                 free[:d] &= ~body.rigid_held[number]
@@ -418,6 +421,25 @@ class _Units:
         """Return velocities, rotations and centres of the rigid surfaces."""
         at = np.array(self._plates, dtype=np.int64)
         return self._motions[at], self._turns[at], self._centres[at]
+
+
+def _hinges(x: Floats, held: Flags, first: Floats) -> Iterator[Floats]:
+    """Return places about which a body may turn, beside supports.
+
+    A rotation moves what is held along an axis by an arm along another one. It may do so where all
+    of that has the same coordinate as the place.
+
+    Args:
+        x: Vertices that are held, shape (n, d).
+        held: Along which axes, the same shape.
+        first: A place.
+    """
+    every = []
+    for j, of_first in enumerate(first):
+        there = [x[held[:, i], j] for i in range(len(first)) if i != j]
+        same = {float(values[0]) for values in there if len(values) and np.ptp(values) == 0}
+        every.append([float(of_first), *sorted(same - {float(of_first)})])
+    yield from (np.array(place) for place in product(*every))
 
 
 def _join(labels: Longs, groups: Sequence[Longs]) -> None:
