@@ -1,4 +1,4 @@
-"""The command line."""
+"""Implement the command line."""
 
 import lazy_loader
 

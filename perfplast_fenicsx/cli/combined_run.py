@@ -1,4 +1,4 @@
-"""``perfplast run`` of a case with combinations of loads: each by itself, and a table of all."""
+"""Run a case with combinations of loads for ``perfplast run``: each one, and a table of all."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -32,10 +32,10 @@ def run_combined(
     """Solve each combination in a folder of its own, on one mesh and contact. Collective.
 
     Args:
-        comm: The ranks.
-        case: With combinations.
-        output: Folder of their folders, and of ``combinations.csv``.
-        force: Replace results in them.
+        comm: The ranks of the run.
+        case: A case with combinations.
+        output: Folder for the combinations' folders and ``combinations.csv``.
+        force: Whether to replace results in them.
         terminal: The terminal that shows the run.
         log_level: The least level of records, as in :func:`run.run`.
         restart: Leave out those that are solved there.
@@ -44,10 +44,10 @@ def run_combined(
         trust: Run a script that the mesh is made of.
 
     Returns:
-        The largest exit status, or that of an interrupt, which ends all.
+        The largest exit status, or that of an interrupt, which ends the run.
 
     Raises:
-        InputError: As :func:`run.run`, before the first one is solved where that can be known.
+        InputError: As :func:`run.run`, if possible before the first combination is solved.
     """
     path, statuses = str(case.path), [SOLVED]
     folders = {one.name: str(Path(output) / one.name) for one in case.combinations}
@@ -67,7 +67,7 @@ def run_combined(
     on_rank0(comm, lambda: _forget(Path(output)))
     for one in case.combinations:
         if one.name in solved:
-            terminal.say(f"'{one.name}' is solved already.")
+            terminal.say(f"'{one.name}' is already solved.")
             continue
         live = report if report is Reporting.LIVE else Reporting.NEVER
         told = (path, folders[one.name], force, terminal, log_level, False, live, trust, False)
@@ -98,7 +98,7 @@ def run_combined(
 
 
 def _forget(folder: Path) -> None:
-    """Remove the table of an earlier run, which says nothing of this one."""
+    """Remove the table of an earlier run, which does not belong to this one."""
     try:
         (folder / TABLE).unlink(missing_ok=True)
     except OSError as error:
@@ -113,7 +113,7 @@ def _pages(folders: Sequence[ResultFolder], terminal: Terminal) -> None:
 
 
 def shown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the table as lines: combinations, bounds and verdicts."""
+    """Return the table as lines, with combinations, bounds and verdicts."""
     cells = as_cells(rows)
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return [

@@ -1,4 +1,4 @@
-"""The commands: each function does one and returns the exit status."""
+"""Implement the commands: each function executes one and returns the exit status."""
 
 import argparse
 import json
@@ -33,20 +33,20 @@ from perfplast_fenicsx.report.report_file import Reporting
 
 
 def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
-    """Execute a command, and return its exit status, the same on every rank. Collective.
+    """Execute a command and return its exit status, the same on every rank. Collective.
 
     Args:
-        comm: The ranks.
-        chosen: The command and its arguments, of :func:`~.parser.read_arguments`.
+        comm: The ranks of the run.
+        chosen: The command and its arguments, from :func:`~.parser.read_arguments`.
 
     Raises:
         InputError: If the input cannot be used.
     """
-    leave_pipes_to_python()  # PETSc has been started by the imports above
+    leave_pipes_to_python()  # the imports above have started PETSc
     set_petsc_options(chosen.petsc)
     on_all_ranks(comm, load_extensions)
     if chosen.command in ("run", "sweep"):
-        steps_shown = chosen.log_level in ("debug", "info")  # and no live line between them
+        steps_shown = chosen.log_level in ("debug", "info")  # without a live line between them
         live = False if steps_shown else None
         terminal = Terminal(comm, live=live, quiet=chosen.quiet)
         with logged_to_console(comm, chosen.log_level, terminal.clear):
@@ -104,14 +104,14 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
 
 
 def check(comm: MPI.Intracomm, path: str, trust: bool = False, picture: str | None = None) -> int:
-    """Check a case, its mesh, names and contact included, without solving it. Collective.
+    """Check a case with its mesh, names and contact, without solving it. Collective.
 
     Args:
-        comm: The ranks.
-        path: Case file.
-        trust: Run a script that the mesh is made of.
-        picture: A PNG file of what was understood; None for ``case.png`` beside the case, unless
-            it wants no pictures.
+        comm: The ranks of the run.
+        path: Path of the case file.
+        trust: Whether to run a script that makes the mesh.
+        picture: PNG file for the picture of the program's reading; None for ``case.png`` next to
+            the case, unless the case switches pictures off.
 
     Raises:
         InputError: If the case cannot be used.
@@ -134,12 +134,12 @@ def check(comm: MPI.Intracomm, path: str, trust: bool = False, picture: str | No
     if picture or case.output.pictures:
         drawn = Path(picture) if picture else case.path.parent / PICTURE
         if draw_case(case, problem, found, drawn):
-            Terminal(comm).say(f"Picture of what was understood: {drawn}")
+            Terminal(comm).say(f"Picture of the program's reading: {drawn}")
     return SOLVED
 
 
 def info(comm: MPI.Intracomm) -> int:
-    """Print versions and the machine. Collective."""
+    """Print versions and data of the machine. Collective."""
     found = versions() | surroundings(comm)
     width = max(map(len, found))
     Terminal(comm).say("\n".join(f"{name:{width}}  {text}" for name, text in found.items()))
@@ -147,12 +147,12 @@ def info(comm: MPI.Intracomm) -> int:
 
 
 def about(comm: MPI.Intracomm, path: str, trust: bool = False) -> int:
-    """Say what the numbers of a case mean. Collective.
+    """Print the meaning of the numbers of a case. Collective.
 
     Args:
-        comm: The ranks.
-        path: Case file.
-        trust: Run a script that the mesh is made of.
+        comm: The ranks of the run.
+        path: Path of the case file.
+        trust: Whether to run a script that makes the mesh.
 
     Raises:
         InputError: If the case cannot be used.
@@ -167,14 +167,14 @@ def about(comm: MPI.Intracomm, path: str, trust: bool = False) -> int:
 
 
 def schema(comm: MPI.Intracomm, output: str | None) -> int:
-    """Show the JSON Schema of case files, or write it by rank 0. Collective.
+    """Print the JSON Schema of case files, or write it to a file on rank 0. Collective.
 
     Args:
-        comm: The ranks.
+        comm: The ranks of the run.
         output: The file; None for standard output.
 
     Raises:
-        InputError: If the system refuses to write it.
+        InputError: If the file cannot be written.
     """
     text = json.dumps(case_schema(), indent=2, ensure_ascii=False)
 

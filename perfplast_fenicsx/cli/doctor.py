@@ -1,6 +1,6 @@
-"""``perfplast doctor``: try all that a run needs, and print a line for each trial.
+"""Implement ``perfplast doctor``: test all requirements of a run, and print a line for each test.
 
-Each trial is a process of its own, as what is broken may end it or never end.
+Each test is a separate process, since a broken component may end the process or never return.
 """
 
 import json
@@ -21,31 +21,31 @@ from perfplast_fenicsx.child_process import environment_apart, environment_with_
 from perfplast_fenicsx.cli.launch import find_launcher
 
 SOUND, FAULTY = 0, 2
-"""Exit status."""
+"""Exit statuses."""
 
 PATIENCE = 180.0
-"""Longest time for a trial (s)."""
+"""Longest time for a test (s)."""
 
 SLOW = 2e9
-"""A BLAS that does fewer operations a second of one core is the reference one (1/s)."""
+"""A BLAS with fewer operations per second on one core is the reference BLAS (1/s)."""
 
 SCARCE = 1e9
-"""With less memory than this no case of interest is solved (bytes)."""
+"""With less memory no useful case can be solved (bytes)."""
 
 ORDERINGS = {0: "AMD", 2: "AMF", 3: "Scotch", 4: "PORD", 5: "METIS", 6: "QAMD"}
-"""Orderings by MUMPS's number for them, INFOG(7) in its users' guide."""
+"""Names of orderings by MUMPS's numbers, INFOG(7) in its users' guide."""
 
 LINKED = "libgl1 libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1"
-"""Debian's packages of what PyPI's gmsh is linked with."""
+"""Debian packages of the libraries to which PyPI's gmsh is linked."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of a trial.
+    """The result of a test.
 
     Attributes:
-        verdict: "ok", "none" of what is optional and not installed, or "FAULT".
-        text: The finding, or the fault and its remedy.
+        verdict: "ok", "none" for an optional component that is not installed, or "FAULT".
+        text: The finding, or the fault with its remedy.
     """
 
     verdict: str
@@ -63,12 +63,14 @@ def doctor() -> int:
         findings.append(finding)
         print(f"{name:<14}  {finding.verdict:<5}  {finding.text}", flush=True)
     faults = sum(finding.verdict == "FAULT" for finding in findings)
-    print(f"{faults} {'fault' if faults == 1 else 'faults'} found." if faults else "All is well.")
+    print(
+        f"{faults} {'fault' if faults == 1 else 'faults'} found." if faults else "All tests passed."
+    )
     return FAULTY if faults else SOUND
 
 
 def compiler() -> Finding:
-    """Return whether C becomes a Python module."""
+    """Return whether C code can be compiled to a Python module."""
     fault = environment.compiler_fault()
     if fault is not None:
         return Finding("FAULT", fault)
@@ -83,26 +85,26 @@ def compiler() -> Finding:
         lines = done.stderr.strip().splitlines() or [f"exit status {done.returncode}"]
         return Finding(
             "FAULT",
-            f"{name} fails ({lines[0]}); install C's headers (Debian: libc6-dev python3-dev).",
+            f"{name} fails ({lines[0]}); install the C headers (Debian: libc6-dev python3-dev).",
         )
     return Finding("ok", name)
 
 
 def cache() -> Finding:
-    """Return whether compiled forms can be kept."""
+    """Return whether compiled forms can be cached."""
     fault = environment.forms_fault()
     ours = fault is not None and fault != environment.compiler_fault()
     return Finding("FAULT", str(fault)) if ours else Finding("ok", str(environment.forms_folder()))
 
 
 def libraries() -> Finding:
-    """Return the versions of the solver's libraries, or why they cannot be loaded."""
+    """Return the versions of the solver's libraries, or why loading them fails."""
     fault = environment.surroundings().fault()
     if fault is not None:
         return Finding("FAULT", fault)
     found = _apart("solving")
     if found.verdict == "FAULT" and environment.compiler_fault() is not None:
-        return Finding("FAULT", "no form can be compiled: see the C compiler.")
+        return Finding("FAULT", "no form can be compiled; see the line of the C compiler.")
     return found
 
 
@@ -112,49 +114,49 @@ def launcher() -> Finding:
         found = find_launcher()
     except (LookupError, subprocess.TimeoutExpired) as error:
         return Finding("FAULT", str(error))
-    # Rank 0 alone answers: launchers may mix the lines of two ranks. Ranks that do not know of each
-    # other are each rank 0 and answer "1" twice.
+    # Only rank 0 answers, since launchers may mix the lines of two ranks. Ranks without connection
+    # are each rank 0 and answer "1" twice.
     question = (
         "from mpi4py import MPI; world = MPI.COMM_WORLD; ranks = world.allreduce(1); "
         "world.rank or print(ranks)"
     )
-    own = dict(os.environ)  # with what it says to launchers
+    own = dict(os.environ)  # includes variables for launchers
     done = _run([found.program, "-n", "2", sys.executable, "-c", question], own)
     if done is None:
-        return Finding("FAULT", f"{found} has not started two ranks in {PATIENCE:g} s.")
+        return Finding("FAULT", f"{found} did not start two ranks within {PATIENCE:g} s.")
     if done.stdout.split() != ["2"]:
         lines = [line for line in done.stderr.splitlines() if line.strip("-= ")]
         reason = lines[0].strip() if lines else f"they said {done.stdout.split()}"
         if found.family == "Open MPI" and os.getuid() == 0:
             allow = "OMPI_ALLOW_RUN_AS_ROOT"
-            reason += f"; for root set {allow}=1 and {allow}_CONFIRM=1"
+            reason += f"; as root set {allow}=1 and {allow}_CONFIRM=1"
         return Finding("FAULT", f"{found} does not start two ranks: {reason}.")
-    return Finding("ok", f"two ranks by {found}")
+    return Finding("ok", f"started two ranks by {found}")
 
 
 def memory() -> Finding:
-    """Return how much memory is free."""
+    """Return the amount of free memory."""
     lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()
     kilobytes = {line.split(":")[0]: float(line.split()[1]) for line in lines}
     free, whole = (1024 * kilobytes[name] for name in ("MemAvailable", "MemTotal"))
     text = f"{free / 1e9:.1f} of {whole / 1e9:.1f} GB are free"
     if free < SCARCE:
-        return Finding("FAULT", f"{text}; {SCARCE / 1e9:g} GB is needed: end other programs.")
+        return Finding("FAULT", f"{text}, but {SCARCE / 1e9:g} GB is needed; end other programs.")
     return Finding("ok", text)
 
 
 def factors() -> Finding:
-    """Return MUMPS's ordering and the speed of one factorisation."""
+    """Return MUMPS's ordering and the speed of a factorisation."""
     return _apart("factorising")
 
 
 def meshes() -> Finding:
-    """Return whether gmsh meshes a box."""
+    """Return whether gmsh can mesh a box."""
     return _apart("meshing")
 
 
 def pictures() -> Finding:
-    """Return whether a picture is drawn."""
+    """Return whether a picture can be drawn."""
     return _apart("drawing")
 
 
@@ -169,26 +171,28 @@ def _solving() -> Finding:
     from dolfinx import fem, mesh
 
     if np.issubdtype(PETSc.ScalarType, np.complexfloating):
-        return Finding("FAULT", "PETSc has complex numbers; install one with real numbers.")
+        return Finding("FAULT", "PETSc uses complex numbers; install a PETSc with real numbers.")
     square = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
     area = fem.assemble_scalar(fem.form(1.0 * ufl.dx(domain=square)))
     petsc = ".".join(map(str, PETSc.Sys.getVersion()))
     vendor, version = MPI.get_vendor()
     found = f"{dolfinx.__version__}, PETSc {petsc}, {vendor} {'.'.join(map(str, version))}"
     if abs(area - 1.0) > 1e-12:
-        return Finding("FAULT", f"DOLFINx {found} takes a unit square for {area:g}.")
+        return Finding(
+            "FAULT", f"DOLFINx {found} computes the area of the unit square as {area:g}."
+        )
     return Finding("ok", f"{found}, NumPy {np.__version__}")
 
 
 def _factorising() -> Finding:
-    """Factorise the mass matrix of a cube of 29³ hexahedra by MUMPS on one core."""
+    """Factorise the mass matrix of a cube of 29³ hexahedra with MUMPS on one core."""
     from mpi4py import MPI
     from petsc4py import PETSc
 
     import scipy.sparse as sparse
 
     if not PETSc.Sys.hasExternalPackage("mumps"):
-        return Finding("FAULT", "PETSc has no MUMPS; take DOLFINx from PyPI, Debian or conda.")
+        return Finding("FAULT", "PETSc has no MUMPS; install DOLFINx from PyPI, Debian or conda.")
     line = sparse.diags_array([1.0, 4.0, 1.0], offsets=[-1, 0, 1], shape=(30, 30))
     cube = sparse.csr_array(sparse.kron(line, sparse.kron(line, line)))
     indices = (cube.indptr.astype(PETSc.IntType), cube.indices.astype(PETSc.IntType))
@@ -202,11 +206,11 @@ def _factorising() -> Finding:
     factor.setUp()
     seconds = time.process_time() - begin
     factors = factor.getFactorMatrix()
-    ordering = ORDERINGS.get(factors.getMumpsInfog(7), "an unknown one")
+    ordering = ORDERINGS.get(factors.getMumpsInfog(7), "an unknown ordering")
     speed = factors.getMumpsRinfog(3) / seconds
     text = (
-        f"MUMPS, ordering {ordering}: {cube.shape[0]} unknowns in {seconds:.1f} s of one core,"
-        f" {speed / 1e9:.1f} GFLOP/s"
+        f"MUMPS, ordering {ordering}: {cube.shape[0]} unknowns in {seconds:.1f} s on one "
+        f"core, {speed / 1e9:.1f} GFLOP/s"
     )
     if speed < SLOW:
         remedy = "install OpenBLAS (Debian's package libopenblas0-pthread)"
@@ -215,11 +219,11 @@ def _factorising() -> Finding:
 
 
 def _meshing() -> Finding:
-    """Mesh a box by gmsh."""
+    """Mesh a box with gmsh."""
     try:
         import gmsh
     except ModuleNotFoundError:
-        return Finding("none", "gmsh is not installed; pip install gmsh to mesh CAD files.")
+        return Finding("none", "gmsh is not installed; use pip install gmsh to mesh CAD files.")
     except OSError as error:
         return Finding("FAULT", f"gmsh: {error}; apt-get install {LINKED}.")
     gmsh.initialize(interruptible=False)
@@ -228,16 +232,17 @@ def _meshing() -> Finding:
     gmsh.model.occ.synchronize()
     gmsh.model.mesh.generate(3)
     gmsh.finalize()
-    return Finding("ok", f"gmsh {metadata.version('gmsh')} has meshed a box")
+    return Finding("ok", f"gmsh {metadata.version('gmsh')} meshed a box")
 
 
 def _drawing() -> Finding:
-    """Draw a box as the drawing program does: with an X server of its own where Xvfb is."""
+    """Draw a box as the drawing program does, with its own X server if Xvfb is installed."""
     versions = {name: environment.version_of(name) for name in ("pyvista", "matplotlib")}
     missing = [name for name, version in versions.items() if version is None]
     if missing:
         text = (
-            f"{' and '.join(missing)} not installed; pip install pyvista matplotlib for pictures."
+            f"{' and '.join(missing)} not installed; use pip install pyvista matplotlib "
+            "for pictures."
         )
         return Finding("none", text)
     from perfplast_fenicsx.pictures.drawing_process import display
@@ -256,9 +261,7 @@ def _drawing() -> Finding:
             f"pyvista {versions['pyvista']} cannot draw; install Debian's libosmesa6, libegl1 or"
             " xvfb, or set pictures = false in [output].",
         )
-    return Finding(
-        "ok", f"pyvista {versions['pyvista']} has drawn a box ({done.stdout.split()[-1]})"
-    )
+    return Finding("ok", f"pyvista {versions['pyvista']} drew a box ({done.stdout.split()[-1]})")
 
 
 TRIALS: dict[str, Callable[[], Finding]] = {
@@ -271,7 +274,7 @@ TRIALS: dict[str, Callable[[], Finding]] = {
     "gmsh": meshes,
     "pictures": pictures,
 }
-"""The trials by the name of their line. The C compiler is first, as forms need it."""
+"""The tests by the names of their lines. The C compiler comes first, since forms need it."""
 
 APART: dict[str, Callable[[], Finding]] = {
     "solving": _solving,
@@ -279,15 +282,15 @@ APART: dict[str, Callable[[], Finding]] = {
     "meshing": _meshing,
     "drawing": _drawing,
 }
-"""Trials that may end their process."""
+"""Tests that may end their process."""
 
 
 def _apart(trial: str) -> Finding:
-    """Return the result of a trial of :data:`APART` in a separate process."""
+    """Return the result of a test of :data:`APART` in a separate process."""
     program = [sys.executable, "-P", "-m", "perfplast_fenicsx.cli.doctor", trial]
     done = _run(program)
     if done is None:
-        return Finding("FAULT", f"{trial} has not ended in {PATIENCE:g} s.")
+        return Finding("FAULT", f"{trial} did not end within {PATIENCE:g} s.")
     try:
         return Finding(**json.loads(done.stdout.splitlines()[-1]))
     except (IndexError, ValueError, TypeError):
@@ -298,7 +301,7 @@ def _apart(trial: str) -> Finding:
 def _run(
     command: list[str], variables: dict[str, str] | None = None
 ) -> subprocess.CompletedProcess[str] | None:
-    """Run a command outside of MPI; return None if it does not end in time."""
+    """Run a command outside MPI; return None if it does not end in time."""
     variables = environment_with_package(environment_apart() if variables is None else variables)
     try:
         return subprocess.run(

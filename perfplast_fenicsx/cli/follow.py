@@ -1,6 +1,6 @@
-"""``perfplast plot --follow DIR``: what a run writes is shown and drawn as it comes.
+"""Implement ``perfplast plot --follow DIR``: show and draw a run while it writes results.
 
-One process reads files: the run knows nothing of it, and may be on another machine.
+One process reads the files. The run does not depend on it and may be on another machine.
 """
 
 import json
@@ -19,7 +19,7 @@ from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.path_bracket import PathBracket
 
 PERIOD = 0.5
-"""Time between two looks (s)."""
+"""Time between two readings (s)."""
 
 COLUMNS = (
     *(("step", 4), ("zeta", 11), ("alpha", 12), ("plastic", 8), ("contacts", 11)),
@@ -30,7 +30,7 @@ SHOWN = (
     *("zeta", "alpha", "plastic_fraction", "active_contacts", "contact_pairs", "duality_gap"),
     *("seconds", "converged"),
 )
-"""Columns that are read of each level."""
+"""Columns that are read for each level."""
 
 log = logging.getLogger(__name__)
 
@@ -40,10 +40,10 @@ class Follower:
     """Follows a run in its folder. Single-process.
 
     Attributes:
-        folder: Folder of the run; it need not exist yet.
+        folder: Folder of the run; it may not exist yet.
         terminal: The terminal that shows the run.
-        draw: Draws what there is; called after levels have come.
-        wait: How long the folder may be without results (s).
+        draw: Function that draws the results; called after new levels.
+        wait: Longest time without results in the folder (s).
     """
 
     folder: Path
@@ -53,15 +53,17 @@ class Follower:
     _shown: int = field(default=0, init=False)
 
     def follow(self) -> None:
-        """Show levels until the run has ended, and say how it has.
+        """Show levels until the run ends, and print how it ended.
 
         Raises:
-            InputError: If there are no results in time, or they cannot be read.
+            InputError: If there are no results in time, or if they cannot be read.
         """
         self._await()
         self.terminal.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
         while True:
-            alive = is_held(self.folder / "run.log")  # before the levels, so that none is missed
+            alive = is_held(
+                self.folder / "run.log"
+            )  # before the levels, so that no level is missed
             summary = self._summary()
             self._show(summary)
             if not alive:
@@ -76,8 +78,8 @@ class Follower:
         while not all((self.folder / name).exists() for name in ("summary.json", "run.log")):
             if time.monotonic() > until:
                 raise InputError(
-                    f"there are no results in '{self.folder}' after {self.wait:g} s; give the DIR"
-                    " of perfplast run, or a longer --wait."
+                    f"there are no results in '{self.folder}' after {self.wait:g} s; give "
+                    "the result folder of perfplast run, or a longer --wait."
                 )
             self.terminal.status(f"waiting for results in {self.folder}")
             time.sleep(PERIOD)
@@ -90,14 +92,15 @@ class Follower:
             steps = [{key: step[key] for key in SHOWN} for step in summary["steps"]]
         except (KeyError, TypeError) as error:
             raise InputError(
-                f"'{path}' lacks {error}, so it is of another version; run the case again."
+                f"'{path}' lacks {error} and is from another version of perfplast; run the "
+                "case again."
             ) from error
         except (OSError, ValueError) as error:
             raise InputError(f"'{path}' cannot be read ({error}); run the case again.") from error
         return keys | {"steps": steps}
 
     def _show(self, summary: dict[str, Any]) -> None:
-        """Show the levels that have come, and draw."""
+        """Show the new levels, and draw."""
         steps = summary["steps"]
         for count, step in enumerate(steps[self._shown :], start=self._shown + 1):
             seconds = [one["seconds"] for one in steps[:count]]
@@ -119,7 +122,7 @@ class Follower:
                 log.warning("%s", error)
 
     def _waiting(self, summary: dict[str, Any]) -> str:
-        """Return the current state of the run, from its results and the last line of its log."""
+        """Return the present state of the run, from its results and the last line of its log."""
         level = next_level(summary["planned"], [one["seconds"] for one in summary["steps"]])
         return f"{level}: {self._log()[-1].partition('INFO')[2].strip()}"
 
@@ -128,12 +131,12 @@ class Follower:
         return text.splitlines() or [""]
 
     def _end(self, summary: dict[str, Any]) -> str:
-        """Return how the run has ended, in words."""
+        """Return in words how the run ended."""
         *before, last = ["", *self._log()]
         count = len(summary["steps"])
         levels = f"{count} level{'' if count == 1 else 's'} on file"
         if ENDED not in last:
-            return f"The run was killed, with {levels}; --restart {self.folder} goes on."
+            return f"The run was killed, with {levels}; --restart {self.folder} continues it."
         limit, failed = summary["limit"], [a for a in summary["steps"] if not a["converged"]]
         if limit is not None:
             sides = limit["lower"], limit["upper"]
@@ -146,9 +149,9 @@ class Follower:
             levels += f"; no solution at zeta = {failed[-1]['zeta']:.6g}"
         cause = next((a for a in (INTERRUPTED, "ended by", "ended: ") if a in before[-1]), "")
         how = f" ({before[-1][before[-1].index(cause) :]})" if cause else ""
-        return f"The run has ended{how}, with {levels}."
+        return f"The run ended{how}, with {levels}."
 
 
 def _told(value: float | None, digits: str) -> str:
-    """Return a number; one that is not finite is null on file."""
+    """Return a number in words; a number that is not finite is null in the file."""
     return "none" if value is None else f"{value:{digits}}"

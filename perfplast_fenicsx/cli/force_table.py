@@ -1,4 +1,4 @@
-"""Forces of loads and supports, where a limit load was sought, and of bolts, on the terminal."""
+"""Print forces of loads and supports at a limit load, and of bolts, on the terminal."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,15 +15,15 @@ def force_lines(
     axes: str,
     units: Mapping[str, str],
 ) -> list[str]:
-    """Return the table, a text for each line; nothing without loads.
+    """Return the lines of the table; an empty list without loads.
 
     Args:
-        loads: As for :func:`force_rows.force_rows`, and so the next three.
+        loads: See :func:`force_rows.force_rows`.
         lower: Load factor that the bodies carry for certain.
-        upper: One at which they collapse for certain.
-        at_limit: What the stress of the lower bound, or of the mesh, is in balance with.
+        upper: Load factor at which the bodies collapse for certain.
+        at_limit: The forces in balance with the stress of the lower bound or of the mesh.
         axes: Letters of the components of forces.
-        units: As :meth:`units.Units.table` has them.
+        units: Units as in :meth:`units.Units.table`.
     """
     forces = force_rows(loads, lower, upper, at_limit)
     moments = force_rows(loads, lower, upper, at_limit, moments=True)
@@ -37,7 +37,7 @@ def force_lines(
 
 
 def bolt_lines(reports: Sequence[LevelReport], unit: str) -> list[str]:
-    """The forces of bolts at each level that is solved, a text for each line; nothing without.
+    """Return lines with the forces of bolts at each solved level; an empty list without bolts.
 
     Args:
         reports: Reports of all levels.

@@ -1,6 +1,6 @@
-"""Before a command: check the environment, and start the ranks.
+"""Check the environment and start the ranks before a command.
 
-Nothing that starts MPI is imported before the environment is known to be sound.
+No import starts MPI before the environment is checked.
 """
 
 import argparse
@@ -22,24 +22,24 @@ COMPILING = ("run", "sweep", "check")
 """Commands that compile forms."""
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-"""One thread each, if nothing else is said: the ranks are the parallelism."""
+"""Each is set to one thread by default, since the ranks provide the parallelism."""
 
 OVERSUBSCRIBE = "PRTE_MCA_rmaps_default_mapping_policy"
-"""Open MPI 5 starts more ranks than there are cores where this is ":oversubscribe"."""
+"""With ":oversubscribe", Open MPI 5 starts more ranks than there are cores."""
 
 
 def prepare(chosen: argparse.Namespace, arguments: Sequence[str]) -> str | None:
-    """Return what keeps a command from being executed, in one sentence; None if nothing does.
+    """Return in one sentence why a command cannot be executed; None if it can.
 
-    Where the command asks for ranks, this process becomes their launcher.
+    If the command asks for ranks, the launcher replaces this process.
 
     Args:
-        chosen: The command and its arguments, of :func:`~.parser.read_arguments`.
-        arguments: The same as they were given.
+        chosen: The command and its arguments, from :func:`~.parser.read_arguments`.
+        arguments: The arguments as the user gave them.
     """
     fault = environment.surroundings().fault()
     if fault is None and chosen.command in COMPILING:
-        # forms that are there already may be all that are needed
+        # existing compiled forms may suffice
         compiled = any(environment.forms_folder().glob("*.so"))
         fault = None if compiled else environment.forms_fault()
     if fault is not None:
@@ -62,7 +62,7 @@ def prepare(chosen: argparse.Namespace, arguments: Sequence[str]) -> str | None:
 
 
 def launched_first() -> bool:
-    """Return whether this process is the first of those that a launcher has started, or alone."""
+    """Return whether this process is the first one of a launcher, or runs without a launcher."""
     launched = launched_ranks(os.environ)
     return launched is None or launched[1] == 0
 
@@ -90,7 +90,7 @@ def find_launcher() -> Launcher:
     """Return the ``mpirun`` of the MPI that mpi4py uses.
 
     Raises:
-        LookupError: If it is not installed, in one sentence with the remedy.
+        LookupError: If it is not installed; the message is one sentence with the remedy.
     """
     family = mpi_family()
     beside = Path(sys.executable).parent
@@ -106,8 +106,8 @@ def find_launcher() -> Launcher:
     package = {"MPICH": "mpich", "Open MPI": "openmpi-bin"}.get(family, family)
     found = f"; {others[0]}" if others else ""
     raise LookupError(
-        f"there is no mpirun of {family}, which mpi4py uses{found}; install it (Debian's or PyPI's"
-        f" package {package}), or run on one rank."
+        f"there is no mpirun of {family}, which mpi4py uses{found}; install it (Debian's or PyPI's "
+        f"package {package}), or run on one rank."
     )
 
 
@@ -131,7 +131,7 @@ def mpi_family() -> str:
 
 
 def launched_ranks(environ: Mapping[str, str]) -> tuple[str, int, int] | None:
-    """Return whose launcher has started this process, its rank and their number; None if none has.
+    """Return the launcher of this process, its rank and the number of ranks; None without one.
 
     Args:
         environ: The variables of the process.
@@ -146,7 +146,7 @@ def launched_ranks(environ: Mapping[str, str]) -> tuple[str, int, int] | None:
 
 
 def _launcher(program: str) -> Launcher | None:
-    """Return the kind and version of a launcher; None if it is not known."""
+    """Return the kind and version of a launcher; None if it is unknown."""
     try:
         done = subprocess.run(
             [program, "--version"],
@@ -167,20 +167,20 @@ def _launcher(program: str) -> Launcher | None:
 
 
 def _start(launcher: Launcher, ranks: int, arguments: Sequence[str]) -> NoReturn:
-    """Become the launcher of the ranks."""
-    print(f"perfplast: {ranks} ranks by {launcher}", file=sys.stderr, flush=True)
+    """Replace this process by the launcher of the ranks."""
+    print(f"perfplast: {ranks} ranks started by {launcher}", file=sys.stderr, flush=True)
     os.environ.setdefault(OVERSUBSCRIBE, ":oversubscribe")
     program = [sys.executable, "-P", "-m", "perfplast_fenicsx", *arguments]
     os.execv(launcher.program, [launcher.program, "-n", str(ranks), *program])
 
 
 def _launcher_fault(wanted: int | None, family: str, rank: int, number: int) -> str | None:
-    """Return a sentence if ranks do not know of each other, or are not as many as asked for."""
+    """Return a sentence if ranks are not connected, or if their number is wrong."""
     if wanted is not None and wanted != number:
-        return f"-n {wanted} is given inside mpirun -n {number}; leave out one of them."
+        return f"-n {wanted} is given inside mpirun -n {number}; remove one of them."
     if number == 1:
         return None
-    with warnings.catch_warnings():  # mpi4py's own, of the same, three lines on each process
+    with warnings.catch_warnings():  # otherwise mpi4py prints three lines on it on each process
         warnings.simplefilter("ignore", RuntimeWarning)
         from mpi4py import MPI
 
@@ -188,6 +188,7 @@ def _launcher_fault(wanted: int | None, family: str, rank: int, number: int) -> 
         return None
     ours = MPI.get_vendor()[0]
     return (
-        f"mpirun of {family} has started {number} processes, but mpi4py, which uses {ours}, takes"
-        f" each for a run of its own; use perfplast run -n {number}, which finds the right mpirun."
+        f"mpirun of {family} has started {number} processes, but mpi4py uses {ours} and "
+        f"treats each as a separate run; use perfplast run -n {number}, which finds the "
+        "right mpirun."
     )

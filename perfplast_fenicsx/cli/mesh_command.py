@@ -1,4 +1,4 @@
-"""``perfplast mesh``: a geometry file becomes a folder with a mesh and a first case file."""
+"""Implement ``perfplast mesh``: turn a geometry file into a folder with mesh and first case."""
 
 import argparse
 import logging
@@ -49,20 +49,20 @@ def mesh(
     force: bool = False,
     trust: bool = False,
 ) -> None:
-    """Mesh a geometry file, say what is in it, and write mesh and first case. Collective.
+    """Mesh a geometry file, print its contents, and write the mesh and a first case. Collective.
 
     Args:
-        comm: Rank 0 does it.
-        source: STEP, BREP, IGES or .geo.
-        output: The folder.
+        comm: The ranks; rank 0 does the work.
+        source: STEP, BREP, IGES or .geo file.
+        output: The output folder.
         options: Sizes and degree of the elements.
-        material: Material of all bodies, by its name in the table of ``perfplast materials``.
+        material: Material of all bodies, by its name in ``perfplast materials``.
         glued: Which joints are glued.
-        force: Replace a mesh and a case file.
-        trust: Run a .geo script.
+        force: Whether to replace an existing mesh and case file.
+        trust: Whether to run a .geo script.
 
     Raises:
-        InputError: If the file cannot be meshed, or the folder has a case file already.
+        InputError: If the file cannot be meshed, or if the folder already has a case file.
     """
     terminal = Terminal(comm)
 
@@ -78,9 +78,9 @@ def mesh(
         terminal.say(describe(survey, glued))
         case = Path(output) / CASE
         terminal.say(
-            f"\nWritten to {output}: {written(Path(output))}. Set up the case in a browser with"
-            f" {PAGE}, or fill in what is marked with <- in {CASE}; then: perfplast run {case} -o"
-            f" {Path(output) / 'results'}"
+            f"\nWritten to {output}: {written(Path(output))}. Set up the case in a browser "
+            f"with {PAGE}, or fill in the lines marked with <- in {CASE}; then: perfplast "
+            f"run {case} -o {Path(output) / 'results'}"
         )
 
 
@@ -108,7 +108,7 @@ def meshing_options(chosen: argparse.Namespace) -> MeshingOptions:
 
 
 def _pairs(option: str, given: Sequence[str], wanted: str) -> dict[str, float]:
-    """Return names with numbers."""
+    """Return a dict of names with numbers."""
     found = {}
     for text in given:
         name, equals, number = text.rpartition("=")
@@ -138,12 +138,12 @@ def common_materials(system: Name) -> str:
             (soil.name, f"{soil.young:g}", f"{soil.poisson:g}", *strength, soil.what, soil.source)
         )
     weight = f"{units.force}/{units.length}^3"
-    text += ["", f'Ground that drains, law = "mohr-coulomb"; unit weights in {weight}.']
+    text += ["", f'Drained ground, law = "mohr-coulomb"; unit weights in {weight}.']
     return "\n".join([*text, *_aligned(rows)])
 
 
 def describe(survey: Survey, glued: Glued = Glued.SHARED) -> str:
-    """Return what there is in a geometry, as tables.
+    """Return the contents of a geometry as tables.
 
     Args:
         survey: Survey of bodies, joints and faces.
@@ -171,7 +171,7 @@ def describe(survey: Survey, glued: Glued = Glued.SHARED) -> str:
 
 
 def _bodies(survey: Survey) -> list[tuple[str, ...]]:
-    """Return a table of the bodies, with its heads."""
+    """Return a table of the bodies, with its headings."""
     volume = "volume" if survey.dim == 3 else "area"
     rows: list[tuple[str, ...]] = [("body", "elements", volume, "of CAD", "from", "to")]
     for body in survey.bodies:
@@ -181,7 +181,7 @@ def _bodies(survey: Survey) -> list[tuple[str, ...]]:
 
 
 def _joints(survey: Survey, glued: Glued) -> list[tuple[str, ...]]:
-    """Return a table of the faces that touch, with its heads: names, area, shape, and the use."""
+    """Return a table of touching faces with its headings: names, area, shape and use."""
     rows: list[tuple[str, ...]]
     rows = [("touching", "", "area" if survey.dim == 3 else "length", "shape", "in the case")]
     for joint in survey.joints:
@@ -192,7 +192,7 @@ def _joints(survey: Survey, glued: Glued) -> list[tuple[str, ...]]:
 
 
 def _sets(survey: Survey) -> list[tuple[str, ...]]:
-    """Return a table of the names of several faces, with its heads."""
+    """Return a table of the names that cover several faces, with its headings."""
     area = "area" if survey.dim == 3 else "length"
     rows: list[tuple[str, ...]] = [("no.", "also called", "faces", area, "of CAD", "in common")]
     for one in survey.sets:
@@ -225,7 +225,7 @@ def _mesh(
         (made / PAGE).write_text(_page(source.stem, skin, survey, case, glued), encoding="utf-8")
         try:
             draw_parts(skin, made / PICTURE)
-        except InputError as error:  # without a graphics system there is a mesh all the same
+        except InputError as error:  # without a graphics system the mesh is written all the same
             log.warning("%s", error)
         fill(output, made, case)
         refused = refused_contact(case, output / MESH)
@@ -233,7 +233,7 @@ def _mesh(
 
 
 def _page(title: str, skin: Path, survey: Survey, case: str, glued: Glued) -> str:
-    """Return the page that sets up the case."""
+    """Return the page on which users set up the case."""
     tables = {"Bodies": _bodies(survey)}
     if survey.sets:
         tables["Names of several faces"] = _sets(survey)
@@ -276,7 +276,7 @@ def _library(system: Name) -> list[dict[str, object]]:
 
 
 def _face_row(face: Face, survey: Survey) -> FaceRow:
-    """Return a face as the page has it, with its shares of the names of several faces."""
+    """Return a face's row on the page, with its shares of names that cover several faces."""
     names = [
         f"{one.name} ({one.why}), {100 * face.area / one.area:.3g} % of it"
         for one in survey.sets
@@ -288,7 +288,7 @@ def _face_row(face: Face, survey: Survey) -> FaceRow:
 
 
 def _known(measure: float | None) -> str:
-    """Return a volume or area of the CAD file."""
+    """Return a volume or area of the CAD file as text."""
     return "-" if measure is None else f"{measure:.5g}"
 
 

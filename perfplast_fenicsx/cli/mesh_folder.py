@@ -1,4 +1,4 @@
-"""The folder that ``perfplast mesh`` writes: mesh, picture, page, first case and its schema."""
+"""Write the folder of ``perfplast mesh``: mesh, picture, page, first case and its schema."""
 
 import json
 import os
@@ -14,22 +14,22 @@ CASE, MESH, PICTURE, PAGE = "case.toml", "case.msh", "bodies.png", "setup.html"
 """Files of the folder."""
 
 SCHEMA = "case.schema.json"
-"""By this file beside the case editors complete its keys and mark faults."""
+"""Schema file next to the case, with which editors complete its keys and mark faults."""
 
 SCHEMA_LINE = f"#:schema ./{SCHEMA}\n"
 """First line of the case, for editors."""
 
 
 def check_free(output: Path, force: bool) -> None:
-    """Refuse a folder that has a mesh or a case already.
+    """Refuse a folder that already has a mesh or a case.
 
     Raises:
-        InputError: If it has, and is not to be replaced.
+        InputError: If it has one and ``force`` is False.
     """
     existing = [name for name in (CASE, MESH) if (output / name).exists()]
     if existing and not force:
         raise InputError(
-            f"'{output}' has a {existing[0]} already; give --force to replace it, or another -o."
+            f"'{output}' already has a {existing[0]}; give --force to replace it, or another -o."
         )
 
 
@@ -38,11 +38,11 @@ def fill(output: Path, made: Path, case: str) -> None:
 
     Args:
         output: The folder.
-        made: Folder with mesh, picture and page, those that there are.
+        made: Folder with the files made: mesh, picture and page, as far as they exist.
         case: The text of the case.
 
     Raises:
-        InputError: If the system refuses.
+        InputError: If the folder cannot be written.
     """
     schema = json.dumps(case_schema(), indent=1, ensure_ascii=False)
     try:

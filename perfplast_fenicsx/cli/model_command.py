@@ -1,4 +1,4 @@
-"""``perfplast mesh MODEL.inp``: a model of another program becomes a mesh and a first case."""
+"""Implement ``perfplast mesh MODEL.inp``: turn another program's model into mesh and first case."""
 
 import argparse
 import logging
@@ -34,31 +34,31 @@ MODELS = {
     **dict.fromkeys((".bdf", ".nas", ".fem"), read_bdf),
     **dict.fromkeys((".vtu", ".vtk"), read_vtu),
 }
-"""The reader of a model, by the ending of its file."""
+"""The reader of a model, by the suffix of its file."""
 
 log = logging.getLogger(__name__)
 
 
 def is_model(path: str) -> bool:
-    """Return whether a file is a model by its name, with a mesh of its own."""
+    """Return whether a file name is that of a model with its own mesh."""
     return Path(path).suffix.lower() in MODELS
 
 
 def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> None:
-    """Read a model, say what is in it, and write mesh and first case. Collective.
+    """Read a model, print its contents, and write mesh and first case. Collective.
 
     Args:
-        comm: Rank 0 does it.
-        chosen: Of ``perfplast mesh``.
+        comm: The ranks; rank 0 does the work.
+        chosen: The arguments of ``perfplast mesh``.
 
     Raises:
-        InputError: If the file cannot be used, the folder has a case already, or there are options
-            that a model with a mesh has no use for.
+        InputError: If the file cannot be used, if the folder already has a case, or for options
+            that do not apply to a model with a mesh.
     """
     if meshing_options(chosen) != MeshingOptions() or chosen.tied or chosen.bolted:
         raise InputError(
-            f"'{chosen.geometry}' has a mesh: options that say how to mesh and what to glue go with"
-            " geometry files; leave them out."
+            f"'{chosen.geometry}' already has a mesh, but options for meshing and gluing "
+            "apply only to geometry files; remove them."
         )
     terminal, output = Terminal(comm), Path(chosen.output)
 
@@ -73,7 +73,7 @@ def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> None:
     if found is not None:
         survey, complete = found
         terminal.say(describe(survey))
-        fill = "" if complete else f" fill in what is marked with <- in {CASE};"
+        fill = "" if complete else f" fill in the lines marked with <- in {CASE};"
         terminal.say(
             f"\nWritten to {output}: {written(output)}. Next:{fill} perfplast run"
             f" {output / CASE} -o {output / 'results'}"
@@ -81,7 +81,7 @@ def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> None:
 
 
 def _made(source: Path, output: Path, material: str | None, force: bool) -> tuple[Survey, bool]:
-    """Write the folder; whether nothing is left to be filled in."""
+    """Write the folder; return the survey and whether the case is complete."""
     check_free(output, force)
     model = MODELS[source.suffix.lower()](source)
     model.remarks.extend(told_of_shared_nodes(model))
@@ -104,7 +104,7 @@ def _made(source: Path, output: Path, material: str | None, force: bool) -> tupl
 
 
 def _draw(model: ForeignModel, survey: Survey, made: Path) -> None:
-    """Draw the bodies; without a graphics system there is a mesh all the same."""
+    """Draw the bodies; without a graphics system the mesh is written all the same."""
     shown, body, face = model.cells, model.body, np.zeros(len(model.cells), dtype=np.int64)
     if model.dim == 3:
         outer = OuterFacets(model.cells, len(model.points))

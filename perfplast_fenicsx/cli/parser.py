@@ -1,10 +1,10 @@
-"""The arguments of the command line, and the PETSc options after them.
+"""Parse the arguments of the command line, and the PETSc options after them.
 
 Exit status: 0 all load levels solved, 1 a fault of the program, 2 bad input, 3 a load level without
-a solution (a result like any other: the levels before it are valid).
+a solution (the levels before it are valid).
 
 This module imports MPI, PETSc and DOLFINx only where they are needed. Importing them takes a
-second, and help, the version and the completion by the shell must be quick.
+second, but help, version and shell completion must be fast.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from perfplast_fenicsx.materials.common import TABLE
 from perfplast_fenicsx.units import SYSTEMS
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
-"""Exit statuses of the command line; an interrupted run has 128 and the signal's number."""
+"""Exit statuses of the command line; for an interrupted run 128 plus the signal's number."""
 
 LOG_LEVELS = ("debug", "info", "warning", "error")
 
@@ -33,14 +33,14 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     """Return the command and its arguments. Not collective.
 
     Args:
-        arguments: Without the name of the program.
+        arguments: The arguments without the name of the program.
 
     Returns:
         The values by name; ``petsc`` are the arguments after two dashes, for
         :func:`set_petsc_options`.
 
     Raises:
-        InputError: If they say nothing that can be done.
+        InputError: If the arguments are not valid.
         SystemExit: After help or version.
     """
     for argument in arguments:
@@ -57,14 +57,16 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
         known = [name for name in parser.options(chosen.command) if name.startswith("--")]
         first, remedy = unknown[0], nearest(unknown[0], known)
         raise InputError(f"perfplast {chosen.command} has no argument '{first}'; {remedy}")
-    solving = ("run", "sweep", "check")  # commands that take PETSc options
+    solving = ("run", "sweep", "check")  # commands that accept PETSc options
     if petsc and chosen.command not in solving:
-        raise InputError(f"perfplast {chosen.command} takes no PETSc options; leave out '--'.")
+        raise InputError(f"perfplast {chosen.command} takes no PETSc options; remove '--'.")
     if chosen.command in ("run", "sweep") and chosen.restart and chosen.force:
-        raise InputError("--restart goes on from results, --force replaces them; give one.")
+        raise InputError(
+            "--restart continues from results, but --force replaces them; give one of them."
+        )
     if chosen.command == "run" and chosen.restart and chosen.refine:
-        raise InputError("--restart goes on with one run, --refine starts two; give one.")
-    if chosen.command == "plot" and not chosen.wait >= 0:  # nor is NaN a time
+        raise InputError("--restart continues one run, but --refine starts two; give one of them.")
+    if chosen.command == "plot" and not chosen.wait >= 0:  # NaN is not a valid time either
         raise InputError(f"--wait must be a time of 0 s or more, not {chosen.wait:g}.")
     chosen.petsc = petsc
     return chosen
@@ -74,8 +76,8 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
     """Put options such as ``-perfplast_ksp_rtol 1e-10`` into PETSc's database.
 
     Raises:
-        InputError: If an argument is neither an option nor the value of one, or an option is
-            unknown or has a wrong value.
+        InputError: If an argument is neither an option nor its value, or if an option is unknown or
+            has a wrong value.
     """
     from petsc4py import PETSc
 
@@ -94,19 +96,21 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
             name = None
         else:
             raise InputError(
-                f"after '--' there is '{argument}', which is neither a PETSc option nor its value;"
-                " write for instance -- -perfplast_ksp_rtol 1e-10."
+                f"after '--' there is '{argument}', which is neither a PETSc option nor "
+                "its value; write for instance -- -perfplast_ksp_rtol 1e-10."
             )
     check_options(given)
     for name, value in given.items():
         options[name] = value
-    for name in given:  # the solvers copy what has their prefix; PETSc warns of unused copies
+    for (
+        name
+    ) in given:  # the solvers copy the options with their prefix; PETSc would warn of unused copies
         if name.startswith("perfplast_"):
             options.hasName(name)
 
 
 class _Parser(argparse.ArgumentParser):
-    """Speaks on rank 0 only, and raises InputError instead of printing its usage."""
+    """A parser that prints only on rank 0, and raises InputError instead of printing its usage."""
 
     commands: Mapping[str, argparse.ArgumentParser]
 
@@ -125,18 +129,18 @@ class _Parser(argparse.ArgumentParser):
 
 def _add_results(command: argparse.ArgumentParser) -> None:
     """Add the arguments for the case and the folder of its results."""
-    command.add_argument("case", metavar="CASE.toml", help="what to solve")
+    command.add_argument("case", metavar="CASE.toml", help="the case to solve")
     where = command.add_mutually_exclusive_group(required=True)
-    where.add_argument("-o", "--output", metavar="DIR", help="folder for results")
+    where.add_argument("-o", "--output", metavar="DIR", help="result folder")
     where.add_argument(
-        "--restart", metavar="DIR", help="go on from the last level that is solved in this folder"
+        "--restart", metavar="DIR", help="continue from the last solved level in this folder"
     )
     command.add_argument(
         "-n",
         "--ranks",
         metavar="N",
         type=int,
-        help="start so many ranks, by the mpirun of the MPI that is in use",
+        help="number of ranks to start, with the mpirun of the MPI in use",
     )
     command.add_argument("--force", action="store_true", help="replace results in DIR")
     pages = command.add_mutually_exclusive_group()
@@ -151,11 +155,13 @@ def _add_results(command: argparse.ArgumentParser) -> None:
         "--log-level",
         choices=LOG_LEVELS,
         default="warning",
-        help="show messages of at least this level on standard error; info shows every Newton step"
-        " (DIR/run.log always has them; default: warning)",
+        help="show messages of at least this level on standard error; info shows every Newton "
+        "step (DIR/run.log always has them; default: warning)",
     )
     command.add_argument(
-        "--quiet", action="store_true", help="nothing on standard output; warnings are still shown"
+        "--quiet",
+        action="store_true",
+        help="print nothing on standard output; warnings still appear",
     )
 
 
@@ -163,10 +169,11 @@ def make_parser() -> _Parser:
     """Return the parser of all commands."""
     parser = _Parser(
         prog="perfplast",
-        description="Elastic-plastic bodies in contact, and the loads at which they collapse.",
-        epilog="Exit status: 0 all load levels solved, 1 a fault of the program, 2 bad input,"
-        " 3 a load level without a solution (the levels before it are valid), 130 or 143"
-        " interrupted (--restart goes on).",
+        description="Compute elastic-plastic bodies in contact, and the loads at "
+        "which they collapse.",
+        epilog="Exit status: 0 all load levels solved, 1 a fault of the program, 2 bad input, 3 "
+        "a load level without a solution (the levels before it are valid), 130 or 143 "
+        "interrupted (--restart continues).",
     )
     parser.add_argument("--version", action="version", version=f"perfplast {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -174,7 +181,8 @@ def make_parser() -> _Parser:
     scripts.add_argument(
         "--trust",
         action="store_true",
-        help="run a .geo script, which may run any command: only if you know what is in it",
+        help="run a .geo script, which may run any command: use it only for scripts whose "
+        "contents you know",
     )
     parser.commands = commands.choices
 
@@ -183,22 +191,23 @@ def make_parser() -> _Parser:
         parents=[scripts],
         help="solve a case",
         description="Solve a case on any number of ranks, e.g. perfplast run -n 2 ...",
-        epilog="PETSc options follow two dashes: -- -perfplast_ksp_rtol 1e-10 for the linear"
-        " solver, -perfplast_vi_... for the contact set.",
+        epilog="PETSc options follow two dashes: -- -perfplast_ksp_rtol 1e-10 for the linear "
+        "solver, -perfplast_vi_... for the contact set.",
     )
     _add_results(run)
     run.add_argument(
         "--refine",
         action="store_true",
-        help="solve it again with elements of half the size, in DIR/half, and compare in a table",
+        help="solve the case again with elements of half the size, in DIR/half, and compare "
+        "both in a table",
     )
 
     sweep = commands.add_parser(
         "sweep",
         parents=[scripts],
-        help="solve a case with other values, and put all results into one table",
-        description="Solve a case once for each value, or each pair of values and so on, in folders"
-        " of their own, DIR/0001 and so on; DIR/sweep.csv and DIR/sweep.png have all.",
+        help="solve a case with other values, and collect all results in one table",
+        description="Solve a case once for each value, or each combination of values, in separate "
+        "folders DIR/0001 and so on; DIR/sweep.csv and DIR/sweep.png contain all results.",
     )
     _add_results(sweep)
     sweep.add_argument(
@@ -206,8 +215,8 @@ def make_parser() -> _Parser:
         metavar="KEY=VALUES",
         action="append",
         required=True,
-        help="a key of the case with values FROM:TO:NUMBER or A,B,C, as in"
-        " material.block.yield_stress=200:300:5 or load.top.pressure=1,2; may be given again",
+        help="a key of the case with values FROM:TO:NUMBER or A,B,C, as in "
+        "material.block.yield_stress=200:300:5 or load.top.pressure=1,2; may be repeated",
     )
 
     add_mesh(commands, scripts)
@@ -223,38 +232,42 @@ def make_parser() -> _Parser:
     check = commands.add_parser(
         "check",
         parents=[scripts],
-        help="say and draw how a case is understood, and refuse what run would, without solving it",
-        description="Make every test that run makes before its first solve, but for memory. Say"
-        " what each load and each support covers, what touches and what is free, and draw it.",
+        help="print and draw how the program reads a case, and refuse it where run would, "
+        "without solving it",
+        description="Make every test that run makes before its first solve, except for memory. "
+        "Print what each load and each support covers, which faces touch and which are free, "
+        "and draw them.",
     )
-    check.add_argument("case", metavar="CASE.toml", help="what to check")
+    check.add_argument("case", metavar="CASE.toml", help="the case to check")
     check.add_argument(
         "-o",
         "--output",
         metavar="PICTURE",
-        help="PNG file of what was understood (default: case.png beside CASE.toml; none with"
-        " pictures = false under [output])",
+        help="PNG file for the picture (default: case.png next to CASE.toml; none with "
+        "pictures = false under [output])",
     )
 
     plot = commands.add_parser(
         "plot",
         help="draw loading curve, plastic zone, mechanism and contact pressure",
-        description="Draw path.png, fields.png and mechanism.png of a run, which may still be"
-        " going on. One process draws, whatever the number of ranks.",
+        description="Draw path.png, fields.png and mechanism.png of a run, which may still be in "
+        "progress. One process draws, whatever the number of ranks.",
     )
-    plot.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
-    plot.add_argument("-o", "--output", metavar="FOLDER", help="for the pictures (default: DIR)")
+    plot.add_argument("results", metavar="DIR", help="result folder of perfplast run")
+    plot.add_argument(
+        "-o", "--output", metavar="FOLDER", help="folder for the pictures (default: DIR)"
+    )
     plot.add_argument(
         "--follow",
         action="store_true",
-        help="show and draw levels as they come, and what is left, until the run ends",
+        help="show and draw levels as they are solved, with the remaining ones, until the run ends",
     )
     plot.add_argument(
         "--wait",
         metavar="SECONDS",
         type=float,
         default=60.0,
-        help="for the first results of a run to be followed (default: 60)",
+        help="time to wait for the first results of a followed run (default: 60)",
     )
 
     animate = commands.add_parser(
@@ -263,30 +276,34 @@ def make_parser() -> _Parser:
         description="Show plastic zone, contact pressure and loading curve of a run level by level."
         " One process draws, whatever the number of ranks.",
     )
-    animate.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    animate.add_argument("results", metavar="DIR", help="result folder of perfplast run")
     animate.add_argument(
-        "-o", "--output", metavar="FILE", help=".gif or .webp (default: DIR/loading.gif)"
+        "-o",
+        "--output",
+        metavar="FILE",
+        help="file ending in .gif or .webp (default: DIR/loading.gif)",
     )
 
     report = commands.add_parser(
         "report",
-        help="write one page of HTML that any browser opens",
-        description="Write DIR/report.html: the outcome in a sentence, the bodies in 3D, levels,"
-        " forces, the case, and how to run it again. It needs no network, and can be mailed. Of two"
-        " folders DIR/beside_NAME.html in the first one: numbers and pictures of both beside each"
-        " other, and what their cases say differently.",
+        help="write a report as one HTML page for any browser",
+        description="Write DIR/report.html: the outcome in a sentence, the bodies in 3D, levels, "
+        "forces, the case, and the command that repeats the run. The page needs no "
+        "network and can be mailed. For two folders, write DIR/beside_NAME.html in the "
+        "first one: numbers and pictures of both side by side, and the differences of "
+        "their cases.",
     )
     report.add_argument(
         "results",
         metavar="DIR",
         nargs="+",
-        help="folder with results of perfplast run, or two to be compared",
+        help="result folder of perfplast run, or two folders to compare",
     )
     report.add_argument(
         "-o",
         "--output",
         metavar="PAGE",
-        help="the page (default: DIR/report.html, or DIR/beside_NAME.html of two)",
+        help="the page (default: DIR/report.html, or DIR/beside_NAME.html for two)",
     )
 
     claim = commands.add_parser(
@@ -311,22 +328,23 @@ def make_parser() -> _Parser:
     exported = commands.add_parser(
         "export",
         help="write fields and tables for other programs",
-        description="Write DIR/export: with --vtu fields.pvd, a level_0001.vtu and so on for each"
-        " level and mechanism.vtu, for ParaView and whatever reads VTK's XML files; with --csv"
-        " levels.csv, resultants.csv and bounds.csv. Both without either.",
+        description="Write DIR/export. With --vtu it contains fields.pvd, level_0001.vtu and so on "
+        "for each level, and mechanism.vtu, for ParaView and other readers of VTK's XML "
+        "files. With --csv it contains levels.csv, resultants.csv and bounds.csv. Without "
+        "either option it contains both.",
     )
-    exported.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    exported.add_argument("results", metavar="DIR", help="result folder of perfplast run")
     exported.add_argument(
-        "-o", "--output", metavar="FOLDER", help="for the files (default: DIR/export)"
+        "-o", "--output", metavar="FOLDER", help="folder for the files (default: DIR/export)"
     )
-    exported.add_argument("--vtu", action="store_true", help="the fields that are on file")
-    exported.add_argument("--csv", action="store_true", help="levels, forces and bounds")
+    exported.add_argument("--vtu", action="store_true", help="write the stored fields")
+    exported.add_argument("--csv", action="store_true", help="write levels, forces and bounds")
 
     materials = commands.add_parser(
         "materials",
         help="show numbers of common materials, with their sources",
-        description="Show numbers of common steels, aluminium, concrete, clay and ground to start"
-        " from, with their sources. Take the numbers of a design from its standard.",
+        description="Show numbers of common steels, aluminium, concrete, clay and ground as "
+        "starting values, with their sources. For a design, take the numbers from its standard.",
     )
     materials.add_argument(
         "--units",
@@ -336,34 +354,34 @@ def make_parser() -> _Parser:
     )
     template = commands.add_parser(
         "template",
-        help="show what a code asks of [design] and [[combination]], with clauses; no more",
-        description="Show tables for a case: which factors a check of a code asks for, and where"
-        " the code has them. Without a name, show the names.",
+        help="show the entries of [design] and [[combination]] that a code requires, with clauses",
+        description="Show tables for a case: the factors that a check of a code requires, and "
+        "their clauses in the code. Without a name, list the names.",
     )
-    template.add_argument("name", choices=TEMPLATES, nargs="?", help="of the check")
+    template.add_argument("name", choices=TEMPLATES, nargs="?", help="name of the check")
     info = commands.add_parser(
         "info",
         parents=[scripts],
-        help="show what the numbers of a case mean; or show versions, for bug reports",
-        description="Say what the load factor of a case multiplies and what its numbers are in."
-        " Without a case, show versions, PETSc's packages, BLAS, ranks and threads, for bug"
-        " reports.",
+        help="show the meaning of the numbers of a case; or show versions, for bug reports",
+        description="Print what the load factor of a case multiplies and the units of its numbers. "
+        "Without a case, show versions, PETSc's packages, BLAS, ranks and threads, for "
+        "bug reports.",
     )
-    info.add_argument("case", metavar="CASE.toml", nargs="?", help="what to tell of")
+    info.add_argument("case", metavar="CASE.toml", nargs="?", help="the case to describe")
 
     commands.add_parser(
         "doctor",
-        help="try everything that a run needs, and say what is wrong",
-        description="Try the C compiler, DOLFINx, two ranks, one factorisation, gmsh and pictures,"
-        " each in a process of its own, and show a line each, with the remedy. Exit status: 0 if"
-        " all that is installed works, 2 otherwise.",
+        help="test all requirements of a run, and report faults",
+        description="Test the C compiler, DOLFINx, two ranks, one factorisation, gmsh and "
+        "pictures, each in a separate process, and print a line for each, with the remedy. Exit "
+        "status: 0 if all that is installed works, 2 otherwise.",
     )
 
     schema = commands.add_parser(
         "schema",
-        help="show the JSON Schema of case files, by which editors complete and check them",
-        description="Show the JSON Schema of case files, or write it to a file. An editor uses it"
-        " where a case begins with the line  #:schema ./case.schema.json  beside that file.",
+        help="show the JSON Schema of case files, with which editors complete and check them",
+        description="Show the JSON Schema of case files, or write it to a file. An editor uses the "
+        "file if a case begins with the line  #:schema ./case.schema.json  next to it.",
     )
-    schema.add_argument("-o", "--output", metavar="SCHEMA", help="file to write, or to replace")
+    schema.add_argument("-o", "--output", metavar="SCHEMA", help="file to write or replace")
     return parser

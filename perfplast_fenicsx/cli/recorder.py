@@ -1,4 +1,4 @@
-"""Write and show a run level by level, and continue a run that was ended."""
+"""Write and show a run level by level, and continue an interrupted run."""
 
 import time
 from collections.abc import Sequence
@@ -40,16 +40,16 @@ class RunContext:
     Attributes:
         case: The case that is solved.
         problem: The discrete problem of the case.
-        method: Name of the method, as results have it.
-        folder: Folder for the results.
+        method: Name of the method in results.
+        folder: Result folder.
         checkpoints: Checkpoints of the folder.
-        saved: State that the run goes on from; empty for a new run.
+        saved: State from which the run continues; empty for a new run.
         terminal: The terminal that shows the run.
         journal: The log of the run.
-        interrupts: Signals.
-        began: When the run began, by ``time.perf_counter``.
-        date: The same as date and time of day, with the zone.
-        command: That has begun it, or a restart of it, as a shell has it; without PETSc options.
+        interrupts: Handler of signals.
+        began: Start of the run, by ``time.perf_counter``.
+        date: Date and time of the start, with the time zone.
+        command: Shell command that started the run, or a restart of it, without PETSc options.
         remarks: Remarks on the problem.
         warnings: Warnings so far; grows during the run.
         live: The report that is kept current; None without one.
@@ -73,11 +73,11 @@ class RunContext:
 
 
 class Recorder:
-    """Keeps the results of a run up to date, and is where an interrupt ends it.
+    """Keeps the results of a run up to date, and ends the run after a signal.
 
     Attributes:
         results: Summary and path.
-        last: The last level that is solved; None before the first.
+        last: The last solved level; None before the first.
     """
 
     def __init__(self, run: RunContext) -> None:
@@ -120,40 +120,40 @@ class Recorder:
         self._solving = time.perf_counter()
 
     def plan(self, levels: int) -> None:
-        """Say how many levels the whole run has. Collective.
+        """Announce how many levels the whole run has. Collective.
 
         Raises:
-            InputError: On every rank, if the system refuses.
+            InputError: On every rank, if the files cannot be written.
         """
         self._run.terminal.plan(levels)
         self.results.summary.planned = levels
         self.results.write()
 
     def iteration(self, record: Iteration) -> None:
-        """Show and log an iteration; a monitor of the algorithms. Collective.
+        """Show and log an iteration; used as a monitor of the algorithms. Collective.
 
         Raises:
-            Interrupted: On every rank, if a signal has come.
+            Interrupted: On every rank, after a signal.
         """
         self._run.terminal.iteration(record)
         self._run.journal.iteration(record)
         self._run.interrupts.check()
 
     def interior(self, step: InteriorStep) -> None:
-        """Show and log a step of the interior point method; a monitor of it. Collective.
+        """Show and log a step of the interior point method; used as its monitor. Collective.
 
         Raises:
-            Interrupted: On every rank, if a signal has come.
+            Interrupted: On every rank, after a signal.
         """
         self._run.terminal.interior(step)
         self._run.journal.interior(step)
         self._run.interrupts.check()
 
     def mesh(self, round_: Round) -> None:
-        """Show and log the bounds on a mesh of several; a monitor of these. Collective.
+        """Show and log the bounds on one of several meshes; used as a monitor. Collective.
 
         Raises:
-            Interrupted: On every rank, if a signal has come.
+            Interrupted: On every rank, after a signal.
         """
         self._run.terminal.mesh(round_)
         self._run.journal.mesh(round_)
@@ -167,8 +167,8 @@ class Recorder:
             search: State of the search for a limit load, if there is one.
 
         Raises:
-            InputError: On every rank, if the system refuses.
-            Interrupted: On every rank, if a signal has come.
+            InputError: On every rank, if the files cannot be written.
+            Interrupted: On every rank, after a signal.
         """
         timings = self.results.summary.timings
         timings["solve"] = timings.get("solve", 0.0) + time.perf_counter() - self._solving
@@ -210,15 +210,15 @@ class Recorder:
         body: BodyBounds | None = None,
         adaptive: AdaptiveBounds | None = None,
     ) -> None:
-        """Write and show the limit load, and what is proven of the body. Collective.
+        """Write and show the limit load and the proven bounds of the body. Collective.
 
         Args:
-            limit: Limit load of the mesh, of several that of the best bounds.
+            limit: Limit load of the mesh; of several meshes, of the one with the best bounds.
             body: Proven bounds of the body.
-            adaptive: The meshes, where there are several.
+            adaptive: The sequence of meshes, if there are several.
 
         Raises:
-            InputError: On every rank, if the system refuses.
+            InputError: On every rank, if the files cannot be written.
         """
         solve = time.perf_counter() - self._solving
         if body is not None:
@@ -241,7 +241,7 @@ class Recorder:
         follows = body is not None and body.friction is not None
         self._run.terminal.limit(limit, last=adaptive is not None, associated=follows)
         self._run.journal.limit(limit, body)
-        if not self.results.reports:  # without levels nothing else has counted it
+        if not self.results.reports:  # without levels this is the only count
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
         self._writer.write_limit(limit, body, adaptive, steps, design, answer)
         summary = self.results.summary
@@ -251,10 +251,10 @@ class Recorder:
             self._run.terminal.say(line)
 
     def factor(self, factor: float, lower: Bound, upper: Bound) -> None:
-        """Show and log bounds with reduced strengths; a monitor of these. Collective.
+        """Show and log bounds with reduced strengths; used as a monitor. Collective.
 
         Raises:
-            Interrupted: On every rank, if a signal has come.
+            Interrupted: On every rank, after a signal.
         """
         words = times_in_words(factor, lower, upper, by_davis(self._run.case.materials))
         self._run.terminal.say(words)
@@ -262,10 +262,10 @@ class Recorder:
         self._run.interrupts.check()
 
     def safety(self, found: FactorOfSafety) -> None:
-        """Write and show a factor of safety, and what proves it. Collective.
+        """Write and show a factor of safety and its proof. Collective.
 
         Raises:
-            InputError: On every rank, if the system refuses.
+            InputError: On every rank, if the files cannot be written.
         """
         solve = time.perf_counter() - self._solving
         found = self._writer.judged_safety(found)
@@ -281,21 +281,21 @@ class Recorder:
 
         Args:
             angles: The direction (degrees).
-            low: With the lower bound.
-            high: With the upper bound.
-            prove: Makes of these what they prove.
+            low: Result with the lower bound.
+            high: Result with the upper bound.
+            prove: Function that makes the proof from both results.
 
         Raises:
-            InputError: On every rank, if the system refuses.
-            Interrupted: On every rank, if a signal has come.
+            InputError: On every rank, if the files cannot be written.
+            Interrupted: On every rank, after a signal.
         """
         low, high = self._writer.judged_direction(angles, low, high)
         proven = prove(low, high)
         lower, upper = low.limits[0], high.limits[1]
         at = ", ".join(f"{angle:.4g}" for angle in angles)
         words = (
-            f"At {at} degrees: carried to {lower.shown if lower.strict else 'none'} for"
-            f" certain, collapse at {upper.shown if upper.strict else 'none'} at the latest."
+            f"At {at} degrees: carried to {lower.shown if lower.strict else 'none'} for "
+            f"certain, collapse at {upper.shown if upper.strict else 'none'} at the latest."
         )
         self._run.terminal.say(words)
         self._run.journal.say(words)
@@ -307,7 +307,7 @@ class Recorder:
         """Write and show which multiples of loads are carried. Collective.
 
         Raises:
-            InputError: On every rank, if the system refuses.
+            InputError: On every rank, if the files cannot be written.
         """
         solve = time.perf_counter() - self._solving
         self._run.terminal.say(found.in_words())
@@ -316,10 +316,10 @@ class Recorder:
         self._writer.write_envelope(found, names)
 
     def shakedown(self, found: ShakedownLoad, diagram: Sequence[Direction]) -> None:
-        """Write and show a shakedown load, and the diagram of two of what varies. Collective.
+        """Write and show a shakedown load, and the diagram of two varying loads. Collective.
 
         Raises:
-            InputError: On every rank, if the system refuses.
+            InputError: On every rank, if the files cannot be written.
         """
         solve = time.perf_counter() - self._solving
         for one in diagram:
@@ -331,7 +331,7 @@ class Recorder:
         self._writer.write_shakedown(found, diagram)
 
     def elapsed(self) -> float:
-        """Wall time of the run, with what it has gone on from (s)."""
+        """Return the wall time of the run, including earlier runs that it continues (s)."""
         return time.perf_counter() - self._began
 
     def _announce(self) -> None:

@@ -1,4 +1,4 @@
-"""``perfplast run --refine``: a case as it is and with half the size of elements, in one table."""
+"""Implement ``perfplast run --refine``: a case as it is and with half the element size."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -29,17 +29,17 @@ def run_refined(
     report: Reporting = Reporting.NEVER,
     trust: bool = False,
 ) -> int:
-    """Solve a case twice, with elements of half the size the second time. Collective.
+    """Solve a case twice, the second time with elements of half the size. Collective.
 
-    The arguments are those of :func:`run.run`; the finer results are in a folder of their own.
+    The arguments are those of :func:`run.run`; the finer results are in a separate folder.
 
     Returns:
-        The larger one of both exit statuses.
+        The larger of both exit statuses.
 
     Raises:
-        InputError: As :func:`run.run`, and if cells are curved.
+        InputError: As :func:`run.run`, and for curved cells.
     """
-    half = "half"  # folder within that of the results for those with half the size
+    half = "half"  # subfolder for the results with half the size
     finer = str(Path(output) / half)
     statuses = []
     for where, halved in ((output, False), (finer, True)):
@@ -61,11 +61,11 @@ def run_refined(
 
 
 def compared(coarse: Mapping[str, Any], fine: Mapping[str, Any]) -> list[str]:
-    """Return two runs side by side: sizes, cells, what was found, and time.
+    """Return two runs side by side: sizes, cells, results, and time.
 
     Args:
         coarse: ``summary.json`` of the case as it is.
-        fine: The run with half the size.
+        fine: ``summary.json`` of the run with half the size.
     """
     limits = [summary["limit"] for summary in (coarse, fine)]
     row = _of_limit if all(limits) else _of_levels
@@ -115,7 +115,7 @@ def _told(
     if limits[0] is None or limits[1] is None:
         ends = [[s for s in one["steps"] if s["converged"]] for one in (coarse, fine)]
         if not all(ends) or abs(ends[0][-1]["zeta"] - ends[1][-1]["zeta"]) > 1e-9:
-            return ["The last levels differ, and so nothing is compared."]
+            return ["The last levels differ, so that the results are not compared."]
         before, after = (end[-1]["max_displacement"] for end in ends)
         change = f"{percent(abs(after / before - 1))} {_way(before, after)}" if before else "none"
         return [f"The largest displacement is {change} with half the size."]

@@ -1,18 +1,18 @@
-"""The levels that a run still has to solve, and how long they may take."""
+"""Estimate the levels that a run still has to solve, and their time."""
 
 from collections.abc import Sequence
 
 
 def remaining(planned: int | None, seconds: Sequence[float]) -> str:
-    """Return the levels that are left and about how long they take, in words.
+    """Return the remaining levels and their approximate time, in words.
 
     Args:
-        planned: Levels of the whole run; None where it chooses them as it goes.
+        planned: Number of levels of the whole run; None if it chooses them itself.
         seconds: Time of each level so far (s).
 
     Returns:
-        Such as ``2 levels left, about 1:40``; without a time before the first level has ended, and
-        nothing where nothing is known or left.
+        Such as ``2 levels left, about 1:40``; without a time before the end of the first level, and
+        empty if nothing is known or left.
     """
     left = 0 if planned is None else planned - len(seconds)
     if left < 1:
@@ -22,10 +22,10 @@ def remaining(planned: int | None, seconds: Sequence[float]) -> str:
 
 
 def next_level(planned: int | None, seconds: Sequence[float]) -> str:
-    """Return the level that is being solved, such as ``level 3/5, 1:40 left``.
+    """Return the level in progress, such as ``level 3/5, 1:40 left``.
 
     Args:
-        planned: Levels of the whole run; None where it chooses them as it goes.
+        planned: Number of levels of the whole run; None if it chooses them itself.
         seconds: Time of each level so far (s).
     """
     number = len(seconds) + 1
@@ -36,14 +36,15 @@ def next_level(planned: int | None, seconds: Sequence[float]) -> str:
 
 
 def _time_left(levels: int, seconds: Sequence[float]) -> str:
-    # Levels by which the next ones are judged: those near collapse take longer than the first.
+    # Number of last levels from which the next times are estimated: levels near collapse take
+    # longer than the first.
     most_recent = 3
     recent = seconds[-most_recent:]
     return clock(levels * sum(recent) / len(recent)) if recent else ""
 
 
 def clock(seconds: float) -> str:
-    """Return a time as minutes and seconds, or hours too."""
+    """Return a time as minutes and seconds, with hours if needed."""
     minutes, rest = divmod(int(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

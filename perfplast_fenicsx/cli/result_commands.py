@@ -1,4 +1,4 @@
-"""Commands that read results: pictures, animations, pages, files for other programs."""
+"""Implement commands that read results: pictures, animations, reports, files for other programs."""
 
 import json
 from collections.abc import Sequence
@@ -18,16 +18,16 @@ from perfplast_fenicsx.report.report_file import write_report
 
 
 def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -> int:
-    """Show and draw what a run writes until it ends, by rank 0. Collective.
+    """Show and draw the results of a run until it ends, on rank 0. Collective.
 
     Args:
-        comm: The ranks; the others wait.
+        comm: The ranks; all but rank 0 wait.
         results: Folder of the run.
-        output: Folder for the pictures; by default that of the results.
-        wait: Longest time for first results (s).
+        output: Folder for the pictures; by default the result folder.
+        wait: Longest time to wait for first results (s).
 
     Raises:
-        InputError: If none come in that time.
+        InputError: If there are no results in that time.
     """
     terminal = Terminal(comm)
 
@@ -45,13 +45,13 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
     """Draw pictures or an animation of results on rank 0. Collective.
 
     Args:
-        comm: The ranks; the others wait.
+        comm: The ranks; all but rank 0 wait.
         command: "plot" or "animate".
-        results: Folder of the results.
-        output: Folder for the pictures, or file for the animation; by default in the results.
+        results: Result folder.
+        output: Folder for the pictures, or file for the animation; by default in the result folder.
 
     Raises:
-        InputError: If there are no results, or nothing can be drawn.
+        InputError: If there are no results, or if nothing can be drawn.
     """
     terminal = Terminal(comm)
 
@@ -67,12 +67,12 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
 
 
 def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> int:
-    """Write a page about a run, or about two beside each other, on rank 0. Collective.
+    """Write a page about a run, or about two side by side, on rank 0. Collective.
 
     Args:
-        comm: The ranks; the others wait.
-        folders: Folders of the results, one or two.
-        output: The page; by default in the first of them.
+        comm: The ranks; all but rank 0 wait.
+        folders: One or two result folders.
+        output: The page; by default in the first folder.
 
     Raises:
         InputError: If there are no results, or not one or two folders.
@@ -114,16 +114,17 @@ def claim(comm: MPI.Intracomm, folder: str, as_json: bool) -> int:
 
 
 def export_results(comm: MPI.Intracomm, results: str, output: str | None, kinds: set[str]) -> int:
-    """Write fields and tables for other programs, by rank 0. Collective.
+    """Write fields and tables for other programs, on rank 0. Collective.
 
     Args:
-        comm: The ranks; the others wait.
-        results: Folder of the results.
-        output: For the files; by default in the results.
-        kinds: What to write, "vtu" and "csv"; both if empty.
+        comm: The ranks; all but rank 0 wait.
+        results: Result folder.
+        output: Folder for the files; by default in the result folder.
+        kinds: The kinds to write, "vtu" and "csv"; both if empty.
 
     Raises:
-        InputError: If there are no results, they cannot be read, or the files not be written.
+        InputError: If there are no results, if they cannot be read, or if the files cannot be
+            written.
     """
     terminal = Terminal(comm)
     wanted = {kind: kind in kinds or not kinds for kind in ("vtu", "csv")}

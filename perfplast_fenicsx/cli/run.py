@@ -1,4 +1,4 @@
-"""A run: solve a case level by level, and write and show the results."""
+"""Run a case: solve it level by level, and write and show the results."""
 
 import logging
 import shlex
@@ -73,10 +73,10 @@ def run(
     """Solve a case and write its results. Collective.
 
     Args:
-        comm: The ranks.
-        path: Case file.
+        comm: The ranks of the run.
+        path: Path of the case file.
         output: Result folder.
-        force: Replace results in it.
+        force: Whether to replace results in it.
         terminal: The terminal that shows the run.
         log_level: What is in ``run.log`` beside what always is (:class:`run_log.RunLog`).
         restart: Go on from the last level that is solved in the folder.
@@ -88,7 +88,7 @@ def run(
         command: The command that repeats several cases.
 
     Returns:
-        ``SOLVED``, ``NO_SOLUTION`` where a level has none, or the status of an interrupt.
+        ``SOLVED``, ``NO_SOLUTION`` if a level has no solution, or the status of an interrupt.
 
     Raises:
         InputError: If the case or the folder cannot be used.
@@ -98,8 +98,8 @@ def run(
         case = prepared or read_case(path, comm, trust)
         if case.combinations:
             raise InputError(
-                f"{case.path.name}: it has combinations, and --refine solves one case; leave out"
-                " one of them."
+                f"{case.path.name}: the case has combinations, but --refine solves only "
+                "one case; remove one of them."
             )
         folder = ResultFolder(comm, output, force, restart)
         content = with_contents(case.table, case.materials)
@@ -129,7 +129,7 @@ def run(
                 said += _on_friction(problem, case.loading.limit_tolerance is not None)
                 said += problem.shanks.in_words()
             meant = understood(case, problem)
-            lines = meant.lines if meant else []  # rank 0 alone has them, and alone speaks
+            lines = meant.lines if meant else []  # only rank 0 has them, and prints them
             terminal.say("\n".join(lines))
             for remark in said:
                 terminal.say(f"{remark}.")
@@ -159,7 +159,9 @@ def run(
             except Interrupted as interrupted:
                 kept = solver or folder.file(KNOWN).exists()
                 told = (
-                    "what is solved is on file; go on" if kept else "nothing is lost; start again"
+                    "solved levels are saved; continue"
+                    if kept
+                    else "no results are lost; start again"
                 )
                 again = command.replace(" -o ", " --restart ", 1)
                 again = again or f"perfplast run {path} --restart {whole}"
@@ -173,20 +175,23 @@ def run(
 
 
 def admitted_solver(case: Case, problem: Problem, method: str) -> Any:
-    """Return what solves a problem, once all tests are made that need no solution. Collective.
+    """Return the algorithm that solves a problem, after all tests that need no solution.
 
-    ``check`` and ``run`` both call it, so that a run refuses nothing later that could be known.
+    Collective.
+
+    Both ``check`` and ``run`` call this function, so that ``run`` refuses nothing later that could
+    be known before.
 
     Args:
         case: The case.
         problem: Problem of the case.
-        method: Name of the method, as results have it.
+        method: Name of the method in results.
 
     Returns:
-        The algorithm of ``[solve]``; None where the interior point method is to answer.
+        The algorithm of ``[solve]``; None for the interior point method.
 
     Raises:
-        InputError: If the control does not know the problem.
+        InputError: If the control does not support the problem.
     """
     direct = method == LimitMethod.INTERIOR_POINT
     with at(case.path.name):
@@ -199,29 +204,29 @@ def admitted_solver(case: Case, problem: Problem, method: str) -> Any:
 
 
 def check_conic(case: Case, problem: Problem, direct: bool) -> None:
-    """Refuse a solver of conic programs where it cannot run, or has nothing to solve.
+    """Refuse a solver of conic programs that cannot run or is not needed.
 
     Args:
         case: Case of the problem.
         problem: The bodies and their loads.
-        direct: Whether the interior point method is to answer.
+        direct: Whether the interior point method computes the answer.
 
     Raises:
-        InputError: If the solver is not the usual one and cannot be used.
+        InputError: If the solver is not the default one and cannot be used.
     """
     if case.conic == USUAL:
         return
     if not direct or are_blocks(problem):
         how = "rigid blocks" if direct else "a path"
         raise InputError(
-            f"[solve], conic = '{case.conic}' solves conic programs, but this limit load is that of"
-            f" {how}, which needs none; leave conic out."
+            f"[solve], conic = '{case.conic}' solves conic programs, but this limit load "
+            f"is that of {how}, which needs none; remove conic."
         )
     check_solver(case.conic, problem.comm.size)
 
 
 def on_bodies(bodies: Problem, case: Case) -> Problem:
-    """Return the problem of a case on bodies that are there already. Collective."""
+    """Return the problem of a case on existing bodies. Collective."""
     with at(f"{case.path.name}, {case.remarks[-1]}"):
         return variant(bodies, materials=case.materials, loads=case.loads_on(bodies))
 
@@ -233,7 +238,7 @@ def run_command(path: str, output: str, report: Reporting, trust: bool) -> str:
 
 
 def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:
-    """Warn of what is odd in a case, though it can be run. Collective."""
+    """Log warnings on suspicious data in a case that can nevertheless be run. Collective."""
     points = problem.tagged_mesh.mesh.geometry.x
     odd = odd_magnitudes(case.units, case.materials, comm, np.asarray(points, dtype=np.float64))
     for remark in (*problem.tagged_mesh.remarks, *odd):
@@ -244,12 +249,12 @@ def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:
 def _on_friction(problem: Problem, searched: bool) -> list[str]:
     """Return sentences on Coulomb's friction, with its bounds if they are known. Collective.
 
-    If a load is sought, the bounds are printed with it.
+    If a limit load is sought, the bounds are printed with it.
     """
     if not problem.friction.follows_pressure:
         return []
-    step = "a step from the one before" if problem.in_stages else "one step"
-    told = [f"Coulomb's friction: each level is {step}, whose solution need not be the only one"]
+    step = "a step from the previous level" if problem.in_stages else "one step"
+    told = [f"Coulomb's friction: each level is {step}, whose solution need not be unique"]
     bounded = not problem.loads.has_dead() and not searched
     if bounded and method_for(problem) is LimitMethod.INTERIOR_POINT:
         told.append(drucker_bounds(problem).in_words())
@@ -259,7 +264,7 @@ def _on_friction(problem: Problem, searched: bool) -> list[str]:
 def _asked(
     context: RunContext, solver: Any, stages: LoadingHistory | None, recorder: Recorder
 ) -> Run:
-    """Return the objects that the control of a case works with."""
+    """Return the objects that the control of a case uses."""
     saved, directions = context.saved, read_proven(context.folder, again=True)
     if directions:
         context.terminal.say(f"Directions on file: {len(directions)}; the last is computed again.")
@@ -300,7 +305,7 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
     if case.output.pictures and (recorder.last is not None or (limit and limit.collapses)):
         context.terminal.status("drawing pictures")
         if not case.output.fields:
-            log.info("path.png alone is drawn: fields.png needs fields = true under [output]")
+            log.info("only path.png is drawn: fields.png needs fields = true under [output]")
         with results.timed("pictures"):
             draw(context.folder)
     if recorder.last is not None:

@@ -1,7 +1,7 @@
-"""Log messages: on standard error while a command runs, and in ``run.log`` of its results.
+"""Log messages: on standard error during a command, and in ``run.log`` of its results.
 
-The library logs under its own name and configures nothing; here, and in the command line alone, are
-the handlers. Rank 0 alone speaks.
+The library logs under its own name and configures nothing. All handlers are in this module, which
+only the command line uses. Only rank 0 logs.
 """
 
 import dataclasses
@@ -36,9 +36,9 @@ def logged_to_console(
     """Show the library's records on standard error, from rank 0.
 
     Args:
-        comm: The ranks.
-        level: The least serious that is shown, one of :data:`~.parser.LOG_LEVELS`.
-        before: Called before a record is written, to clear the live line.
+        comm: The ranks of the run.
+        level: The least severe level that is shown, one of :data:`~.parser.LOG_LEVELS`.
+        before: Function that is called before each record, to clear the live line.
     """
 
     class Handler(logging.StreamHandler):
@@ -54,10 +54,10 @@ def logged_to_console(
 
 
 class RunLog:
-    """``run.log``: time stamps, versions, options, each Newton step, warnings, how it ended.
+    """The file ``run.log``: time stamps, versions, options, Newton steps, warnings, and the end.
 
-    A context manager; what ends the block by an exception is logged with its traceback. The log of
-    a run that goes on in a folder is appended to what there is.
+    It is a context manager, which logs an exception that ends the block, with its traceback. The
+    log of a continued run is appended to the existing file.
     """
 
     def __init__(self, folder: ResultFolder, level: str = "info", first: int = 1) -> None:
@@ -65,11 +65,11 @@ class RunLog:
 
         Args:
             folder: Its folder.
-            level: Also log what is as serious as this, if less than "info".
-            first: Number of the first load level, where the run goes on from others.
+            level: Also log records of this level, if it is less severe than "info".
+            first: Number of the first load level, if the run continues from others.
 
         Raises:
-            InputError: If it cannot be written.
+            InputError: If the file cannot be written.
         """
         self._comm = folder.comm
         self._number = first
@@ -98,10 +98,10 @@ class RunLog:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if isinstance(error, InputError):  # the command line says it
+        if isinstance(error, InputError):  # the command line prints it
             log.info("ended: %s", error)
         elif isinstance(error, KeyboardInterrupt):
-            log.info("ended at once by a signal")
+            log.info("ended immediately by a signal")
         elif error is not None:
             text = "".join(traceback.format_exception(error)).rstrip()
             log.error("ended by %s\n%s", type(error).__name__, text)
@@ -109,11 +109,11 @@ class RunLog:
         self._handled.__exit__(None, None, None)
 
     def header(self, case: Case, descriptions: Sequence[str]) -> None:
-        """Say what runs on what. Collective.
+        """Log the case, the versions and the machine. Collective.
 
         Args:
             case: The case that is solved.
-            descriptions: The discrete problem, and how its contacts were made, a line each.
+            descriptions: Lines on the discrete problem and on how its contacts were formed.
         """
         log.info("%s", ", ".join(f"{name} {version}" for name, version in versions().items()))
         for name, text in surroundings(self._comm).items():
@@ -125,26 +125,27 @@ class RunLog:
             log.info("%s", description)
 
     def iteration(self, record: Iteration) -> None:
-        """Log a Newton step; a monitor of the algorithms."""
+        """Log a Newton step; used as a monitor of the algorithms."""
         log.info(
-            "level %d, step %d: zeta %.10g, alpha %.10g, increment %.2e, beta %.3g, rho %.1e,"
-            " %.2f%% plastic, %d contacts, %d solves for them, %d linear iterations, %.2f s",
+            "level %d, step %d: zeta %.10g, alpha %.10g, increment %.2e, beta %.3g, rho "
+            "%.1e, %.2f%% plastic, %d contacts, %d solves for them, %d linear iterations, "
+            "%.2f s",
             *(self._number, record.number, record.zeta, record.alpha, record.increment),
             *(record.beta, record.rho, 100 * record.plastic_fraction, record.active_contacts),
             *(record.active_set_iterations, record.linear_iterations, record.seconds),
         )
 
     def interior(self, step: InteriorStep) -> None:
-        """Log a step of the interior point method; a monitor of it."""
+        """Log a step of the interior point method; used as its monitor."""
         log.info(
-            "step %d: load %.10g, gap %.2e, forces without balance %.2e, inadmissible flow %.2e,"
-            " length %.3g, %.2f s",
+            "step %d: load %.10g, gap %.2e, unbalanced forces %.2e, inadmissible flow "
+            "%.2e, length %.3g, %.2f s",
             *(step.number, step.load, step.gap, step.unbalanced, step.inadmissible),
             *(step.length, step.seconds),
         )
 
     def mesh(self, round_: Round) -> None:
-        """Log the bounds on a mesh of several; a monitor of these."""
+        """Log the bounds on one of several meshes; used as a monitor."""
         log.info("%s", round_)
 
     def say(self, words: str) -> None:
@@ -176,28 +177,28 @@ class RunLog:
 
 
 class _Visible(logging.Formatter):
-    """Writes control characters as escapes: logs are read on terminals."""
+    """A formatter that writes control characters as escapes, since users read logs on terminals."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the line of a record, or lines."""
+        """Return a record as one or several lines."""
         return visible(super().format(record), lines=True)
 
 
 class _LogFile(logging.FileHandler):
-    """Goes on without what the system refuses, as with a full disk: the results say so."""
+    """A handler that ignores write errors, as of a full disk; the results report them."""
 
     def handleError(self, record: logging.LogRecord) -> None:
-        """Leave the record out."""
+        """Drop the record."""
 
     def close(self) -> None:
-        """Close the file, whatever is lost of it."""
+        """Close the file and ignore errors."""
         with suppress(OSError):
             super().close()
 
 
 @contextmanager
 def kept_warnings(comm: MPI.Intracomm) -> Iterator[list[str]]:
-    """Collect the library's warnings on rank 0, for results; the list grows within the block."""
+    """Collect the library's warnings on rank 0 for results; the list grows within the block."""
     kept: list[str] = []
 
     class Handler(logging.Handler):
@@ -210,14 +211,14 @@ def kept_warnings(comm: MPI.Intracomm) -> Iterator[list[str]]:
 
 
 class _Once(logging.Filter):
-    """Lets a warning through once: the same bodies on a finer mesh have it again."""
+    """A filter that passes each warning once: a finer mesh of the same bodies repeats it."""
 
     def __init__(self) -> None:
         super().__init__()
         self._seen = set[str]()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether a record is new, or no warning."""
+        """Return whether a record is new, or is not a warning."""
         if record.levelno != logging.WARNING:
             return True
         text = record.getMessage()
@@ -228,7 +229,7 @@ class _Once(logging.Filter):
 
 @contextmanager
 def _handled(comm: MPI.Intracomm, handler: logging.Handler, level: str) -> Iterator[None]:
-    """The package's records to a handler, from rank 0, and no less serious than a level."""
+    """Send the package's records of at least a level from rank 0 to a handler."""
     handler.setLevel(level.upper())
     handler.addFilter(lambda record: comm.rank == 0)
     handler.addFilter(_Once())

@@ -1,4 +1,4 @@
-"""Completion of arguments by the shell, where argcomplete is installed."""
+"""Complete arguments in the shell, if argcomplete is installed."""
 
 import argparse
 import os
@@ -14,15 +14,15 @@ ENDINGS = {
     "PAGE": ("html",),
     "SCHEMA": ("json",),
 }
-"""Endings of the files that arguments name, by metavar."""
+"""Suffixes of the files that arguments name, by metavar."""
 
 
 def complete(parser: argparse.ArgumentParser, **settings: Any) -> None:
-    """Answer the shell and end the process, if it is the shell that asks; else do nothing.
+    """Answer a completion request of the shell and end the process; otherwise do nothing.
 
     Args:
         parser: Parser of all commands.
-        settings: Of ``argcomplete.autocomplete``, for tests.
+        settings: Arguments of ``argcomplete.autocomplete``, for tests.
     """
     if "_ARGCOMPLETE" not in os.environ:
         return
@@ -41,7 +41,7 @@ def complete(parser: argparse.ArgumentParser, **settings: Any) -> None:
 
 
 def _actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    """Return those of the parser and of its commands."""
+    """Return the actions of the parser and of its commands."""
     found = list(parser._actions)
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):

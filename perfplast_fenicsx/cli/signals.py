@@ -1,9 +1,9 @@
-"""Ctrl-C and SIGTERM: the ranks end together, between two iterations.
+"""Handle Ctrl-C and SIGTERM: the ranks end together, between two iterations.
 
-A signal may reach one rank alone, and at any place. It is noted there, and all ranks look together
-after each iteration whether any has one. The same signal once more ends the process at once;
-nothing on the disk is harmed by that either. So does a signal that ends what the process waits for,
-such as a compiler.
+A signal may reach only one rank, at any point of the program. The rank stores it, and after each
+iteration all ranks check together whether any has one. A second identical signal ends the process
+at once, without damage to files. A signal that ends a child process, such as a compiler, has the
+same effect.
 """
 
 import signal
@@ -20,7 +20,7 @@ class Interrupted(StopSearch):
     """Raised on all ranks together.
 
     Attributes:
-        status: Exit status, as shells give it: 128 and the signal's number.
+        status: Exit status, as in shells: 128 plus the signal's number.
     """
 
     def __init__(self, number: int) -> None:
@@ -29,10 +29,10 @@ class Interrupted(StopSearch):
 
 
 class Interrupts:
-    """Notes signals while it is entered; outside of the main thread it cannot, and does nothing."""
+    """Stores signals within a ``with`` block; outside the main thread it does nothing."""
 
     def __init__(self, comm: MPI.Intracomm) -> None:
-        """Notes none yet."""
+        """Start without a signal."""
         self._comm = comm
         self._noted = 0
         self._before: dict[int, object] = {}
@@ -51,16 +51,16 @@ class Interrupts:
     ) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
-        # a compiler or a file that was interrupted too is no fault of the program
+        # a compiler or a file that was interrupted too is not a fault of the program
         expected = (StopSearch, InputError)
         if self._noted and isinstance(error, Exception) and not isinstance(error, expected):
             raise KeyboardInterrupt(self._noted) from error
 
     def check(self) -> None:
-        """Look whether any rank has had a signal. Collective.
+        """Check whether any rank has received a signal. Collective.
 
         Raises:
-            Interrupted: On every rank, if so.
+            Interrupted: On every rank, after a signal.
         """
         number = self._comm.allreduce(self._noted, MPI.MAX)
         if number:
@@ -72,5 +72,5 @@ class Interrupts:
 
 
 def leave_pipes_to_python() -> None:
-    """Have a pipe that nobody reads raise BrokenPipeError: PETSc would end the process."""
+    """Let a closed pipe raise BrokenPipeError, instead of PETSc ending the process."""
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)

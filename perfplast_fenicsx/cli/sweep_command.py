@@ -1,4 +1,4 @@
-"""``perfplast sweep``: a case with other values, one after the other, and a table of all."""
+"""Implement ``perfplast sweep``: a case with several values in turn, and a table of all."""
 
 import json
 import logging
@@ -24,7 +24,7 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.report.report_file import Reporting
 
 TABLE, PICTURE = "sweep.csv", "sweep.png"
-"""Files of a sweep, in the folder that has those of the cases."""
+"""Files of a sweep, in the folder that contains those of the cases."""
 
 log = logging.getLogger(__name__)
 
@@ -41,13 +41,13 @@ def sweep(
     report: Reporting = Reporting.NEVER,
     trust: bool = False,
 ) -> int:
-    """Solve all cases of a sweep, each on all ranks in a folder of its own. Collective.
+    """Solve all cases of a sweep, each on all ranks in a separate folder. Collective.
 
     Args:
-        comm: The ranks.
-        path: Case file.
-        output: Folder of the cases' folders, of :data:`TABLE` and :data:`PICTURE`.
-        force: Replace results in them.
+        comm: The ranks of the run.
+        path: Path of the case file.
+        output: Folder for the cases' folders, :data:`TABLE` and :data:`PICTURE`.
+        force: Whether to replace results in them.
         terminal: The terminal that shows the run.
         vary: Varied keys and their values, as :func:`variations.read_variation` takes them.
         log_level: The least level of records, as in :func:`run.run`.
@@ -59,8 +59,8 @@ def sweep(
         The largest exit status, or that of an interrupt, which ends the sweep.
 
     Raises:
-        InputError: If the case, a value or the folder cannot be used, before anything is solved
-            where that can be known.
+        InputError: If the case, a value or the folder cannot be used, if possible before any
+            solution.
     """
     variations = [read_variation(text) for text in vary]
     cases = sweep_cases(comm, path, variations, trust)
@@ -98,16 +98,16 @@ def sweep(
 def sweep_cases(
     comm: MPI.Intracomm, path: str, variations: Sequence[Variation], trust: bool
 ) -> list[Case]:
-    """Return the cases of a sweep, each checked as far as it can be without its mesh. Collective.
+    """Return the cases of a sweep, each checked as far as possible without its mesh. Collective.
 
     Raises:
-        InputError: If a value does not fit, or the case has combinations.
+        InputError: If a value is not valid, or if the case has combinations.
     """
     base = read_case(path, comm, trust)
     if base.combinations:
         raise InputError(
-            f"{base.path.name}: it has combinations, which are a table by themselves; leave them"
-            " out, or vary nothing."
+            f"{base.path.name}: the case has combinations, which have a table of their "
+            "own; remove them, or vary nothing."
         )
     cases = []
     for values in grid(variations):
@@ -132,7 +132,7 @@ ANEW, BEGUN, DONE = "anew", "begun", "done"
 
 
 def _state(folder: str, case: Case) -> str:
-    """Return how far a case is solved in a folder: not at all, in part, or to its end."""
+    """Return how far a case is solved in a folder: not at all, in part, or completely."""
     try:
         found = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -150,7 +150,7 @@ def _failed(steps: Sequence[Mapping[str, Any]]) -> bool:
 
 
 def _found(folder: str) -> dict[str, Any]:
-    """Return the row of a case for the table of results."""
+    """Return the row of a case in the table of results."""
     found = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
     row: dict[str, Any] = {}
     limit = found.get("limit")
@@ -168,14 +168,14 @@ def _found(folder: str) -> dict[str, Any]:
 def _written(
     rows: Sequence[Mapping[str, Any]], keys: Sequence[str], title: str, output: Path
 ) -> str | None:
-    """Write table and picture; return the error of the system, if any."""
+    """Write table and picture; return the error of the system, if there is one."""
     try:
         replace(output / TABLE, csv_table(rows))
-        # Matplotlib takes a fifth of the time in which other commands start.
+        # importing Matplotlib takes a fifth of the start-up time of other commands
         from perfplast_fenicsx.pictures.sweep_curve import save_sweep
 
         if not save_sweep(rows, keys, title, output / PICTURE):
-            log.info("no %s: values of '%s' are no numbers", PICTURE, keys[0])
+            log.info("no %s: values of '%s' are not numbers", PICTURE, keys[0])
     except OSError as error:
         return f"'{output}' cannot be written: {error.strerror}."
     return None

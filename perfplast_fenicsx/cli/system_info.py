@@ -1,4 +1,4 @@
-"""The environment of a run: versions of libraries, PETSc's packages, BLAS, ranks, threads."""
+"""Describe the environment of a run: versions, PETSc's packages, BLAS, ranks, threads."""
 
 import os
 import platform
@@ -27,14 +27,14 @@ LIBRARIES = {
     "matplotlib": "matplotlib",
     "pyvista": "pyvista",
 }
-"""Names that people use, and those of the Python distributions."""
+"""Common names of libraries, and those of their Python distributions."""
 
 PETSC_PACKAGES = ("mumps", "hypre", "superlu_dist", "ptscotch", "parmetis", "ml", "cuda", "hip")
 """Solvers, partitioners and devices that PETSc may have been built with."""
 
 
 def versions() -> dict[str, str]:
-    """Return versions by name, in the order of interest; "none" of what is not installed."""
+    """Return versions by name, in order of interest; "none" for missing libraries."""
     found = {
         "perfplast": __version__,
         "DOLFINx": dolfinx.__version__,
@@ -52,18 +52,18 @@ def versions() -> dict[str, str]:
 
 
 def petsc_packages() -> list[str]:
-    """Return those of :data:`PETSC_PACKAGES` that PETSc has."""
+    """Return the entries of :data:`PETSC_PACKAGES` that PETSc has."""
     return [name for name in PETSC_PACKAGES if PETSc.Sys.hasExternalPackage(name)]
 
 
 def petsc_options() -> str:
-    """Return the options in PETSc's database, as a command line has them."""
+    """Return the options in PETSc's database, in the form of a command line."""
     options = PETSc.Options().getAll()
     return " ".join(f"-{key} {options[key]}" for key in options)
 
 
 def blas() -> str:
-    """Return the BLAS libraries that this process has loaded, each with version and threads."""
+    """Return the loaded BLAS libraries, each with version and threads."""
     found = (
         f"{library['filepath']} ({library['internal_api']} {library['version']},"
         f" {library['num_threads']} threads)"
@@ -74,9 +74,9 @@ def blas() -> str:
 
 
 def threads() -> str:
-    """Return the number of cores that this process may use, and the limit of its threads."""
+    """Return the number of cores that this process may use, and its thread limit."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    # What sets the number of threads.
+    # Variables that set the number of threads.
     variables = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
     limits = [f"{name}={os.environ[name]}" for name in variables if name in os.environ]
     return (
@@ -85,7 +85,7 @@ def threads() -> str:
 
 
 def ranks(comm: MPI.Intracomm) -> str:
-    """Return the number of ranks, and where they are. Collective."""
+    """Return the number of ranks and their hosts. Collective."""
     hosts = comm.allgather(MPI.Get_processor_name())
     counts: Longs
     names, counts = np.unique(hosts, return_counts=True)
@@ -93,7 +93,7 @@ def ranks(comm: MPI.Intracomm) -> str:
 
 
 def surroundings(comm: MPI.Intracomm) -> dict[str, str]:
-    """Return all but the versions, in words by name. Collective."""
+    """Return all data except the versions, in words by name. Collective."""
     return {
         "PETSc packages": ", ".join(petsc_packages()) or "none",
         "PETSc scalars": f"{np.dtype(PETSc.ScalarType)}, indices {np.dtype(PETSc.IntType)}",

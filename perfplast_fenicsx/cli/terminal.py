@@ -1,6 +1,7 @@
-"""The output of a run on the terminal: a header, a line for each level, a live line in long ones.
+"""Print a run on the terminal: a header, a line for each level, and a live line in long levels.
 
-Rank 0 speaks. Plain ASCII, so that it can be read anywhere. The live line is for terminals alone.
+Only rank 0 prints. The output is plain ASCII, which every terminal can show. The live line appears
+only on terminals.
 """
 
 import os
@@ -56,13 +57,13 @@ class Terminal:
         live: bool | None = None,
         quiet: bool = False,
     ) -> None:
-        """Choose where to write.
+        """Choose the stream.
 
         Args:
             comm: The ranks of the run.
             stream: Stream to write to; by default standard output.
-            live: Show a live line; by default if the output goes to a terminal.
-            quiet: Write nothing at all.
+            live: Whether to show a live line; by default if the output is a terminal.
+            quiet: Whether to write nothing at all.
         """
         self._comm = comm
         self._stream = stream or sys.stdout
@@ -78,7 +79,7 @@ class Terminal:
         self.heard: Callable[[str], None] | None = None
 
     def say(self, text: str = "") -> None:
-        """Write a line, or several; control characters as escapes."""
+        """Write one or several lines, with control characters as escapes."""
         if self._speaks:
             self.clear()
             self._write(f"{visible(text, lines=True)}\n")
@@ -101,13 +102,15 @@ class Terminal:
             self._shown = 0
 
     def _write(self, text: str) -> None:
-        """Write, or be silent from now on where nobody reads: the results are on file."""
+        """Write, or stop writing if the stream is closed; the results are on file."""
         try:
             print(text, end="", file=self._stream, flush=True)
         except BrokenPipeError:
             self._speaks = self._live = False
             self._shown = 0
-            with open(os.devnull, "w") as nowhere:  # Python flushes the rest at its end
+            with open(
+                os.devnull, "w"
+            ) as nowhere:  # otherwise Python would flush the rest at its end
                 os.dup2(nowhere.fileno(), self._stream.fileno())
 
     def header(
@@ -118,14 +121,13 @@ class Terminal:
         options: object = None,
         conic: str = USUAL,
     ) -> None:
-        """Print the problem, and the head of the table if levels follow. Collective."""
+        """Print the problem, and the table heading if levels follow. Collective."""
         self.say(describe(title, method, problem, options, conic))
         for remark in problem.constraints.remarks:
             self.say(remark)
         if method != LimitMethod.INTERIOR_POINT:
             self._driven = problem.motion.driven and not problem.loads.grows()
-            # Heading of the driving force, where ζ moves supports and
-            # obstacles and no load does work.
+            # Heading of the driving force, if ζ moves supports and obstacles and no load does work.
             driven = "force"
             heads = (
                 (driven if name == "alpha" and self._driven else name, w) for name, w in COLUMNS
@@ -133,16 +135,16 @@ class Terminal:
             self.say("  ".join(f"{name:>{width}}" for name, width in heads))
 
     def plan(self, levels: int) -> None:
-        """Know how many levels the whole run has."""
+        """Store how many levels the whole run has."""
         self._planned = levels
 
     @property
     def next_level(self) -> str:
-        """The level that is being solved, of how many, and the time that is left."""
+        """Return the level in progress, the number of levels, and the remaining time."""
         return next_level(self._planned, self._seconds)
 
     def iteration(self, record: Iteration) -> None:
-        """Show a Newton step on the live line; a monitor of the algorithms."""
+        """Show a Newton step on the live line; used as a monitor of the algorithms."""
         now = time.monotonic()
         if now - self._last >= LIVE_PERIOD:
             self._last = now
@@ -153,28 +155,28 @@ class Terminal:
             )
 
     def interior(self, step: InteriorStep) -> None:
-        """Show a step of the interior point method on the live line; a monitor of it."""
+        """Show a step of the interior point method on the live line; used as its monitor."""
         self.status(
-            f"step {step.number}: load {step.load:.6g}, gap {step.gap:.1e}, forces without balance"
-            f" {step.unbalanced:.1e}, inadmissible flow {step.inadmissible:.1e}"
+            f"step {step.number}: load {step.load:.6g}, gap {step.gap:.1e}, unbalanced "
+            f"forces {step.unbalanced:.1e}, inadmissible flow {step.inadmissible:.1e}"
         )
 
     def mesh(self, round_: Round) -> None:
-        """Write the bounds on a mesh of several; a monitor of these."""
+        """Write the bounds on one of several meshes; used as a monitor."""
         lower, upper = (
             f"none ({value:.6g} is not proven)" if value is not None else "none"
             for value in round_.not_proven
         )
         lower = lower if round_.lower is None else rounded_down(round_.lower)
         upper = upper if round_.upper is None else rounded_up(round_.upper)
-        apart = "" if round_.gap is None else f", the best {100 * round_.gap:.3g} % apart"
+        apart = "" if round_.gap is None else f", the best ones {100 * round_.gap:.3g} % apart"
         self.say(
             f"Mesh {round_.number}: {round_.cells} cells, lower bound {lower}, upper"
             f" bound {upper}{apart}, {round_.seconds:.1f} s"
         )
 
     def level(self, report: LevelReport) -> None:
-        """Write the line of a level, and one more where a stage begins."""
+        """Write the line of a level, and another line at the beginning of a stage."""
         self._seconds.append(report.seconds)
         if report.stage != self._stage:
             self._stage = report.stage
@@ -192,13 +194,12 @@ class Terminal:
             self.say(f"No solution at zeta = {report.zeta:.6g}: {report.reason}.")
 
     def limit(self, limit: LimitLoad, last: bool = False, associated: bool = False) -> None:
-        """Say what is known of the limit load of the mesh, the last one of several if so.
+        """Print the limit load of the mesh, or of the last one of several.
 
         Args:
             limit: The limit load.
-            last: Whether it is that of the last of several meshes.
-            associated: Whether slip follows the normal of friction's cone, as of Coulomb's it need
-                not.
+            last: Whether it is the limit load of the last of several meshes.
+            associated: Whether slip is associated, while Coulomb's slip need not be.
         """
         if not limit.theorem:
             self._path_bracket(limit)
@@ -218,17 +219,17 @@ class Terminal:
         """Print where a path loses equilibrium, and Drucker's bounds."""
         found = PathBracket(limit.lower, limit.upper).in_words()
         self.say(f"This path {found} ({effort(limit)}).")
-        self.say(f"How the search ended: {limit.reason}.")
+        self.say(f"Reason for the end of the search: {limit.reason}.")
         self.say(SAID)
         pair = limit.drucker
         self.say(NO_PAIR if pair is None else f"Beside it: {pair.in_words()}.")
 
     def reactions(self, report: LevelReport, problem: Problem, units: Units) -> None:
-        """Say what loads, supports, obstacles and contacts exert on the bodies, a line each.
+        """Print the forces of loads, supports, obstacles and contacts on the bodies.
 
         Args:
             report: Report of the level.
-            problem: Whose it is.
+            problem: Problem of the level.
             units: Units of its numbers.
         """
         width = max(map(len, report.reactions), default=0)
@@ -242,18 +243,18 @@ class Terminal:
             self.say(f"  {name:<{width}}  {cells}")
 
     def body(self, bounds: BodyBounds, steps: Sequence[str] = ()) -> None:
-        """Print the bounds of the body, and how to narrow them."""
+        """Print the bounds of the body, and how to reduce their gap."""
         self.say(bounds.in_words())
         for step in steps:
             self.say(f"{sentence(step)}.")
 
     def results(self, folder: ResultFolder, goes_on: bool = True) -> None:
-        """Say where the results are and which there are.
+        """Print the result folder and the files in it.
 
         Args:
-            folder: Folder of the results.
-            goes_on: Whether there are levels from which ``--restart`` goes on; otherwise
-                checkpoints have nothing for anybody.
+            folder: Result folder.
+            goes_on: Whether ``--restart`` can continue from levels; otherwise checkpoints are not
+                mentioned.
         """
         if self._comm.rank == 0:
             found = [name for name in folder.found() if goes_on or name not in (NEWEST, BEFORE)]
@@ -263,7 +264,7 @@ class Terminal:
 def describe(
     title: str, method: str, problem: Problem, options: object = None, conic: str = USUAL
 ) -> str:
-    """Return the problem in a line. Collective."""
+    """Return the problem as one line. Collective."""
     mesh, comm = problem.tagged_mesh.mesh, problem.comm
     bodies = ", ".join(sorted(problem.tagged_mesh.volumes))
     cells = mesh.topology.index_map(mesh.topology.dim).size_global
@@ -285,17 +286,17 @@ def describe(
 
 
 def effort(limit: LimitLoad) -> str:
-    """Return the effort of a limit load in words."""
+    """Return the cost of a limit load in words."""
     if limit.factorisations is None:
         return f"{limit.linear_solves} linear solves"
     return f"{limit.factorisations} factorisations"
 
 
 def shows(stream: TextIO) -> bool:
-    """Return whether someone watches a stream.
+    """Return whether a stream goes to a terminal.
 
-    Some launchers give each rank a terminal of its own, whatever their own output is; there the
-    launcher's output counts.
+    Some launchers give each rank a terminal, whatever their own output is; then the launcher's
+    output decides.
     """
     if not stream.isatty():
         return False

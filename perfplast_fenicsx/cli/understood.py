@@ -1,4 +1,4 @@
-"""The program's reading of a case before it is solved: loads, supports, contacts, free faces."""
+"""Describe the program's reading of a case before it solves: loads, supports, contacts, faces."""
 
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -35,10 +35,10 @@ from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.seepage.flow import flow_of
 
 PICTURE = "case.png"
-"""Name of the picture that ``check`` draws beside a case file."""
+"""Name of the picture that ``check`` draws next to a case file."""
 
 MOST = 6
-"""The most sides or names that are listed; of others only the number is printed."""
+"""Largest number of sides or names that are listed; for the others only their number is printed."""
 
 
 DRAWN = 1e-9
@@ -50,9 +50,9 @@ class Marked:
     """A surface that a picture marks.
 
     Attributes:
-        roles: What the case says of it: "load", "support", "contact", "tie", "obstacle", "rigid".
-        words: Words of the legend, without what it is of a side.
-        part: What it is of the sides that it covers in part; "" where it covers them as a whole.
+        roles: Its roles in the case: "load", "support", "contact", "tie", "obstacle", "rigid".
+        words: Text of the legend, without the covered part of a side.
+        part: The part of a side that it covers; "" if it covers its sides completely.
         force: Resultants of loads on it (force), each shape (gdim,).
     """
 
@@ -67,9 +67,9 @@ class Understood:
     """The program's reading of a case.
 
     Attributes:
-        lines: In words, for a terminal.
+        lines: Lines of text for a terminal.
         sides: The sides of the bodies.
-        marked: Surfaces that the case names, in its order.
+        marked: Surfaces that the case names, in the order of the case.
     """
 
     lines: list[str]
@@ -78,7 +78,7 @@ class Understood:
 
 
 def understood(case: Case, problem: Problem) -> Understood | None:
-    """Return the interpretation of a case on rank 0, None on the others. Collective."""
+    """Return the interpretation of a case on rank 0, None on the other ranks. Collective."""
     resultants = sized_resultants(problem)
     single, together = left_motions(problem)
     volumes = _volumes(problem)
@@ -137,7 +137,7 @@ class _Told:
                 self.lines.append(f"    a support holds {held} there; these components do no work")
 
     def water(self) -> None:
-        """Print how much water enters and leaves the ground where, and its largest pressure."""
+        """Print where water enters and leaves the ground and how much, and the largest pressure."""
         flow = flow_of(self.problem.given.loads)
         if flow is None:
             return
@@ -157,7 +157,7 @@ class _Told:
             self.lines.append(f"  {name}: {told}")
 
     def supports(self, single: Sequence[list[str]], together: list[str]) -> None:
-        """Print each support: where, which components, and which rigid motions it leaves."""
+        """Print each support: place, components, and the rigid motions that it leaves free."""
         holding = self.problem.given.holding
         self.lines.append("Supports:" if holding else "Supports: none")
         axes = self.problem.kinematics.axes
@@ -224,7 +224,7 @@ class _Told:
                 self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
 
     def strengths(self) -> None:
-        """Name the strengths that a factor of safety divides, and those that it does not."""
+        """Name the strengths that a factor of safety divides, and the others."""
         case = self.case
         if not case.loading.divides:
             return
@@ -265,7 +265,7 @@ class _Told:
         return found
 
     def _told(self, line: str, name: str, role: str, words: str) -> None:
-        """Add a line on a surface, and the sides that it covers."""
+        """Add a line on a surface and the sides that it covers."""
         parts, all_of = [], dict[str, list[str]]()
         for cover in self.sides.covers(name):
             body = self.problem.free.names[cover.side.body]
@@ -277,7 +277,7 @@ class _Told:
             of = [f"{side} of {_few(sorted(bodies))}" for side, bodies in sorted(all_of.items())]
             line += f"; all of {_few(of)}"
         if not all_of and not parts:
-            line += "; inside of a body, on no outer face"
+            line += "; inside a body, on no outer face"
         self.lines.append(f"  {line}")
         for part in parts[:MOST]:
             self.lines.append(f"    only a part: {part}")
@@ -294,7 +294,7 @@ class _Told:
             mark.words.append(words)
 
     def _shared(self, load: Load, others: Sequence[Load]) -> str:
-        """Return the surfaces on which a load acts together with others of its kind, in words."""
+        """Return in words the surfaces on which a load acts together with others of its kind."""
         own, found = set(self.problem.tagged_mesh.tags_of([load.on])), []
         for other in others:
             alike = kind_of(other) == kind_of(load) and other.constant == load.constant
@@ -304,11 +304,11 @@ class _Told:
             area = self.sides.facets.area[np.isin(self.sides.facets.tag, sorted(common))].sum()
             if common:
                 words = load_in_words(other, self.case.units, self.whole)
-                found.append(f"{words}, on {_number(float(area))} that both have")
+                found.append(f"{words}, on {_number(float(area))} in common")
         return "; ".join(found)
 
     def _held_on(self, name: str, pushed: npt.NDArray[np.bool_]) -> str:
-        """Return the components that loads push and supports hold on a surface, in words."""
+        """Return in words the components that loads push and supports hold on a surface."""
         gdim, axes = self.problem.bodies.gdim, self.problem.kinematics.axes
         held = {
             number
@@ -350,9 +350,10 @@ class _Told:
         """Return force and moment of a load in words, the moment about the middle of its surface.
 
         Args:
-            load: It.
-            found: What it comes to.
-            total: Sum of the sizes of its nodal forces, beside which others are rounding.
+            load: The load.
+            found: Its resultant.
+            total: Sum of the magnitudes of its nodal forces, relative to which small numbers are
+                rounding.
         """
         force, unit = np.array(found.force), self.units["force"]
         size = self.problem.bodies.size
@@ -365,7 +366,7 @@ class _Told:
             return told
         middle = area @ self.sides.facets.x[own].mean(axis=1) / area.sum()
         moment = np.array(found.moment) - np.atleast_1d(_cross(middle, force))
-        small = 1e-6  # moments below this share of the largest that there can be are not printed
+        small = 1e-6  # moments below this share of their largest possible value are not printed
         if np.abs(moment).max() > small * total * size:
             shown = moment * self.case.units.moment_scale(self.whole)
             unit = self.units["moment"]
@@ -382,7 +383,7 @@ class Section:
         cells: Corners of the cells, shape (n, 3, 2).
         bodies: The number of the body of each cell, shape (n,).
         names: Names of the bodies.
-        water: The water table, shape (n, 2); no points without one.
+        water: The water table, shape (n, 2); empty without one.
     """
 
     cells: Floats = field(default_factory=lambda: np.zeros((0, 3, 2)))
@@ -409,16 +410,17 @@ def _section(case: Case, problem: Problem) -> Section:
 
 
 def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: Path) -> bool:
-    """Draw what was understood, if the system can. Collective.
+    """Draw the program's reading of a case, if the system can draw. Collective.
 
     Args:
-        case: Its title heads the picture.
+        case: The case, whose title heads the picture.
         problem: The bodies.
         meant: The result of :func:`understood`.
         picture: A PNG file.
 
     Returns:
-        Whether it is drawn, on every rank alike; without a graphics system a warning is logged.
+        Whether the picture is drawn, the same on every rank; without a graphics system a warning is
+        logged.
     """
     section = _section(case, problem)
 
@@ -435,21 +437,21 @@ def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: P
 def save_arrays(
     file: Path, title: str, meant: Understood, section: Section, revolved: bool
 ) -> None:
-    """Write what the picture shows as an .npz file.
+    """Write the data of the picture as an .npz file.
 
     Args:
         file: The file.
         title: Title of the case.
         meant: The understood case.
         section: Bodies in the plane.
-        revolved: Whether they are half a section of bodies of revolution.
+        revolved: Whether the bodies are half a section of bodies of revolution.
     """
     sides, facets = meant.sides, meant.sides.facets
     mark, rest = np.full(len(facets.area), -1), np.zeros(len(facets.area), dtype=np.bool_)
     labels, roles, places, forces, of_force = [], [], [], [], []
     numbers = {name: number for number, name in enumerate(meant.marked)}
     for name in sorted(numbers, key=sides.area, reverse=True):
-        mark[sides.on(name)] = numbers[name]  # a surface within another one is seen
+        mark[sides.on(name)] = numbers[name]  # a surface inside another one remains visible
     for number, (name, marked) in enumerate(meant.marked.items()):
         own = sides.on(name)
         if marked.part:
@@ -485,7 +487,7 @@ def save_arrays(
 
 
 def _part(cover: Cover, where: str) -> str:
-    """Return the covered part of a side, in words."""
+    """Return in words the covered part of a side."""
     side = cover.side
     share = cover.area / side.area
     rest = [
@@ -500,17 +502,17 @@ def _part(cover: Cover, where: str) -> str:
 
 
 def _few(words: Sequence[str]) -> str:
-    """Return words in a row, of many the first ones and how many more there are."""
+    """Return words as a list, with only the number of those after the first ones."""
     shown = words if len(words) <= MOST + 1 else [*words[:MOST], f"{len(words) - MOST} more"]
     return ", ".join(shown)
 
 
 def _held(one: HeldAgainst) -> str:
-    """Return supports on surfaces that another body pushes on, with a remedy."""
+    """Return in words the supports on surfaces that another body pushes on, with a remedy."""
     return (
-        f"{_few(one.by)} holds {one.held} of the {one.nodes} nodes of"
-        f" '{one.surface}' along the normal, and not '{one.other}': an elastic or rigid body"
-        " cannot be pushed in there; let the support end before, or hold other components"
+        f"{_few(one.by)} holds {one.held} of the {one.nodes} nodes of '{one.surface}' "
+        f"along the normal, but not '{one.other}': an elastic or rigid body cannot be "
+        "pushed in there; let the support end before, or hold other components"
     )
 
 
@@ -531,7 +533,7 @@ def _number(value: float) -> str:
 
 
 def _vector(values: Floats, most: float) -> str:
-    """Return components in brackets, what is rounding beside ``most`` as 0."""
+    """Return components in brackets, with values that are rounding relative to ``most`` as 0."""
     shown = np.where(np.abs(values) <= ROUNDING * most, 0.0, values)
     return f"({', '.join(_number(float(one)) for one in shown)})"
 
@@ -550,7 +552,7 @@ def _volumes(problem: Problem) -> dict[str, float]:
 
 
 def _gaps(problem: Problem) -> dict[str, tuple[int, float, float]]:
-    """Return of each contact and obstacle how many pairs, and the range of gaps. Collective."""
+    """Return the number of pairs and the range of gaps of each contact and obstacle. Collective."""
     rows, found = problem.constraints, {}
     for number, source in enumerate(rows.sources):
         gap = rows.gap[rows.surface == number]

@@ -1,4 +1,4 @@
-"""Contact: surfaces, gaps, and the inequalities that they give."""
+"""Define contact: surfaces, gaps, and the inequalities between them."""
 
 import lazy_loader
 

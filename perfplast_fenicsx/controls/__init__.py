@@ -1,1 +1,1 @@
-"""The controls of ``[loading]``: each checks its case and finds its answer."""
+"""Define the controls of ``[loading]``: each checks its case and computes its answer."""

@@ -1,4 +1,4 @@
-"""Bounds of the limit load that hold for the bodies."""
+"""Compute bounds of the limit load that hold for the bodies."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -23,18 +23,18 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class BoundsControl(OfBody):
-    """No loading: bounds of the limit load that hold for the body, and not just for its mesh.
+    """No loading: bounds of the limit load that hold for the body, and not only for its mesh.
 
     Args:
-        limit_tolerance: How near each bound comes to the best of its kind on this mesh, relative,
-            between 0 and 1; on meshes that follow others a twentieth of the last gap is enough.
-        design: Load factor of the load that the bodies are designed for, often 1.0: results report
-            how many times it is carried.
-        direction: "up" for the largest load factor that is carried, and where 0 is not carried
-            beside constant loads for the least one as well; "both" for both in any case.
+        limit_tolerance: Relative distance of each bound to the best of its kind on this mesh,
+            between 0 and 1. On the meshes of a refinement, a twentieth of the last gap is enough.
+        design: Load factor of the design load, often 1.0; results report how many times the bodies
+            carry the design load.
+        direction: "up" for the largest load factor that the bodies carry, and also the least one if
+            permanent loads alone are not carried; "both" always computes both.
 
     Raises:
-        InputError: A tolerance or a load factor that is not valid.
+        InputError: For a tolerance or a load factor that is not valid.
     """
 
     limit_tolerance: float = 1e-4
@@ -46,7 +46,7 @@ class BoundsControl(OfBody):
         check_design(self.design)
 
     def check(self, given: Given) -> None:
-        """Refuse bodies without loads, obstacles that move, and loads without another end."""
+        """Refuse bodies without loads, obstacles that move, and loads without a second bound."""
         given.require_load()
         given.refuse_moves()
         if self.direction == "both":
@@ -57,7 +57,7 @@ class BoundsControl(OfBody):
         check_bounds(problem, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
-        """Find the bounds, of the mesh or of several that are adapted. Collective."""
+        """Compute the bounds, on one mesh or on several adapted meshes. Collective."""
         problem, record = run.problem, run.record
         if run.adapt is None:
             found, body = None, limit_bounds(problem, self.limit_tolerance, record.interior)
@@ -66,14 +66,17 @@ class BoundsControl(OfBody):
             asked = (self.limit_tolerance, *told, self.design)
             found = adaptive_bounds(problem, run.adapt, *asked, record.so_far)
             body = found.body
-        with of_other_loads(found):  # turned round
+        with of_other_loads(found):  # with opposite signs
             body = self._with_least(run, body)
         mesh = found.best.mesh if found else body.mesh
         record.limit(mesh, body, found)
         return mesh
 
     def _with_least(self, run: Run, body: BodyBounds) -> BodyBounds:
-        """With the other end of the load factors, if it is asked for or matters. Collective."""
+        """Return the bounds with the least load factor, if the user asks for it or if it matters.
+
+        Collective.
+        """
         asked = self.direction == "both" and body.question is Question.LIMIT
         told = run.record.interior
         if asked or zero_is_outside(run.problem, body, told):

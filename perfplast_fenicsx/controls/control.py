@@ -1,9 +1,9 @@
-"""The interface of a control: keys of ``[loading]``, their checks, and the way to the answer.
+"""Define the interface of a control: keys of ``[loading]``, their checks, and the computation.
 
-A control is a frozen dataclass whose fields are the keys beside ``control``. It follows levels, as
-``control = "load"`` does, or looks for a limit. It hands results to the :class:`Record` of the run,
-which writes and shows them. :class:`OfLevels` and :class:`OfBody` have what most of either kind
-have in common.
+A control is a frozen dataclass whose fields are the keys beside ``control``. A control follows
+levels, as ``control = "load"`` does, or computes a limit. It hands results to the :class:`Record`
+of the run, which writes and shows them. :class:`OfLevels` and :class:`OfBody` implement the common
+methods of each kind.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,35 +34,37 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.next_work import Reached
 
 Moved = Callable[[str, str], bool]
-"""Whether the loading moves what has a name, which may be empty, and a surface."""
+"""Function of a name, which may be empty, and a surface: whether the loading moves it."""
 
 
 class Record(Protocol):
-    """Where a control hands on what it finds: written, shown and logged. All are collective.
+    """The receiver of the results of a control, which writes, shows and logs them.
 
-    Each but ``plan`` may end the run by an exception where a signal has come.
+    All methods are collective.
+
+    Each except ``plan`` may end the run by an exception after a signal.
     """
 
     def plan(self, levels: int) -> None:
-        """How many levels there will be."""
+        """Announce the number of levels."""
 
     def iteration(self, record: Iteration) -> None:
-        """A step of an algorithm within a level."""
+        """Record a step of an algorithm within a level."""
 
     def level(self, level: Level, search: Search | None = None) -> None:
-        """A level, and what is known of a limit load that is looked for."""
+        """Record a level and the state of the search for a limit load."""
 
     def interior(self, step: InteriorStep) -> None:
-        """A step of the interior point method."""
+        """Record a step of the interior point method."""
 
     def mesh(self, round_: Round) -> None:
-        """The bounds on a mesh of several."""
+        """Record the bounds on one of several meshes."""
 
     def so_far(self, adaptive: AdaptiveBounds) -> None:
         """The bounds on the meshes before another one is solved."""
 
     def factor(self, factor: float, lower: Bound, upper: Bound) -> None:
-        """Bounds with strengths that are divided by a factor."""
+        """Record bounds with strengths that are divided by a factor."""
 
     def limit(
         self,
@@ -70,10 +72,10 @@ class Record(Protocol):
         body: BodyBounds | None = None,
         adaptive: AdaptiveBounds | None = None,
     ) -> None:
-        """A limit load, and what is proven of the body; of several meshes the best."""
+        """Record a limit load and what is proven of the body; with several meshes the best."""
 
     def safety(self, found: FactorOfSafety) -> None:
-        """A factor of safety."""
+        """Record a factor of safety."""
 
     def direction(
         self, angles: Angles, low: BodyBounds, high: BodyBounds, prove: Proving
@@ -81,28 +83,28 @@ class Record(Protocol):
         """Return the bounds that are proven in a direction of an envelope."""
 
     def envelope(self, found: Envelope, names: Sequence[str]) -> None:
-        """Which multiples of loads, with these names, are carried."""
+        """Record which multiples of the loads with these names are carried."""
 
     def shakedown(self, found: ShakedownLoad, diagram: Sequence[Direction]) -> None:
-        """A shakedown load, and those of directions between two of what varies."""
+        """Record a shakedown load, and those in directions between two varying loads."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """The objects that a control works with.
+    """The objects that a control uses.
 
     Attributes:
         problem: The problem that is solved.
-        solver: The algorithm of ``[solve]``; None where the interior point method is to answer.
+        solver: The algorithm of ``[solve]``; None for the interior point method.
         record: Receives the results.
-        adapt: How the mesh is adapted; None where it is not.
+        adapt: How the mesh is adapted; None without adaptation.
         history: The loading history; None without stages.
-        start: The state that the run goes on from; None for a new run.
-        before: The state of the level before that, where there is one.
-        done: Levels that are on file.
+        start: The state from which the run continues; None for a new run.
+        before: The state of the level before ``start``, if there is one.
+        done: Levels that are already on file.
         search: State of the search for a limit load.
-        reached: How far a loading by chosen steps has come with these.
-        directions: Directions of an envelope that are on file.
+        reached: Progress of a loading with chosen steps in these levels.
+        directions: Directions of an envelope that are already on file.
     """
 
     problem: Problem
@@ -122,13 +124,13 @@ class Control(Protocol):
     """A control of ``[loading]``.
 
     Attributes:
-        prescribes: What levels prescribe, or multiplies the loads.
+        prescribes: The quantity that levels prescribe, or that multiplies the loads.
         element: Defaults of ``[element]``.
-        drives: ζ multiplies motions of supports and obstacles, and not loads.
-        of_body: What holds for the bodies is asked for, not for their mesh alone.
-        divides: Strengths are divided by a factor, but for those with ``reduced = false``.
-        together: One load factor ζ multiplies all that grows; else what varies has factors of its
-            own.
+        drives: Whether ζ multiplies motions of supports and obstacles instead of loads.
+        of_body: Whether the answer holds for the bodies, not only for their mesh.
+        divides: Whether a factor divides strengths, except those with ``reduced = false``.
+        together: Whether one load factor ζ multiplies all loads that grow; otherwise each has its
+            own factor.
     """
 
     prescribes: ClassVar[Prescribed]
@@ -140,49 +142,49 @@ class Control(Protocol):
 
     @property
     def values(self) -> Sequence[float] | None:
-        """Values of the levels, if they are given."""
+        """Return the values of the levels, if they are given."""
 
     @property
     def limit_tolerance(self) -> float | None:
-        """Relative tolerance of a limit load; None if the control seeks none."""
+        """Return the relative tolerance of a limit load; None if the control computes none."""
 
     @property
     def limit_method(self) -> str | None:
-        """How a limit load is found; None leaves it to the problem."""
+        """Return the method for a limit load; None lets the problem decide."""
 
     @property
     def design(self) -> float | None:
-        """Load factor of the design load, if given."""
+        """Return the load factor of the design load, if given."""
 
     def in_turn(self) -> Sequence[Stage]:
-        """Return the stages of a loading history; none elsewhere."""
+        """Return the stages of a loading history; empty for other controls."""
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
         """Return which motions follow the loading."""
 
     def check(self, given: Given) -> None:
-        """Refuse what does not go with it.
+        """Refuse declarations that do not fit the control.
 
         Raises:
-            InputError: Naming what does not fit.
+            InputError: Naming the declaration that does not fit.
         """
 
     def remarks(self, problem: Problem) -> Sequence[str]:
         """Return remarks on a problem before the interior point method begins. Collective."""
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse what :meth:`find` would refuse of a problem before it solves. Collective.
+        """Refuse problems that :meth:`find` would refuse, before it solves. Collective.
 
         Args:
             problem: The bodies, their loads, supports and contacts.
-            solver: The algorithm of ``[solve]``; None where the interior point method is to answer.
+            solver: The algorithm of ``[solve]``; None for the interior point method.
 
         Raises:
-            InputError: Naming what does not fit.
+            InputError: Naming the declaration that does not fit.
         """
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return what bounds of ζ mean, in a sentence; empty where they are a load factor.
+        """Return the meaning of bounds of ζ in a sentence; empty if ζ is a load factor.
 
         Args:
             lower: Strict lower bound; None without one.
@@ -190,13 +192,13 @@ class Control(Protocol):
         """
 
     def find(self, run: Run) -> LimitLoad | None:
-        """Find the answer, and hand it on. Collective.
+        """Compute the answer and pass it to the record. Collective.
 
         Returns:
-            The limit load; None of levels, each of which says by itself whether it is solved.
+            The limit load; None for levels, each of which reports whether it is solved.
 
         Raises:
-            InputError: If it cannot answer the problem.
+            InputError: If the control cannot solve the problem.
         """
 
 
@@ -212,15 +214,15 @@ class OfLevels:
     design: ClassVar[None] = None
 
     def in_turn(self) -> Sequence[Stage]:
-        """None."""
+        """Return no stages."""
         return ()
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """None."""
+        """Return no remarks."""
         return ()
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse nothing: the solver checks what levels need."""
+        """Do nothing: the solver checks the requirements of levels."""
 
     def answer(self, lower: float | None, upper: float | None) -> str:
         """Return no sentence: ζ is a load factor."""
@@ -228,10 +230,10 @@ class OfLevels:
 
 
 class OfBody:
-    """Base of controls that ask for bounds of the bodies."""
+    """Base of controls that compute bounds of the bodies."""
 
-    prescribes: ClassVar[Prescribed] = Prescribed.WORK  # L(v) = 1
-    element: ClassVar[Mapping[str, Any]] = {"degree": 2}  # linear ones lock
+    prescribes: ClassVar[Prescribed] = Prescribed.WORK  # scaled so that L(v) = 1
+    element: ClassVar[Mapping[str, Any]] = {"degree": 2}  # linear elements lock
     drives: ClassVar[bool] = False
     of_body: ClassVar[bool] = True
     divides: ClassVar[bool] = False
@@ -240,15 +242,15 @@ class OfBody:
     limit_method: ClassVar[LimitMethod] = LimitMethod.INTERIOR_POINT
 
     def in_turn(self) -> Sequence[Stage]:
-        """None."""
+        """Return no stages."""
         return ()
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """None."""
+        """Return a function that is always False."""
         return none_moved
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """Return remarks on data that do not change the limit load. Collective."""
+        """Return remarks on data that do not affect the limit load. Collective."""
         return [*ignored(problem), *idle_pores(problem)]
 
     def answer(self, lower: float | None, upper: float | None) -> str:
@@ -257,10 +259,10 @@ class OfBody:
 
 
 def none_moved(name: str, on: str) -> bool:
-    """Nothing is moved by the loading."""
+    """Return False: the loading moves nothing."""
     return False
 
 
 def all_moved(name: str, on: str) -> bool:
-    """Return all that moves follows the loading."""
+    """Return True: every motion follows the loading."""
     return True

@@ -1,4 +1,4 @@
-"""The controls that case files may name."""
+"""List the controls that case files may name."""
 
 from perfplast_fenicsx.controls.bounds_control import BoundsControl
 from perfplast_fenicsx.controls.control import Control
@@ -20,4 +20,4 @@ CONTROLS: dict[str, type[Control]] = {
     "envelope": EnvelopeControl,
     "shakedown": ShakedownControl,
 }
-"""Dataclasses whose fields are the keys of ``[loading]`` beside ``control``."""
+"""Dataclasses whose fields are the keys of ``[loading]`` besides ``control``."""

@@ -1,4 +1,4 @@
-"""Loading by given motions."""
+"""Apply a loading by given motions."""
 
 import math
 from collections.abc import Sequence
@@ -17,14 +17,16 @@ from perfplast_fenicsx.solvers.stroke import stroke
 
 @dataclass(frozen=True)
 class DisplacementControl(OfLevels):
-    """Loading by given motions: ζ multiplies what supports and obstacles are moved by.
+    """Loading by given motions: ζ multiplies the motions of supports and obstacles.
 
     Args:
         values: Load factors, all increasing or all decreasing.
-        until: The last load factor, not 0: those before it are chosen, from first yield on.
+        until: The last load factor, not 0; the program chooses those before it, from first yield
+            on.
 
     Raises:
-        InputError: Not exactly one of ``values`` and ``until``, or values out of their range.
+        InputError: For not exactly one of ``values`` and ``until``, or for values out of their
+            range.
     """
 
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
@@ -41,11 +43,11 @@ class DisplacementControl(OfLevels):
             check_values(self.values, "load factors", "or all decrease")
         elif self.until == 0 or not math.isfinite(self.until or 0.0):
             raise InputError(
-                f"until = {self.until} is not a load factor to reach; give a finite number, not 0."
+                f"until = {self.until} is not a valid load factor; give a finite number, not 0."
             )
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """All."""
+        """Return a function that is always True."""
         return all_moved
 
     def check(self, given: Given) -> None:
@@ -53,14 +55,16 @@ class DisplacementControl(OfLevels):
         for load in given.loads:
             if not load.constant:
                 raise InputError(
-                    f"control = 'displacement' moves supports and obstacles, but the load on"
-                    f" '{load.on}' is to grow; give it constant = true, or control = 'load'."
+                    "control = 'displacement' moves supports and obstacles, but the load "
+                    f"on '{load.on}' would grow; give it constant = true, or give control "
+                    "= 'load'."
                 )
         if not given.moving:
             raise InputError(
-                "control = 'displacement' moves nothing; give a [[support]] a value, an"
-                " [[obstacle]] a move, a [[rigid_surface]] a displacement or rotation, or a"
-                " [[contact]] with interference constant = false."
+                "control = 'displacement' finds no motion in this case; give a "
+                "[[support]] a value, an [[obstacle]] a move, a [[rigid_surface]] a "
+                "displacement or rotation, or a [[contact]] with interference constant = "
+                "false."
             )
 
     def find(self, run: Run) -> None:

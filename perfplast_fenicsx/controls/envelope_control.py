@@ -1,4 +1,4 @@
-"""Which multiples of two or three loads are carried."""
+"""Compute which multiples of two or three loads the bodies carry."""
 
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -17,22 +17,25 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class EnvelopeControl(OfBody):
-    """No loading: bounds of the set of multiples of two or three loads that are carried.
+    """No loading: bounds of the set of multiples of two or three loads that the bodies carry.
 
     Args:
-        first: Names of the loads that the first number multiplies, or their surfaces where they
-            have none.
-        second: The same of the second number; constant loads are beside any.
-        third: The same of a third number; without it there are two.
-        until: Distance of the two polygons, or polytopes, relative, at which directions are enough.
-        directions: In which limit loads are bounded, at most.
-        around: Whether the numbers may be negative, or the names of the loads whose number may;
-            without, they are from 0 on.
-        limit_tolerance: How near each bound comes to the best of its kind on its mesh, relative,
+        first: Names of the loads that the first number multiplies, or their surfaces if they have
+            no names.
+        second: Names of the loads that the second number multiplies; constant loads act with any
+            numbers.
+        third: Names of the loads that the third number multiplies; without it there are two
+            numbers.
+        until: Relative distance of the inner and outer polygons or polytopes at which the search
+            ends.
+        directions: Largest number of directions in which limit loads are bounded.
+        around: Whether the numbers may be negative, or the names of the loads whose number may be
+            negative; by default the numbers start from 0.
+        limit_tolerance: Relative distance of each bound to the best of its kind on its mesh,
             between 0 and 1.
 
     Raises:
-        InputError: A tolerance, or a number of directions, that is not valid.
+        InputError: For a tolerance, or a number of directions, that is not valid.
     """
 
     design: ClassVar[None] = None
@@ -55,30 +58,31 @@ class EnvelopeControl(OfBody):
 
     @property
     def named(self) -> dict[str, list[str]]:
-        """The names of the loads of each number, by its key."""
+        """Return the names of the loads of each number, by its key."""
         two = {"first": self.first, "second": self.second}
         return two if self.third is None else two | {"third": self.third}
 
     @property
     def signed(self) -> tuple[bool, ...]:
-        """For each number, whether it may be negative."""
+        """Return for each number whether it may be negative."""
         if isinstance(self.around, bool):
             return (self.around,) * len(self.named)
         return tuple(bool({*names} & {*self.around}) for names in self.named.values())
 
     def check(self, given: Given) -> None:
-        """Refuse names without a load, loads without one name, and obstacles that move."""
+        """Refuse names without a load, loads in none or several lists, and moving obstacles."""
         given.require_load()
         given.refuse_moves()
         known = [called(load) for load in given.loads if not load.constant]
         signs = {} if isinstance(self.around, bool) else {"around": self.around}
         for key, names in (self.named | signs).items():
             if not names:
-                raise InputError(f"{key} is empty; give the name of a load at least.")
+                raise InputError(f"{key} is empty; give the name of at least one load.")
             for name in names:
                 if name not in known:
                     raise InputError(
-                        f"{key} names '{name}', no load that grows; {nearest(name, known)}"
+                        f"{key} contains '{name}', which is not a load that grows; "
+                        f"{nearest(name, known)}"
                     )
         keys = " and ".join(self.named) if self.third is None else "first, second and third"
         for name in known:
@@ -86,8 +90,8 @@ class EnvelopeControl(OfBody):
             if len(where) != 1:
                 said = f"in both {where[0]} and {where[1]}" if where else f"in none of {keys}"
                 raise InputError(
-                    f"the load '{name}' is {said}; give it in one of {keys}, or constant = true to"
-                    " a load that stays."
+                    f"the load '{name}' is {said}; list it in one of {keys}, or give "
+                    "constant = true to a permanent load."
                 )
 
     def admit(self, problem: Problem, solver: Any) -> None:
@@ -95,7 +99,7 @@ class EnvelopeControl(OfBody):
         check_bounds(problem, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
-        """Bound the limit load in one direction after the other. Collective."""
+        """Bound the limit load in one direction after another. Collective."""
         growing = [load for load in run.problem.given.loads if not load.constant]
         named = self.named.values()
         groups = [[load for load in growing if called(load) in names] for names in named]

@@ -1,4 +1,4 @@
-"""Loads and motions of a case, and the refusals that most controls share."""
+"""Store loads and motions of a case, and the checks that most controls share."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,8 +21,8 @@ class Given:
         loads: The loads.
         supports: Supports that hold or move the bodies.
         obstacles: Rigid obstacles.
-        contacts: Some of which may overlap more and more.
-        strained: Whether bodies are strained at first, or overlap so.
+        contacts: Contacts, some of which may have a growing overlap.
+        strained: Whether bodies have initial strain or overlap.
         initial: Initial strains and stresses.
         materials: Materials of the bodies by name.
     """
@@ -37,50 +37,50 @@ class Given:
 
     @property
     def movers(self) -> tuple[Mover, ...]:
-        """All that may move."""
+        """Return all objects that may move."""
         return (*self.supports, *self.obstacles, *self.contacts)
 
     @property
     def moving(self) -> bool:
-        """Whether something follows the loading."""
+        """Return whether some motion follows the loading."""
         return any(follows(mover) for mover in self.movers)
 
     @property
     def settled(self) -> bool:
-        """Whether a support is moved."""
+        """Return whether a support has a prescribed motion."""
         return any(support.moves for support in self.supports)
 
     @property
     def stays(self) -> bool:
-        """Whether something loads the bodies before the loading does."""
+        """Return whether the bodies are loaded before the loading begins."""
         return self.strained or self.settled or any(load.constant for load in self.loads)
 
     def require_load(self, enough: bool = False) -> None:
-        """Refuse bodies that nothing loads.
+        """Refuse bodies without loads.
 
         Args:
-            enough: Whether something else does that goes with the control.
+            enough: Whether something other than a load is enough for the control.
 
         Raises:
-            InputError: If there is none.
+            InputError: If there is no load.
         """
         if not self.loads and not enough:
             raise InputError(
-                "no load is given; add a [[load]] table. Without one control = 'load' goes with an"
-                " interference, a temperature, an initial stress or a displacement that stays, and"
-                " control = 'displacement' or stages with motions that grow."
+                "no load is given; add a [[load]] table. Without a load, control = 'load' "
+                "needs an interference, a temperature, an initial stress or a constant "
+                "displacement; control = 'displacement' or stages need motions that grow."
             )
 
     def refuse_moves(self) -> None:
         """Refuse obstacles that move.
 
         Raises:
-            InputError: Naming the first one.
+            InputError: Naming the first moving obstacle.
         """
         for obstacle in self.obstacles:
             if any(obstacle.move):
                 raise InputError(
-                    f"the obstacle at '{obstacle.on}' has a move, which follows the load factor"
-                    " under control = 'displacement', or stages; choose one of them, or leave move"
-                    " out."
+                    f"the obstacle at '{obstacle.on}' has a move, which follows the load "
+                    "factor only under control = 'displacement' or in stages; choose one "
+                    "of them, or remove move."
                 )

@@ -1,4 +1,4 @@
-"""Messages for a search that a signal ends."""
+"""Report a partial result when a signal ends a search."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,15 +9,15 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
 
 @contextmanager
 def of_other_loads(known: AdaptiveBounds | None = None) -> Iterator[None]:
-    """A search within is of other loads or strengths than those of the case.
+    """An inner search uses other loads or strengths than the case.
 
-    So what it has found when it is stopped is no answer.
+    So its partial result is not an answer to the case.
 
     Args:
-        known: The answer so far, which is reported in its place.
+        known: The answer so far, which is reported instead.
 
     Raises:
-        StopSearch: The one that comes.
+        StopSearch: With the known answer.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""Values of levels that a user gives: what they must be, and following them."""
+"""Check the values of levels that a user gives, and solve for them."""
 
 import math
 from collections.abc import Sequence
@@ -10,23 +10,23 @@ from perfplast_fenicsx.solvers.load_stepping import load_path, rests_first
 
 
 def check_values(
-    values: Sequence[float], what: str, falling: str = "or, beside constant loads, all decrease"
+    values: Sequence[float], what: str, falling: str = "or, with constant loads, all decrease"
 ) -> None:
-    """Refuse values that are not finite, or neither rise nor fall.
+    """Refuse values that are not finite, or that neither increase nor decrease.
 
     Args:
         values: Values of the levels.
-        what: They are called so in messages.
-        falling: When they may fall.
+        what: What messages call the values.
+        falling: Condition under which they may decrease, in words.
 
     Raises:
-        InputError: Naming the first one that is wrong.
+        InputError: Naming the first wrong value.
     """
     if not values:
         raise InputError(f"values is empty; give at least one of the {what}.")
     for value in values:
         if not math.isfinite(value):
-            raise InputError(f"values has {value}, but {what} are finite numbers; correct it.")
+            raise InputError(f"values has {value}, but {what} must be finite numbers; correct it.")
     falls = len(values) > 1 and values[1] < values[0]
     for before, value in pairwise(values):
         if value == before or (value < before) != falls:
@@ -37,14 +37,14 @@ def check_values(
 
 
 def check_rising(values: Sequence[float], what: str) -> None:
-    """Refuse what makes sense beside constant loads or moving supports alone.
+    """Refuse values that need constant loads or moving supports.
 
     Args:
         values: As :func:`check_values` takes them.
-        what: They are called so in messages.
+        what: What messages call the values.
 
     Raises:
-        InputError: If one is negative, or they fall.
+        InputError: If a value is negative, or if the values decrease.
     """
     for value in values:
         if value < 0:
@@ -59,7 +59,7 @@ def check_rising(values: Sequence[float], what: str) -> None:
 
 
 def follow(run: Run, values: Sequence[float]) -> None:
-    """Solve for each value that is not on file. Collective.
+    """Solve for each value that is not on file yet. Collective.
 
     Args:
         run: The run.

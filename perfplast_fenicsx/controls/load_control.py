@@ -1,4 +1,4 @@
-"""Loading by the load factor ζ."""
+"""Apply a loading by the load factor ζ."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +17,12 @@ class LoadControl(OfLevels):
     """Loading by the load factor ζ.
 
     Args:
-        values: Load factors, increasing, not negative. Beside constant loads they may be negative
-            or fall; ζ = 0 is then solved first.
+        values: Load factors, increasing, not negative. With constant loads they may be negative or
+            decrease; the program then first solves ζ = 0.
 
     Raises:
-        InputError: No value at all, or values that are not finite, or neither rise nor fall.
+        InputError: For no values, or for values that are not finite, or that neither increase nor
+            decrease.
     """
 
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
@@ -33,11 +34,11 @@ class LoadControl(OfLevels):
         check_values(self.values, "load factors")
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """None."""
+        """Return a function that is always False."""
         return none_moved
 
     def check(self, given: Given) -> None:
-        """Refuse bodies that nothing loads, obstacles that move, and unloading from nothing."""
+        """Refuse bodies without loads, moving obstacles, and unloading without constant loads."""
         given.require_load(given.strained or given.settled)
         given.refuse_moves()
         if not given.stays:

@@ -1,4 +1,4 @@
-"""Bounds of the critical seismic coefficient."""
+"""Compute bounds of the critical seismic coefficient."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -20,11 +20,11 @@ class SeismicControl(OfBody):
     All other loads are constant.
 
     Args:
-        limit_tolerance: How near each bound comes to the best of its kind on this mesh, relative,
+        limit_tolerance: Relative distance of each bound to the best of its kind on this mesh,
             between 0 and 1.
 
     Raises:
-        InputError: A tolerance that is not valid.
+        InputError: For a tolerance that is not valid.
     """
 
     design: ClassVar[None] = None
@@ -39,15 +39,15 @@ class SeismicControl(OfBody):
         return BoundsControl(self.limit_tolerance)
 
     def check(self, given: Given) -> None:
-        """Refuse what bounds of the load factor refuse."""
+        """Refuse cases that bounds of the load factor refuse."""
         self._bounds.check(given)
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse what bounds of the body do not know. Collective."""
+        """Refuse problems that bounds of the body do not support. Collective."""
         self._bounds.admit(problem, solver)
 
     def find(self, run: Run) -> LimitLoad:
-        """Find the bounds. Collective."""
+        """Compute the bounds. Collective."""
         return self._bounds.find(run)
 
     def answer(self, lower: float | None, upper: float | None) -> str:

@@ -1,4 +1,4 @@
-"""How many times loads that vary again and again may grow before bodies no longer adapt."""
+"""Compute how far loads that vary repeatedly may grow before bodies no longer shake down."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,25 +26,24 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class ShakedownControl(OfBody):
-    """No loading: loads and temperatures vary as they like, again and again.
+    """No loading: loads and temperatures vary repeatedly and arbitrarily within ranges.
 
-    What is sought is the largest multiple of what they vary in that the bodies shake down to:
-    after some flow they answer elastically, by Melan's theorem. It is an estimate, since elastic
-    stresses are those of the mesh. Bodies that touch are tied; constant loads are there all the
-    time.
+    The control computes the largest multiple of these ranges to which the bodies shake down: after
+    some flow they respond elastically, by Melan's theorem. The result is an estimate, since elastic
+    stresses are those of the mesh. Bodies that touch must be tied; constant loads act all the time.
 
     Args:
         ranges: Least and largest factor of each load and change of temperature, by their names, or
-            by their surfaces or volumes where they have none. Each varies by itself.
-        corners: In place of it, factors of what occurs together, a table for each; what one does
-            not name is zero there, and anything between them occurs too.
-        directions: With two names: of how many ratios of both the load is found besides, for a
-            diagram of shakedown.
-        limit_tolerance: How near Melan's and Koiter's value come to each other, relative, between 0
-            and 1.
+            by their surfaces or volumes if they have no names. Each load varies independently.
+        corners: Alternative to ``ranges``: factors that occur together, one table for each corner.
+            A load that a table does not name is zero there. Everything between the corners occurs
+            too.
+        directions: With two names: the number of additional ratios of both loads, for a shakedown
+            diagram.
+        limit_tolerance: Relative difference of Melan's and Koiter's values, between 0 and 1.
 
     Raises:
-        InputError: Neither or both of ``ranges`` and ``corners``, or such that nothing varies.
+        InputError: For neither or both of ``ranges`` and ``corners``, or if nothing varies.
     """
 
     design: ClassVar[None] = None
@@ -61,8 +60,8 @@ class ShakedownControl(OfBody):
         if (self.ranges is None) == (self.corners is None):
             what = "neither ranges nor" if self.ranges is None else "both ranges and"
             raise InputError(
-                f"there is {what} corners; give what varies as ranges = {{ pressure = [0, 1] }}, or"
-                " as corners."
+                f"there is {what} corners; give what varies as ranges = {{ pressure = [0, "
+                "1] }, or as corners."
             )
         check_directions(self.domain, self.directions)
 
@@ -81,22 +80,23 @@ class ShakedownControl(OfBody):
         check_names(given.loads, warmed, self.domain.names)
         if given.contacts or given.obstacles:
             raise InputError(
-                "control = 'shakedown' is for bodies that neither part nor slide, since it adds up"
-                " elastic stresses of single loads; make contacts that stay closed [[tie]] tables,"
-                " and obstacles supports."
+                "control = 'shakedown' adds up elastic stresses of single loads, so that "
+                "bodies may neither separate nor slide; replace contacts that stay closed "
+                "by [[tie]] tables, and obstacles by supports."
             )
         if given.settled or given.moving:
             raise InputError(
-                "control = 'shakedown' is for loads and temperatures, and a support or a rigid"
-                " surface moves; let it rest."
+                "control = 'shakedown' supports only loads and temperatures, but a "
+                "support or a rigid surface moves; remove its motion."
             )
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """That preloads do not count, if there are any; temperatures do."""
+        """Return a remark on preloads, which have no effect; temperatures do."""
         if not problem.shanks.bolts:
             return ()
         return [
-            "preloads of bolts are residual stress: they change no shakedown load, and are ignored"
+            "preloads of bolts are residual stresses; they do not change the shakedown "
+            "load and are ignored"
         ]
 
     def admit(self, problem: Problem, solver: Any) -> None:
@@ -104,7 +104,7 @@ class ShakedownControl(OfBody):
         check_shakedown(problem, self.domain, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
-        """Find the shakedown load, or the loads of a diagram. Collective."""
+        """Compute the shakedown load, or the loads of a diagram. Collective."""
         rtol, steps = self.limit_tolerance, run.record.interior
         found = shakedown_load(run.problem, self.domain, rtol, steps)
         diagram = []

@@ -1,4 +1,4 @@
-"""Loading by stages."""
+"""Apply a loading by stages."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from perfplast_fenicsx.solvers.stage_stepping import stage_path
 
 @dataclass(frozen=True)
 class StageControl(OfLevels):
-    """Loading by stages, in place of [loading]."""
+    """Loading by stages, instead of [loading]."""
 
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
     drives: ClassVar[bool] = False
@@ -29,9 +29,11 @@ class StageControl(OfLevels):
         return self.stages
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """Return a test for names that stages move; a load without a name has that of its surface.
+        """Return a function of names that stages move.
 
-        That holds unless a load or a temperature is called as the surface is.
+        A load without a name has that of its surface.
+
+        The name of a surface does not count if a load or a temperature has the same name.
         """
         named = {name for stage in self.stages for name in stage.factors}
         taken = {called(load) for load in loads}
@@ -40,13 +42,13 @@ class StageControl(OfLevels):
         return lambda name, on: name in named or (not name and on in named - taken)
 
     def check(self, given: Given) -> None:
-        """Refuse bodies that nothing loads."""
+        """Refuse bodies without loads."""
         given.require_load(given.strained or given.moving)
 
     def find(self, run: Run) -> None:
-        """Solve the levels of all stages in turn. Collective."""
+        """Solve the levels of all stages in order. Collective."""
         history = run.history
-        if history is None:  # made of the same stages
+        if history is None:  # the history was made from the same stages
             raise RuntimeError("stages without a loading history")
         run.record.plan(sum(stage.steps for stage in history.stages) + history.rests_first())
         for level in stage_path(run.solver, history, run.record.iteration, run.start):

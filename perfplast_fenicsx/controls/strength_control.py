@@ -1,4 +1,4 @@
-"""Bounds of a factor of safety on strengths."""
+"""Compute bounds of a factor of safety on strengths."""
 
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -17,20 +17,19 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class StrengthControl(OfBody):
-    """No loading: bounds of the factor by which strengths may fall until the bodies fall.
+    """No loading: bounds of the factor that strengths may be divided by before collapse.
 
-    Yield stresses, cohesions and slopes of friction are divided by it, those of contacts and
-    obstacles too. Strengths with ``reduced = false`` stay as they are. All loads are constant.
+    The factor divides yield stresses, cohesions and slopes of friction, including those of contacts
+    and obstacles. Strengths with ``reduced = false`` do not change. All loads are constant.
 
     Args:
-        limit_tolerance: How near each factor comes to the root of its bound, relative, between 0
-            and 1.
-        path: Whether to find, after them, the curve of F over the work of the loads, by Newton's
-            method on the mesh of the upper factor. Where it levels off is an estimate, and no
+        limit_tolerance: Relative distance of each factor to the root of its bound, between 0 and 1.
+        path: Whether to compute afterwards the curve of F over the work of the loads, by Newton's
+            method on the mesh of the upper factor. The plateau of this curve is an estimate, not a
             bound.
 
     Raises:
-        InputError: A tolerance that is not valid.
+        InputError: For a tolerance that is not valid.
     """
 
     design: ClassVar[None] = None
@@ -55,7 +54,7 @@ class StrengthControl(OfBody):
         check_bounds(weakened(problem, 1.0), self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
-        """Find both factors, and then the curve if it is asked for. Collective."""
+        """Compute both factors, and then the curve if the user asks for it. Collective."""
         told = (run.adapt, run.record.factor, run.record.interior)
         with of_other_loads():  # and strengths
             safety = factor_of_safety(run.problem, self.limit_tolerance, *told)

@@ -1,4 +1,4 @@
-"""Loading by the work of the loads, or until the limit load."""
+"""Apply a loading by the work of the loads, or find the limit load."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,21 +26,22 @@ class WorkControl:
     """Loading by the work of the loads α = L(u), with given values or until the limit load.
 
     Args:
-        values: Works, increasing, not negative. Beside constant loads and supports that move, where
-            α = α₀ at ζ = 0, they may be negative or fall.
-        until: "limit" seeks the limit load, or with Coulomb's friction the load at which the path
-            loses equilibrium.
-        limit_tolerance: How near to each other its bounds must be, or to its limit ζ(α), relative,
-            between 0 and 1; 1e-3 where it is not given. With ``until`` only.
-        limit_method: "interior-point" finds the limit load alone, in 5 to 30 factorisations;
-            "path" follows ζ(α), by steps of its own, until it has levelled off. The default is the
-            former where it knows the laws and a factorisation fits, unless there is a [solve] to
-            follow a path with or Coulomb's friction. With ``until`` only.
-        design: Load factor of the load that the bodies are designed for, often 1.0: results report
-            how many times it is carried. With ``until`` only.
+        values: Values of the work, increasing, not negative. With constant loads and moving
+            supports, where α = α₀ at ζ = 0, they may be negative or decrease.
+        until: "limit" computes the limit load, or with Coulomb's friction the load at which the
+            path loses equilibrium.
+        limit_tolerance: Relative difference of the bounds of the limit load, or distance to the
+            limit of ζ(α), between 0 and 1; by default 1e-3. Only with ``until``.
+        limit_method: "interior-point" computes only the limit load, in 5 to 30 factorisations;
+            "path" follows ζ(α), with steps of its own, to its plateau. The default is the former if
+            it supports the laws and a factorisation fits in memory, unless there is a [solve] table
+            for a path, or Coulomb's friction. Only with ``until``.
+        design: Load factor of the design load, often 1.0; results report how many times the bodies
+            carry the design load. Only with ``until``.
 
     Raises:
-        InputError: Not exactly one of ``values`` and ``until``, or values out of their range.
+        InputError: For not exactly one of ``values`` and ``until``, or for values out of their
+            range.
     """
 
     prescribes: ClassVar[Prescribed] = Prescribed.WORK
@@ -64,7 +65,7 @@ class WorkControl:
             check_values(self.values, "works")
             for key in ("limit_tolerance", "limit_method", "design"):
                 if getattr(self, key) is not None:
-                    raise InputError(f"{key} goes with until = 'limit'; leave it out.")
+                    raise InputError(f"{key} needs until = 'limit'; remove it.")
         else:
             tolerance = TOLERANCE if self.limit_tolerance is None else self.limit_tolerance
             check_tolerance(tolerance)
@@ -72,32 +73,32 @@ class WorkControl:
             object.__setattr__(self, "limit_tolerance", tolerance)
 
     def in_turn(self) -> Sequence[Stage]:
-        """None."""
+        """Return no stages."""
         return ()
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """None."""
+        """Return a function that is always False."""
         return none_moved
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """Return remarks on data that do not change the limit load. Collective."""
+        """Return remarks on data that do not affect the limit load. Collective."""
         return ignored(problem)
 
     def check(self, given: Given) -> None:
-        """Refuse loads that do not grow, obstacles that move, and unloading from nothing."""
+        """Refuse constant loads only, moving obstacles, and unloading without constant loads."""
         given.require_load()
         given.refuse_moves()
         if not given.stays:
             check_rising(self.values or (), "works")
         if all(load.constant for load in given.loads):
             raise InputError(
-                "control = 'work' goes with a load that grows, but all loads are constant; take"
-                " constant = true from one of them, or give control = 'load', or 'bounds', which"
-                " bounds how many times they are carried."
+                "control = 'work' needs a load that grows, but all loads are constant; "
+                "remove constant = true from one of them, or give control = 'load', or "
+                "'bounds', which bounds how many times the bodies carry them."
             )
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse problems without a limit load that the method can find. Collective."""
+        """Refuse problems whose limit load the method cannot compute. Collective."""
         if self.limit_tolerance is not None:
             check_limit_load(problem, self.limit_tolerance, solver)
 
@@ -106,7 +107,7 @@ class WorkControl:
         return ""
 
     def find(self, run: Run) -> LimitLoad | None:
-        """Solve for each work, or find the limit load of the mesh. Collective."""
+        """Solve for each work, or compute the limit load of the mesh. Collective."""
         record, rtol = run.record, self.limit_tolerance
         if rtol is None:
             follow(run, self.values or ())

@@ -1,4 +1,4 @@
-"""Geometry files of CAD systems, as meshes of bodies with names."""
+"""Mesh CAD geometry files as bodies with names."""
 
 import lazy_loader
 

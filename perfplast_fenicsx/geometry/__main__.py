@@ -1,6 +1,7 @@
-"""The meshing program: ``python3 -m perfplast_fenicsx.geometry SOURCE TARGET.msh OPTIONS SURVEY``.
+"""Mesh a file: ``python3 -m perfplast_fenicsx.geometry SOURCE TARGET.msh OPTIONS SURVEY``.
 
-:mod:`cad_process` starts it, since broken geometry makes gmsh crash. Nothing of MPI is imported.
+:mod:`cad_process` starts it, since broken geometry makes gmsh crash. The program does not import
+MPI.
 """
 
 import sys
@@ -17,7 +18,7 @@ from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
 
 
 def main(argv: Sequence[str]) -> int:
-    """Mesh, and write the survey of the geometry."""
+    """Mesh a geometry, and write its survey."""
     source, target, options, survey = argv
     try:
         with gmsh_session() as gmsh:

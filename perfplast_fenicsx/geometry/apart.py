@@ -1,4 +1,4 @@
-"""Bodies that touch no other one, of which each has to be held."""
+"""Find groups of bodies that do not touch each other, each of which needs supports."""
 
 from collections.abc import Iterator, Sequence
 
@@ -6,7 +6,7 @@ from perfplast_fenicsx.geometry.survey import Joint
 
 
 def groups_of(bodies: Sequence[str], joints: Sequence[Joint]) -> list[list[str]]:
-    """Return bodies that touch, directly or by way of others, in the order of the bodies."""
+    """Return groups of bodies connected by contact, in the order of the bodies."""
     group = {body: [body] for body in bodies}
     for joint in joints:
         one, other = (group[body] for body in joint.bodies)
@@ -17,14 +17,14 @@ def groups_of(bodies: Sequence[str], joints: Sequence[Joint]) -> list[list[str]]
 
 
 def apart_remarks(bodies: Sequence[str], joints: Sequence[Joint]) -> Iterator[str]:
-    """That bodies do not touch, in a sentence, if they do not."""
+    """Yield a sentence that bodies do not touch, if they do not."""
     groups = groups_of(bodies, joints)
     if len(groups) < 2:
         return
-    most_names = 8  # so many bodies are named at most
+    most_names = 8  # largest number of bodies that are named
     names = ["'" + "' with '".join(group) + "'" for group in groups[:most_names]]
     rest = f" and {len(groups) - most_names} more" if len(groups) > most_names else ""
     yield (
-        f"{', '.join(names)}{rest} do not touch each other: each wants supports and loads of its"
-        f" own, or is left out (--without {groups[-1][0]})"
+        f"{', '.join(names)}{rest} do not touch each other: give each its own supports and "
+        f"loads, or leave it out (--without {groups[-1][0]})"
     )

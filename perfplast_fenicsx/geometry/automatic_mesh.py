@@ -1,4 +1,4 @@
-"""Sizes of the program's own: one of few elements, and finer ones where areas ask for them."""
+"""Choose element sizes: an automatic size with few elements, finer ones where areas need them."""
 
 import math
 from collections.abc import Sequence
@@ -15,14 +15,14 @@ from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.sizes import Sizes, most_elements
 
 EXACT = 0.01
-"""Share by which areas may be wrong without a word."""
+"""Relative error of areas that is accepted without a remark."""
 
 
 def mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
-    """Mesh so finely along arcs that areas are right, and say the largest edge length.
+    """Mesh arcs finely enough for accurate areas, and return the largest edge length.
 
-    Without a size given it is one of few elements. Where a mesh that is finer along arcs has flat
-    elements, too many or none at all, the one before is made again.
+    Without a given size, an automatic size with few elements is used. If a mesh with finer arcs has
+    flat elements, too many elements or none, the previous mesh is restored.
     """
     most, sizes = most_elements(dim, len(parts)), Sizes.of(dim, parts)
     if options.size is None:
@@ -33,7 +33,7 @@ def mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) ->
     if options.curvature is not None or sizes.scripted:
         return longest
     before: dict[tuple[int, int], float] = {}
-    times = 4  # that arcs are made finer
+    times = 4  # largest number of refinements of arcs
     for _ in range(times):
         finer = before | finer_arcs(dim, parts)
         if finer == before:
@@ -52,8 +52,8 @@ def mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) ->
 
 
 def finer_arcs(dim: int, parts: Sequence[Part]) -> dict[tuple[int, int], float]:
-    """Edge lengths of arcs and curved faces with which areas should be right that are not now."""
-    enough = 0.95  # of the error that is allowed, which is of second order in edge lengths
+    """Return edge lengths of inaccurate arcs and curved faces for accurate areas."""
+    enough = 0.95  # target share of the allowed error, which is of second order in edge lengths
     found: dict[tuple[int, int], float] = {}
     for face, missed in missed_areas(dim, parts).items():
         if missed <= EXACT:
@@ -71,18 +71,18 @@ def _edge_length(dim: int, tag: int) -> float:
     """Return the mean edge length of the elements of a curve or face."""
     count = sum(len(tags) for tags in gmsh.model.mesh.getElements(dim, tag)[1])
     measure = mesh_measure(dim, tag) / max(count, 1)
-    of_triangle = 4 / math.sqrt(3)  # square of the edges of an equilateral one, over its area
+    of_triangle = 4 / math.sqrt(3)  # squared edge of an equilateral triangle, over its area
     return measure if dim == 1 else math.sqrt(of_triangle * measure)
 
 
 def _usual_size(sizes: Sizes, options: MeshingOptions, most: int) -> float:
-    """Mesh with a size of the program's own, one that gmsh can mesh with few elements; say which.
+    """Mesh with an automatic size with few elements, and return the size.
 
     Raises:
-        InputError: If no such size can be meshed.
+        InputError: If no automatic size can be meshed.
     """
     first = sizes.usual
-    # Shares of the usual size that are tried where faces overlap on a coarse mesh.
+    # Shares of the usual size that are tried if faces overlap on a coarse mesh.
     finer_sizes = (1.0, 0.7, 0.5)
     for share in finer_sizes:
         size = share * first
@@ -93,8 +93,8 @@ def _usual_size(sizes: Sizes, options: MeshingOptions, most: int) -> float:
                 raise
             continue
         break
-    # Sizes by so much larger are tried, so many times, where small fillets and holes make more
-    # elements than the most.
+    # Factors and number of larger sizes that are tried if small fillets and holes cause too many
+    # elements.
     coarser, times = 1.3, 5
     for _ in range(times if share == 1 else 0):
         if _count(sizes.dim, sizes.parts) <= most:
@@ -109,5 +109,5 @@ def _usual_size(sizes: Sizes, options: MeshingOptions, most: int) -> float:
 
 
 def _count(dim: int, parts: Sequence[Part]) -> int:
-    """Return elements of the mesh."""
+    """Return the number of elements of the mesh."""
     return sum(elements(dim, part).size for part in parts)

@@ -1,4 +1,4 @@
-"""Areas and volumes as the CAD system has them, beside those of the mesh and its centroids."""
+"""Compute areas and volumes in the CAD system and in the mesh, with centroids."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from perfplast_fenicsx.geometry.parts import Part
 
 
 def cad_measure(dim: int, tags: Sequence[int]) -> float | None:
-    """Volume, area or length of entities; None where gmsh's built-in kernel has made them."""
+    """Return volume, area or length of entities; None for gmsh's built-in kernel."""
     known = {tag for of, tag in gmsh.model.occ.getEntities(dim) if of == dim}
     if not known.issuperset(tags):
         return None
@@ -18,21 +18,21 @@ def cad_measure(dim: int, tags: Sequence[int]) -> float | None:
 
 
 def mesh_measure(dim: int, tag: int) -> float:
-    """Volume, area or length of the elements of an entity, curved ones too."""
+    """Return volume, area or length of the elements of an entity, including curved ones."""
     return float(_quadrature(dim, tag)[1].sum())
 
 
 def mesh_centre(dim: int, tags: Sequence[int]) -> Floats:
-    """Return the centroid of the elements of entities, shape (3,); curved ones too."""
+    """Return the centroid of the elements of entities, shape (3,), including curved ones."""
     found = [_quadrature(dim, tag) for tag in tags]
     points, weights = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
     return np.asarray(weights @ points / weights.sum())
 
 
 def _quadrature(dim: int, tag: int) -> tuple[Floats, Floats]:
-    """Points of the elements of an entity, shape (n, 3), and weights, whose sum is its measure."""
+    """Return points of an entity's elements, shape (n, 3), and weights that sum to its measure."""
     points, weights = [np.empty((0, 3))], [np.empty(0)]
-    gauss = "Gauss4"  # rule that volumes of curved elements are exact with
+    gauss = "Gauss4"  # rule that is exact for volumes of curved elements
     for kind in gmsh.model.mesh.getElementTypes(dim, tag):
         local, of_rule = gmsh.model.mesh.getIntegrationPoints(kind, gauss)
         _, determinants, places = gmsh.model.mesh.getJacobians(kind, local, tag)
@@ -42,15 +42,15 @@ def _quadrature(dim: int, tag: int) -> tuple[Floats, Floats]:
 
 
 def missed_areas(dim: int, parts: Sequence[Part]) -> dict[int, float]:
-    """By what share each face of the mesh misses its area, of those that matter.
+    """Return the relative area error of each face of the mesh that matters.
 
-    In the plane lengths of curves are meant. Faces whose area is not known are left out.
+    In the plane, these are lengths of curves. Faces with an unknown area are omitted.
     """
     tags = [tag for part in parts for tag in part.tags]
     faces = sorted({int(f) for tag in tags for f in gmsh.model.getAdjacencies(dim, tag)[1]})
     meant = [(face, cad_measure(dim - 1, [face])) for face in faces]
     known = {face: area for face, area in meant if area}
-    # Share of the area of all faces that a face has which is to have its area in the mesh.
+    # Least share of the total area of a face whose area should be accurate.
     matters = 0.01
     least = matters * sum(known.values())
     return {

@@ -1,4 +1,4 @@
-"""The meshing program's process: a geometry that breaks gmsh takes nothing with it."""
+"""Start the meshing program in a separate process, so that a crash of gmsh does no harm."""
 
 import signal
 import subprocess
@@ -28,20 +28,21 @@ def mesh_geometry(
     skin: str | Path | None = None,
     trust: bool = False,
 ) -> Survey:
-    """Mesh a geometry file: one mesh in which bodies touch with matching nodes and share none.
+    """Mesh a geometry file: touching bodies have matching nodes, but share none.
 
-    Not collective. All names are made: of bodies by the file, of faces by where they lie.
+    Not collective. The program creates all names: of bodies from the file, of faces from their
+    positions.
 
     Args:
         source: A STEP, BREP or IGES file, or gmsh's .geo.
         target: The .msh file to write.
         options: Sizes and degree of the elements.
-        skin: An .npz file to write for pictures (:func:`skin.skin_of`); none where it is missing.
-        trust: Run gmsh's scripts, which may run any command in turn.
+        skin: An .npz file to write for pictures (:func:`skin.skin_of`); None for none.
+        trust: Whether to run gmsh's scripts, which may run any command.
 
     Raises:
-        InputError: If the file cannot be read or meshed, or is a script without trust; nothing is
-            written then.
+        InputError: If the file cannot be read or meshed, or if it is a script without ``trust``;
+            nothing is written in this case.
     """
     check_file(Path(source))
     check_trust(Path(source), trust)
@@ -67,15 +68,15 @@ def mesh_geometry(
                 check=False,
             )
         except subprocess.TimeoutExpired as error:
-            seen = error.stdout or b""  # bytes, whatever the encoding
+            seen = error.stdout or b""  # bytes, since the encoding is unknown
             doing = last_of(seen if isinstance(seen, str) else seen.decode(errors="replace"))
             raise InputError(
-                f"'{source}' was not meshed in {options.patience:g} s, when gmsh was {doing}; give"
-                " a larger size, fewer elements about circles (curvature = 4) or more patience, or"
-                " simplify the geometry in the CAD system."
+                f"'{source}' was not meshed within {options.patience:g} s, while gmsh was "
+                f"{doing}; give a larger size, fewer elements around circles (curvature = "
+                "4) or more patience, or simplify the geometry in the CAD system."
             ) from error
         if done.returncode:
-            if "    import gmsh\n" in done.stderr:  # the line at which it ended
+            if "    import gmsh\n" in done.stderr:  # the line at which it crashed
                 raise InputError(NO_GMSH)
             if done.returncode > 0 and done.returncode != REFUSED:
                 raise RuntimeError(f"a fault of the meshing program:\n{done.stderr}")

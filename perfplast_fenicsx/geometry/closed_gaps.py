@@ -1,4 +1,4 @@
-"""Faces at which bodies touch since gaps between them were closed."""
+"""Straighten faces at which bodies touch after gaps between them were closed."""
 
 from collections.abc import Sequence
 
@@ -12,20 +12,20 @@ from perfplast_fenicsx.geometry.seams import Seam
 
 
 def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
-    """Move nodes of the mesh to the surfaces on which the faces lie.
+    """Move nodes of the mesh to the original surfaces of the faces.
 
-    Closing a gap makes the edges of one body those of the other one's face, from which they are as
-    far as the gap was wide. Contact on a face that is bent by that pushes bodies aside.
+    Closing a gap replaces the edges of one body by those of the other body's face, at a distance of
+    the gap width. Contact on a face that this bends pushes bodies aside.
 
     Args:
         parts: Bodies in space.
         seams: Places where they touch.
 
     Raises:
-        InputError: If elements are folded by that.
+        InputError: If this folds elements.
     """
     faces = sorted({face for seam in seams for side in seam.faces for face in side})
-    sweeps = 3  # nodes of several faces come to where these meet
+    sweeps = 3  # nodes shared by several faces move to the intersection
     for _ in range(sweeps):
         for face in faces:
             nodes, points, _ = gmsh.model.mesh.getNodes(2, face, includeBoundary=True)
@@ -35,6 +35,6 @@ def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
     for part in parts:
         if qualities(3, part).min() <= 0:
             raise InputError(
-                f"closing gaps folds elements of '{part.name}'; give a larger size, a smaller"
-                " close_gaps, or mend the geometry in the CAD system."
+                f"closing gaps folds elements of '{part.name}'; give a larger size, a "
+                "smaller close_gaps, or repair the geometry in the CAD system."
             )

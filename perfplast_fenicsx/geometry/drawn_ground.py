@@ -1,4 +1,4 @@
-"""Ground that is drawn in a case by its coordinates: regions, strata and lines in the plane."""
+"""Define ground drawn in a case by coordinates: regions, strata and lines in the plane."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -19,24 +19,24 @@ from perfplast_fenicsx.geometry.plane_arrangement import (
 )
 
 NEARLY = 1e-5
-"""A corner that is nearer to a side than this share of the ground's size is meant to be on it."""
+"""A corner closer to a side than this share of the ground's size is assumed to lie on it."""
 
 SIDES = ("left", "base", "right", "surface")
-"""Names of the pieces of the outline, against the clock from its top left corner."""
+"""Names of the pieces of the outline, counterclockwise from its top left corner."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """A piece of ground, or of what is built in it: a body that is a polygon.
+    """A part of the ground, or of a structure in it: a polygonal body.
 
-    Regions that have a side in common, or a part of one, are glued there. ``[[contact]]`` between
-    ``A_joint_1`` and ``B_joint_1`` parts them, and so does a ``[[line]]`` with its name.
+    Regions that share a side, or part of one, are glued there. A ``[[contact]]`` between
+    ``A_joint_1`` and ``B_joint_1``, or between the sides of a named ``[[line]]``, separates them.
 
     Args:
-        name: Of the body; small letters, digits and _.
-        points: Corners in turn, [x, y] each (length), in either direction.
-        opening: Whether it is cut out of the ground, as a tunnel is; its boundary then is a surface
-            with this name.
+        name: Name of the body; lower-case letters, digits and _.
+        points: Corners in order, [x, y] each (length), in either direction.
+        opening: Whether it is cut out of the ground, as for a tunnel; its boundary is then a
+            surface with this name.
     """
 
     name: str
@@ -46,16 +46,16 @@ class Region:
 
 @dataclass(frozen=True)
 class Stratum:
-    """A layer of ground: a body that reaches from its top down to the top of the next one.
+    """A layer of ground: a body from its top down to the top of the next stratum.
 
-    Strata are given from the surface downwards. Where two tops coincide, the upper stratum has no
+    Strata are listed from the surface downwards. Where two tops coincide, the upper stratum has no
     thickness and ends.
 
     Args:
-        name: Of the body; small letters, digits and _.
+        name: Name of the body; lower-case letters, digits and _.
         top: Its upper boundary, points [x, y] from the left to the right end of the ground
             (length). At a vertical step two points have the same x.
-        bottom: The lower boundary of the last stratum: a level (length), or points as for the top.
+        bottom: Lower boundary of the last stratum: a level (length), or points as for the top.
     """
 
     name: str
@@ -65,18 +65,18 @@ class Stratum:
 
 @dataclass(frozen=True)
 class DrawnLine:
-    """A line that the mesh follows, and whose name is that of a piece of a boundary.
+    """A line that the mesh follows, which names a part of a boundary.
 
-    Along the boundary of the ground it is a surface, for loads, supports and contacts. Between
-    regions A and B it is a joint, whose sides are called ``A_NAME`` and ``B_NAME``. Inside of one
-    region it only divides cells.
+    On the boundary of the ground it is a surface, for loads, supports and contacts. Between regions
+    A and B it is a joint, with sides named ``A_NAME`` and ``B_NAME``. Inside one region it only
+    divides cells.
 
     Args:
-        name: Of the surface; small letters, digits and _.
-        points: Its corners in turn, [x, y] each (length).
-        crack: Whether it is an open crack between two regions, whose sides carry water alone.
-            Regions that meet along a longer line are glued beside it.
-        water: Level of water in the crack (length), which presses on both sides.
+        name: Name of the surface; lower-case letters, digits and _.
+        points: Its corners in order, [x, y] each (length).
+        crack: Whether it is an open crack between two regions, whose sides carry only water.
+            Regions that meet along a longer line are glued next to the crack.
+        water: Water level in the crack (length); the water presses on both sides.
     """
 
     name: str
@@ -96,7 +96,7 @@ class _Shape:
 
 @dataclass(frozen=True)
 class DrawnGround:
-    """All that is drawn, checked.
+    """All drawn parts, checked.
 
     Args:
         regions: At least one, if there are no strata.
@@ -107,8 +107,8 @@ class DrawnGround:
         notes: What a user should know of the drawing, a sentence each.
 
     Raises:
-        InputError: If names are missing or given twice, polygons cross themselves, have no area,
-            overlap or leave gaps, strata cross, or lines are outside of the ground.
+        InputError: If names are missing or repeated, polygons intersect themselves, have no area,
+            overlap or leave gaps, strata cross, or lines are outside the ground.
     """
 
     regions: Sequence[Region] = ()
@@ -154,11 +154,11 @@ class DrawnGround:
         return _script(self.outline(), [line.name for line in self.lines])
 
     def remarks(self) -> list[str]:
-        """Return what a user should know, a sentence each."""
+        """Return remarks for the user, one sentence each."""
         outline = self.outline()
         told = [
-            f"the line '{line.name}' lies inside of '{outline.names[outline.body[k, 0]]}': cells"
-            " follow it, and it names no surface"
+            f"the line '{line.name}' lies inside '{outline.names[outline.body[k, 0]]}': "
+            "cells follow it, but it names no surface"
             for number, line in enumerate(self.lines)
             for k in np.flatnonzero(outline.plan.owners[:, outline.first_line + number])[:1]
             if outline.body[k, 0] == outline.body[k, 1]
@@ -195,8 +195,8 @@ class DrawnGround:
                 better = plain_name(name) or "clay"
                 better = f"r_{better}" if better[0].isdigit() else better
                 raise InputError(
-                    f"name = '{name}' cannot be that of a body or surface; use small letters,"
-                    f" digits and _, such as '{better}'."
+                    f"name = '{name}' cannot be that of a body or surface; use lower-case "
+                    f"letters, digits and _, such as '{better}'."
                 )
             if [*bodies, *lines].count(name) > 1:
                 raise InputError(
@@ -206,11 +206,13 @@ class DrawnGround:
         for name in bodies:
             if name in SIDES:
                 raise InputError(
-                    f"a body is called '{name}', which is the name of a side of the ground; give"
-                    " it another name."
+                    f"a body has the name '{name}', which is the name of a side of the "
+                    "ground; rename the body."
                 )
         if all(one.opening for one in self.regions) and not self.strata:
-            raise InputError("there is no ground: each region is an opening; draw the ground too.")
+            raise InputError(
+                "there is no ground: each region is an opening; draw the ground as well."
+            )
 
 
 @dataclass(frozen=True)
@@ -219,13 +221,13 @@ class Outline:
 
     Attributes:
         plan: Edges and faces.
-        names: Of the bodies.
-        face_body: The body of each face, -1 for none.
-        body: The bodies on the left and right of each edge, shape (num_edges, 2), -1 for none.
+        names: Names of the bodies.
+        face_body: The body of each face, -1 without one.
+        body: The bodies on the left and right of each edge, shape (num_edges, 2), -1 without one.
         openings: Edges around each opening, by its name.
         sides: Edges of the whole sides, by their names.
-        unnamed: Why whole sides have no names; empty if they have.
-        first_line: Which owner of edges is the first line.
+        unnamed: Why the whole sides have no names; empty if they have.
+        first_line: Index of the first line among the owners of edges.
     """
 
     plan: Arrangement
@@ -239,11 +241,11 @@ class Outline:
 
     @staticmethod
     def of(shapes: Sequence[_Shape], chains: Sequence[Sequence[Floats]]) -> "Outline":
-        """Return the outline of shapes that neither overlap nor leave gaps.
+        """Return the outline of shapes without overlaps and gaps.
 
         Args:
             shapes: Bodies and openings.
-            chains: Polylines of each line, and at the end those of all kinks.
+            chains: Polylines of each line, followed by those of all kinks.
         """
         parts, owner = _segments(shapes)
         for number, some in enumerate(chains, start=len(shapes)):
@@ -258,7 +260,7 @@ class Outline:
         inside = _inside(shapes, plan)
         cut = [inside[k] for k, one in enumerate(shapes) if one.opening]
         free = ~np.any(cut, axis=0) if cut else np.ones(len(plan.faces), dtype=bool)
-        of_face = [-1] * len(plan.faces) + [-1]  # the last is that of the face -1
+        of_face = [-1] * len(plan.faces) + [-1]  # the last entry is for face -1
         for number, k in enumerate(solid):
             for face in np.flatnonzero(inside[k] & free):
                 of_face[face] = number
@@ -280,12 +282,13 @@ def points_of(given: Sequence[Sequence[float]], what: str, least: int = 2) -> Fl
     """Return points as an array, shape (n, 2).
 
     Args:
-        given: [x, y] each.
-        what: What has them, for messages.
-        least: How many there must be.
+        given: Points [x, y].
+        what: Name of the object with the points, which messages use.
+        least: Least number of points.
 
     Raises:
-        InputError: If there are too few, one is not two finite numbers, or two in turn are equal.
+        InputError: If there are too few points, one is not two finite numbers, or two successive
+            ones are equal.
     """
     for at in given:
         if len(at) != 2 or not np.isfinite(at).all():
@@ -298,16 +301,16 @@ def points_of(given: Sequence[Sequence[float]], what: str, least: int = 2) -> Fl
     same = np.flatnonzero((points[1:] == points[:-1]).all(axis=1))
     if same.size:
         raise InputError(
-            f"{what} has the point {place_of(points[same[0]])} twice in turn; leave out one."
+            f"{what} repeats the point {place_of(points[same[0]])}; remove one of them."
         )
     return points
 
 
 def _polygon(given: Sequence[Sequence[float]], what: str) -> Floats:
-    """Return the corners of a polygon without a last one that repeats the first.
+    """Return the corners of a polygon without a repeated last corner.
 
     Raises:
-        InputError: If it crosses or touches itself, or has no area.
+        InputError: If it intersects or touches itself, or has no area.
     """
     points = points_of(given, what, 3)
     if (points[0] == points[-1]).all():
@@ -325,14 +328,16 @@ def _polygon(given: Sequence[Sequence[float]], what: str) -> Floats:
     x, y = (points - points[0]).T
     area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
     if len(points) < 3 or area <= ROUNDING * size**2:
-        raise InputError(f"{what} has no area; give three corners or more that are not on a line.")
+        raise InputError(
+            f"{what} has no area; give at least three corners that are not on one line."
+        )
     return points
 
 
 def _bottom(last: Stratum, top: Floats) -> Floats:
     """Return the lower boundary of the last stratum."""
     if last.bottom is None:
-        raise InputError(f"the last stratum, '{last.name}', has no bottom; give its level there.")
+        raise InputError(f"the last stratum, '{last.name}', has no bottom; give it a level.")
     if isinstance(last.bottom, float | int):
         level = float(last.bottom)
         return points_of([[top[0, 0], level], [top[-1, 0], level]], f"the bottom of '{last.name}'")
@@ -340,7 +345,7 @@ def _bottom(last: Stratum, top: Floats) -> Floats:
 
 
 def _check_strata(strata: Sequence[Stratum]) -> None:
-    """Refuse strata that are not one above the other.
+    """Refuse strata that are not ordered downwards.
 
     Raises:
         InputError: Naming two of them and a place.
@@ -350,8 +355,9 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
     for one in strata[:-1]:
         if one.bottom is not None:
             raise InputError(
-                f"the stratum '{one.name}' has a bottom, but it reaches down to '{strata[-1].name}'"
-                " or what is between; give bottom for the last stratum only."
+                f"the stratum '{one.name}' has a bottom, but it reaches down to "
+                f"'{strata[-1].name}' or a stratum between; give bottom only for the last "
+                "stratum."
             )
     named = [
         (f"the top of '{one.name}'", points_of(one.top, f"the top of '{one.name}'"))
@@ -370,9 +376,9 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
             )
         if np.abs(chain[[0, -1], 0] - ends).max() > ROUNDING * size:
             raise InputError(
-                f"{what} goes from x = {chain[0, 0]:.6g} to {chain[-1, 0]:.6g}, but {first} from"
-                f" {ends[0]:.6g} to {ends[1]:.6g}; let each reach from end to end, along the next"
-                " one where a stratum has no thickness."
+                f"{what} goes from x = {chain[0, 0]:.6g} to {chain[-1, 0]:.6g}, but "
+                f"{first} from {ends[0]:.6g} to {ends[1]:.6g}; let each reach from end to "
+                "end, along the next one where a stratum has no thickness."
             )
     for (above, upper), (below, lower) in pairwise(named):
         places = np.unique(np.concatenate([upper[:, 0], lower[:, 0]]))
@@ -388,11 +394,11 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
                 " from the surface downwards and must not cross."
             )
         if at_ends.max() <= 10 * ROUNDING * size:
-            raise InputError(f"{above} and {below} are the same line; leave out that stratum.")
+            raise InputError(f"{above} and {below} are the same line; remove this stratum.")
 
 
 def _segments(shapes: Sequence[_Shape]) -> tuple[list[Floats], list[int]]:
-    """Return the sides of shapes that have a length, and whose they are."""
+    """Return the sides of shapes with a length, and their shapes."""
     parts, owner = list[Floats](), list[int]()
     for number, one in enumerate(shapes):
         sides = np.stack([one.corners, np.roll(one.corners, -1, axis=0)], axis=1)
@@ -409,13 +415,13 @@ def _inside(shapes: Sequence[_Shape], plan: Arrangement) -> npt.NDArray[np.bool_
 
 
 def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
-    """Refuse corners that are next to a side of another shape or line, and not on it.
+    """Refuse corners that are close to a side of another shape or line, but not on it.
 
     Args:
-        chains: Name, points, and whether it is closed.
+        chains: Name and points of each chain, and whether it is closed.
 
     Raises:
-        InputError: Naming the two and the place.
+        InputError: Naming both and the place.
     """
     size = float(np.linalg.norm(np.ptp(np.concatenate([c for _, c, _ in chains]), axis=0)))
     for name, points, _ in chains:
@@ -442,7 +448,7 @@ def _check_apart(shapes: Sequence[_Shape]) -> None:
     """Refuse bodies that overlap or leave gaps between them.
 
     Raises:
-        InputError: Naming the bodies, a place and an area.
+        InputError: Naming the bodies, the place and the area.
     """
     parts, owner = _segments(shapes)
     plan = arrange(np.concatenate(parts), owner)
@@ -454,16 +460,16 @@ def _check_apart(shapes: Sequence[_Shape]) -> None:
             continue
         if len(bodies) > 1:
             raise InputError(
-                f"'{bodies[0]}' and '{bodies[1]}' overlap in an area of {face.area:.4g} about"
-                f" {place_of(face.point)}; let them share a side, or cut one of them."
+                f"'{bodies[0]}' and '{bodies[1]}' overlap in an area of {face.area:.4g} "
+                f"around {place_of(face.point)}; let them share a side, or cut one of them."
             )
         if not bodies:
             around = sorted({abs(e) - 1 for loop in face.loops for e in loop})
             names = [shapes[k].name for k in np.flatnonzero(plan.owners[around].any(axis=0))]
             raise InputError(
-                f"there is a gap between {' and '.join(map(repr, names))}, with an area of"
-                f" {face.area:.4g}, about {place_of(face.point)}; close it, or draw it as a"
-                " [[region]] with opening = true."
+                f"there is a gap between {' and '.join(map(repr, names))}, with an area of "
+                f"{face.area:.4g}, around {place_of(face.point)}; close it, or draw it as "
+                "a [[region]] with opening = true."
             )
     of_shape = [
         float(sum(f.area for f, at in zip(plan.faces, row, strict=True) if at)) for row in inside
@@ -472,16 +478,15 @@ def _check_apart(shapes: Sequence[_Shape]) -> None:
         left = row & ~inside[opening].any(axis=0)
         if not one.opening and not left.any():
             raise InputError(
-                f"nothing is left of '{one.name}', as openings cut out its area of {area:.4g};"
-                " leave it out."
+                f"openings cut out the whole area {area:.4g} of '{one.name}'; remove it."
             )
 
 
 def _check_lines(ground: DrawnGround, shapes: Sequence[_Shape]) -> None:
-    """Refuse lines that are outside of the ground, or partly on its boundary.
+    """Refuse lines that are outside the ground, or only partly on its boundary.
 
     Raises:
-        InputError: Naming the line and a place.
+        InputError: Naming the line and the place.
     """
     if not ground.lines:
         return
@@ -494,13 +499,18 @@ def _check_lines(ground: DrawnGround, shapes: Sequence[_Shape]) -> None:
         middles = plan.points[plan.edges[edges]].mean(axis=1)
         if (kind == 0).any():
             raise InputError(
-                f"the line '{line.name}' is outside of the ground at"
-                f" {place_of(middles[np.argmax(kind == 0)])}; let it lie on the boundary, between"
-                " regions or inside of one."
+                f"the line '{line.name}' is outside the ground at "
+                f"{place_of(middles[np.argmax(kind == 0)])}; let it lie on the boundary, "
+                "between regions or inside one."
             )
         kind += (kind == 2) & (body[:, 0] == body[:, 1])
         if len(np.unique(kind)) > 1:
-            kinds = ("", "on the boundary of the ground", "between two regions", "inside of one")
+            kinds = (
+                "",
+                "on the boundary of the ground",
+                "between two regions",
+                "inside one region",
+            )
             a, b = np.argmax(kind == kind.min()), np.argmax(kind == kind.max())
             raise InputError(
                 f"the line '{line.name}' is {kinds[kind[a]]} at {place_of(middles[a])} and"
@@ -508,8 +518,9 @@ def _check_lines(ground: DrawnGround, shapes: Sequence[_Shape]) -> None:
             )
         if line.crack and (kind != 2).any():
             raise InputError(
-                f"the crack '{line.name}' is not between two regions; divide the region along the"
-                " crack and on from its tip, which is glued again."
+                f"the crack '{line.name}' is not between two regions; divide the region "
+                "along the crack and its extension beyond the tip, where the parts are "
+                "glued."
             )
 
 
@@ -552,7 +563,7 @@ def _sides(
 
 
 def _script(outline: Outline, lines: Sequence[str]) -> str:
-    """Return gmsh's script of an outline, for its built-in kernel."""
+    """Return gmsh's script of an outline for the built-in kernel."""
     plan = outline.plan
     solid = [k for k, of in enumerate(outline.face_body) if of >= 0]
     used = {abs(e) - 1 for k in solid for loop in plan.faces[k].loops for e in loop}

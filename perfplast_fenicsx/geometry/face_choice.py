@@ -1,4 +1,4 @@
-"""Which faces of a geometry file have a name that a user gives them."""
+"""Choose the faces of a geometry file that a user names."""
 
 import math
 from dataclasses import dataclass
@@ -10,30 +10,29 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class NamedFace:
-    """A name for free faces or curves, by one of the places, marks and names below.
+    """A name for free faces or curves, selected by one of the places, marks and names below.
 
-    A face keeps the names that it has besides, and may have several.
+    A face keeps its other names, and may have several.
 
     Args:
         name: Name of the faces, for supports, loads and contacts.
-        plane: A coordinate and its value (length), such as {z = 40.0}: all flat faces in this
-            plane.
-        point: A point on the face (length; 2 or 3 numbers): the one face in which it lies.
-        angle: With a point (degrees, below 90): also the faces that are reached from its face
-            across edges with a smaller angle between tangents. Two halves of a bore are an example.
-        radius: Radius of cylindrical faces (in the plane, of round curves): all that have it
-            (length).
-        about: With a radius: a point on the axis of the cylinder (length; 2 or 3 numbers), where
-            several have the same radius.
-        number: As ``perfplast mesh`` lists faces and sets of faces, and as in its picture.
-        colour: Colour of faces of a STEP file that have another colour than most of their body: a
-            word such as "red", or as perfplast mesh lists it, such as "#dd5228".
-        label: Label of faces of a STEP file that have labels of their own, as perfplast mesh lists
-            it.
-        box: Two opposite corners (length; 2 or 3 numbers each): all faces that lie within.
-        faces: Names of faces or of sets of faces, as perfplast mesh lists them or as they are given
-            before.
-        body: Of which the faces are; of any without.
+        plane: A coordinate and its value (length), such as {z = 40.0}: selects all flat faces in
+            this plane.
+        point: A point on the face (length; 2 or 3 numbers): selects the face that contains it.
+        angle: With a point (degrees, below 90): selects also the faces that are reached across
+            edges with a smaller angle between tangents. Two halves of a bore are an example.
+        radius: Radius of cylindrical faces (in the plane, of circular curves): selects all with
+            this radius (length).
+        about: With a radius: a point on the axis of the cylinder (length; 2 or 3 numbers), if
+            several cylinders have this radius.
+        number: Number of a face or set of faces in the list and the picture of ``perfplast mesh``.
+        colour: Colour of faces in a STEP file that differs from most of their body: a word such as
+            "red", or a code from the list of perfplast mesh, such as "#dd5228".
+        label: Label of faces with their own labels in a STEP file, as perfplast mesh lists it.
+        box: Two opposite corners (length; 2 or 3 numbers each): selects all faces inside.
+        faces: Names of faces or sets of faces, from the list of perfplast mesh or from earlier
+            tables.
+        body: Body of the faces; by default any body.
     """
 
     name: str
@@ -53,18 +52,18 @@ class NamedFace:
         kinds = ("plane", "point", "radius", "number", "colour", "label", "box", "faces")
         given = [kind for kind in kinds if getattr(self, kind) is not None]
         if not self.name.strip():
-            raise InputError("name is empty; give the faces one.")
+            raise InputError("name is empty; give the faces a name.")
         if len(given) != 1:
             raise InputError(
-                f"the face '{self.name}' has {' and '.join(given) or 'no place'}; give exactly one"
-                f" of {', '.join(kinds[:-1])} and {kinds[-1]}."
+                f"the face '{self.name}' has {' and '.join(given) or 'no selection'}; give "
+                f"exactly one of {', '.join(kinds[:-1])} and {kinds[-1]}."
             )
         if self.plane is not None:
             check_planes(f"plane of '{self.name}'", self.plane)
             if len(self.plane) != 1:
                 raise InputError(
-                    f"plane of '{self.name}' has {len(self.plane)} coordinates; give one, such as"
-                    " {z = 40.0}, and name oblique faces by a point on them."
+                    f"plane of '{self.name}' has {len(self.plane)} coordinates; give one, "
+                    "such as {z = 40.0}, and select oblique faces by a point on them."
                 )
         places = {"point": self.point, "about": self.about}
         places |= {f"corner {k} of box": at for k, at in enumerate(self.box or (), start=1)}
@@ -82,20 +81,20 @@ class NamedFace:
             raise InputError(f"faces of '{self.name}' is empty; give at least one name.")
         if self.angle is not None and (self.point is None or not 0 < self.angle < 90):
             raise InputError(
-                f"angle = {self.angle:g} of '{self.name}' goes with a point, and lies between 0 and"
-                " 90 degrees; give both so, or leave it out."
+                f"angle = {self.angle:g} of '{self.name}' needs a point, and must lie "
+                "between 0 and 90 degrees; correct it, or remove it."
             )
         if self.radius is not None and not (self.radius > 0 and math.isfinite(self.radius)):
             raise InputError(f"radius of '{self.name}' must be positive, not {self.radius:g}.")
         if self.about is not None and self.radius is None:
-            raise InputError(f"'{self.name}' has about, which goes with a radius; leave it out.")
+            raise InputError(f"'{self.name}' has about, which needs a radius; remove it.")
 
 
 def check_planes(what: str, planes: dict[str, float]) -> None:
-    """Refuse what is no coordinate with a value.
+    """Refuse a key that is not a coordinate, or a value that is not finite.
 
     Raises:
-        InputError: Naming it.
+        InputError: Naming the key.
     """
     for axis, value in planes.items():
         if axis not in tuple(AXES):

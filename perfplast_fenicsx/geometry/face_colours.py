@@ -1,7 +1,8 @@
-"""Colours and labels that single faces of a STEP file have: marks, which become names.
+"""Read colours and labels of single faces in a STEP file, which become names.
 
-Gmsh reads colours (``Geometry.OCCImportLabels``), and forgets them where bodies are cut along each
-other. So copies of marked faces stand aside meanwhile, and a face is marked that lies on one.
+Gmsh reads colours (``Geometry.OCCImportLabels``), but loses them when bodies are cut along each
+other. So copies of marked faces are kept during the cut, and faces that coincide with a copy get
+its mark.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,14 +21,14 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Mark:
-    """A coloured or labelled face that is set aside.
+    """A coloured or labelled face that is set aside as a copy.
 
     Attributes:
         body: Name of its body.
-        colour: Its own, which is not the body's; None where it is.
-        label: Its own; empty where it has none.
+        colour: Its own colour if it differs from the body's; otherwise None.
+        label: Its own label; empty without one.
         tag: Tag of the copy.
-        names: Names of the physical groups of a script that it is in; its body is empty then.
+        names: Names of the physical groups of a script that contain it; its body is then empty.
     """
 
     body: str
@@ -40,9 +41,9 @@ class Mark:
 def word_of(colour: Colour) -> str:
     """Return the word for a colour."""
     hue, saturation, value = rgb_to_hsv(*(part / 255 for part in colour))
-    pale, dark = 0.15, 0.1  # colours of less saturation or value have no hue that is seen
+    pale, dark = 0.15, 0.1  # with less saturation or value, a colour has no visible hue
     if saturation < pale or value < dark:
-        # Words for those without a hue, by their value.
+        # Words for colours without a hue, by their value.
         greys = {"black": 0.0, "grey": 0.5, "white": 1.0}
         return min(greys, key=lambda word: abs(greys[word] - value))
     # Words for colours by their hue (degrees).
@@ -64,13 +65,13 @@ def hex_of(colour: Colour) -> str:
 
 
 def set_aside(parts: Sequence[Part], labels: Mapping[int, str]) -> list[Mark]:
-    """Return copies of all faces that have a label, or whose colour is not their body's.
+    """Return copies of all faces with a label, or with a colour other than their body's.
 
-    A body has the colour of most of its area, or none where some face has none.
+    The colour of a body is that of most of its area, or none if some face has no colour.
 
     Args:
         parts: The bodies.
-        labels: Labels of the faces that have one.
+        labels: Labels of the labelled faces.
     """
     marks = []
     for part in parts:
@@ -80,7 +81,7 @@ def set_aside(parts: Sequence[Part], labels: Mapping[int, str]) -> list[Mark]:
                 red, green, blue, solid = gmsh.model.getColor(2, int(face))
                 colours[int(face)] = (red, green, blue) if solid else None
         areas: dict[Colour | None, float] = {}
-        if len(set(colours.values())) > 1:  # areas take time
+        if len(set(colours.values())) > 1:  # computing areas takes time
             for face, colour in colours.items():
                 areas[colour] = areas.get(colour, 0.0) + gmsh.model.occ.getMass(2, face)
         usual = None if None in areas else max(areas, key=areas.__getitem__, default=None)
@@ -95,7 +96,7 @@ def set_aside(parts: Sequence[Part], labels: Mapping[int, str]) -> list[Mark]:
 
 
 def set_aside_named(dim: int, named: Mapping[str, Sequence[int]]) -> list[Mark]:
-    """Return copies of OpenCASCADE's faces that physical groups of a script have.
+    """Return copies of OpenCASCADE's faces in physical groups of a script.
 
     Args:
         dim: Dimension of the faces.
@@ -118,17 +119,17 @@ def set_aside_named(dim: int, named: Mapping[str, Sequence[int]]) -> list[Mark]:
 def take_back(
     dim: int, marks: Sequence[Mark], faces: Mapping[int, int], parts: Sequence[Part]
 ) -> dict[int, Mark]:
-    """Return the marks of faces that lie on marked ones, whose copies are taken away.
+    """Return the marks of faces that coincide with marked copies, and remove the copies.
 
     Args:
         dim: Dimension of the faces.
-        marks: What :func:`set_aside` or :func:`set_aside_named` found.
-        faces: The number of the body of each face.
+        marks: Result of :func:`set_aside` or :func:`set_aside_named`.
+        faces: The index of the body of each face.
         parts: The bodies.
     """
     found = {}
     boxes = {mark.tag: box(dim, [mark.tag]) for mark in marks}
-    # A face that is closer to another one than this share of its size lies on it.
+    # A face closer to another one than this share of its size coincides with it.
     nearest = 1e-6
     for face, body in faces.items() if marks else ():
         low, high = box(dim, [face])
@@ -151,11 +152,11 @@ def take_back(
 
 
 def _inside(dim: int, face: int) -> Floats:
-    """A point of a face; the middle of its parameters where none of some others is inside."""
+    """Return a point inside a face, or the middle of its parameters if none is found."""
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(dim, face))
     if dim == 1:
         return np.asarray(gmsh.model.getValue(1, face, (low + high) / 2))
-    # Shares of a face's parameters at which a point inside of it is sought.
+    # Shares of a face's parameters at which a point inside is sought.
     along = (0.5, 0.31, 0.67, 0.13, 0.86)
     places = [low + np.array([u, v]) * (high - low) for u in along for v in along]
     chosen = next((at for at in places if gmsh.model.isInside(2, face, at, True)), places[0])

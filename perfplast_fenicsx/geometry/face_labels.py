@@ -1,7 +1,7 @@
-"""Labels of faces in a STEP file for the faces that gmsh has read, which does not read them.
+"""Assign the labels of faces in a STEP file, which gmsh does not read, to gmsh's faces.
 
-Gmsh has the faces of a solid in the file's order. That is shown for each body by the corners of its
-faces: those of the file, moved and turned as one, must lie where gmsh has them.
+Gmsh lists the faces of a solid in the file's order. The module verifies this for each body: the
+corners of its faces in the file, after a rigid motion, must coincide with gmsh's.
 """
 
 from collections.abc import Sequence
@@ -17,14 +17,14 @@ from perfplast_fenicsx.geometry.step_faces import StepSolid, names_in, read_soli
 
 
 def labels_of(path: Path, parts: Sequence[Part]) -> tuple[dict[int, str], list[str]]:
-    """Return the labels of faces as they were read, before anything is cut.
+    """Return the labels of faces as read, before any cut.
 
     Args:
         path: The geometry file.
         parts: Its bodies in gmsh's current model.
 
     Returns:
-        The labels of faces that have one, and a sentence where some are left out.
+        The labels of labelled faces, and a sentence if some are omitted.
     """
     kind = IMPORTED.get(path.suffix.lower())
     if kind is None or kind.pattern != STEP:
@@ -39,17 +39,17 @@ def labels_of(path: Path, parts: Sequence[Part]) -> tuple[dict[int, str], list[s
     lost |= set().union(*(names_in(solid.labels) for solid in solids)) - set(found.values())
     if not lost:
         return found, []
-    # As many are named.
+    # Largest number of named labels.
     first = sorted(lost)[:5]
     more = f" and {len(lost) - len(first)} more" if len(lost) > len(first) else ""
     which = ", ".join(map(repr, first)) + more
-    return found, [f"labels of faces are left out where it is not certain whose they are: {which}"]
+    return found, [f"labels of faces are left out because their faces are not certain: {which}"]
 
 
 def _of_body(
     part: Part, solids: Sequence[StepSolid], in_place: bool
 ) -> tuple[dict[int, str], set[str]]:
-    """Return the labels of a body's faces, and those whose face is not certain."""
+    """Return the labels of a body's faces, and the labels whose face is not certain."""
     faces = [int(face) for tag in part.tags for face in gmsh.model.getAdjacencies(3, tag)[1]]
     alike = [solid for solid in solids if len(solid.labels) == len(faces)]
     if not alike:
@@ -75,8 +75,8 @@ def _of_body(
 
 
 def _is_same(drawn: Floats, read: Floats, in_place: bool) -> bool:
-    """Whether points are others, scaled as their units are, and moved and turned as a whole."""
-    # Shares of the size of the body by which corners may miss each other: STEP has fewer digits.
+    """Return whether two point sets are equal after scaling by units and a rigid motion."""
+    # Allowed deviation of corners as shares of the body's size: STEP has fewer digits.
     close = 1e-5
     one, other = drawn - drawn.mean(axis=0), read - read.mean(axis=0)
     size, wanted = np.linalg.norm(one), np.linalg.norm(other)

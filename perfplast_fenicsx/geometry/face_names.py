@@ -1,4 +1,4 @@
-"""The names of free faces: their own, those of the file, and those that a user gives."""
+"""Assign names of free faces: automatic names, those of the file, and those of the user."""
 
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
@@ -17,7 +17,7 @@ from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.usual_names import usual_names
 
 CLOSE = 1e-4
-"""Faces that are closer to a place than this share of the bodies' size lie there."""
+"""Faces closer to a point than this share of the bodies' size lie on it."""
 
 
 def face_names(
@@ -28,26 +28,26 @@ def face_names(
     options: MeshingOptions,
     of_file: Mapping[str, AbstractSet[int]],
 ) -> tuple[list[str], list[FaceSet]]:
-    """Return the own name of each free face, and the sets of faces that have names besides.
+    """Return the automatic name of each free face, and the sets of faces with further names.
 
     Args:
         dim: Dimension of the faces.
         parts: The bodies.
-        faces: Free ones.
-        alike: Sets of faces that are alike.
-        options: With the names that are wanted.
-        of_file: Faces by the names that the geometry file gives them, joints too.
+        faces: Free faces.
+        alike: Sets of similar faces.
+        options: Options with the names of the user.
+        of_file: Faces by their names in the geometry file, including joints.
 
     Raises:
-        InputError: If no face is where one is wanted, or a name is given twice.
+        InputError: If no face matches a name of the user, or if a name is given twice.
     """
     planes = {symmetry_name(axis): {axis: value} for axis, value in options.symmetry.items()}
     wanted = [NamedFace(name, plane=plane) for name, plane in planes.items()] + options.face
     for one in wanted:
         if one.name in of_file:
             raise InputError(
-                f"the face '{one.name}': the geometry file has a physical group of this name; give"
-                " another name."
+                f"the face '{one.name}': the geometry file has a physical group with this "
+                "name; give another name."
             )
     bodies = [part.name for part in parts]
     taken = {one.name for one in wanted} | {*of_file}
@@ -67,7 +67,7 @@ def face_names(
 
 
 class _Choice:
-    """Finds the faces that a name is for."""
+    """Finds the faces that a name selects."""
 
     def __init__(
         self,
@@ -84,10 +84,10 @@ class _Choice:
         self.close = CLOSE * size
 
     def of(self, wanted: NamedFace) -> list[int]:
-        """Return places in the list of free faces.
+        """Return indices in the list of free faces.
 
         Raises:
-            InputError: If there are none, or several where one is meant.
+            InputError: If there are none, or several where one is required.
         """
         if wanted.body and wanted.body not in self.bodies:
             raise InputError(
@@ -117,8 +117,8 @@ class _Choice:
                 found += [k for k in one.faces if k in own]
         if not found:
             raise InputError(
-                f"the face '{wanted.name}' has number {wanted.number}, but no free face and no"
-                f" set of them has it; perfplast mesh lists the {len(self.faces)} that there are."
+                f"the face '{wanted.name}' has number {wanted.number}, but no free face or "
+                f"set of faces has it; perfplast mesh lists the {len(self.faces)} faces."
             )
         return found
 
@@ -135,13 +135,13 @@ class _Choice:
             found |= {*known[name]} & {*own}
         if not found:
             raise InputError(
-                f"the face '{wanted.name}': none of its faces is of '{wanted.body}'; give another"
-                " body, or leave it out."
+                f"the face '{wanted.name}': none of its faces belongs to '{wanted.body}'; "
+                "give another body, or remove it."
             )
         return list(found)
 
     def _of_mark(self, wanted: NamedFace, own: Sequence[int]) -> list[int]:
-        """Return the faces of a label, or of a colour by its word or its numbers."""
+        """Return the faces with a label, or with a colour by its word or code."""
         if wanted.label is not None:
             what, value = "label", wanted.label
             names: dict[int, tuple[str, ...]] = {
@@ -169,8 +169,8 @@ class _Choice:
             near = np.flatnonzero(misses < self.close)
             several = " and ".join(f"'{self.names[own[k]]}'" for k in near)
             return (
-                f"the face '{wanted.name}': {several} lie {where}; give a point within one face, or"
-                " the body."
+                f"the face '{wanted.name}': {several} lie {where}; give a point inside one "
+                "face, or the body."
             )
         if not np.isfinite(misses).any():
             return (
@@ -184,7 +184,7 @@ class _Choice:
 
 
 def _where(wanted: NamedFace) -> str:
-    """Return the place that a name is for, in words."""
+    """Return the selection of a name in words."""
     if wanted.plane is not None:
         ((axis, at),) = wanted.plane.items()
         return f"in the plane {axis} = {at:g}"
@@ -197,7 +197,7 @@ def _where(wanted: NamedFace) -> str:
 
 
 def _in_words(wanted: NamedFace) -> str:
-    """Return how the faces of a name are chosen, in words."""
+    """Return in words how the faces of a name are chosen."""
     if wanted.faces is not None:
         return f"of {', '.join(wanted.faces)}"
     for what in ("number", "colour", "label"):
@@ -208,7 +208,7 @@ def _in_words(wanted: NamedFace) -> str:
 
 
 def _miss(dim: int, tag: int, wanted: NamedFace) -> float:
-    """How far a face is from where a name is for; infinite where its shape is another one."""
+    """Return the distance of a face from the selection; infinite for a face of another shape."""
     if wanted.plane is not None:
         ((axis, value),) = wanted.plane.items()
         if shape_of(dim, tag) not in ("flat", "straight"):
@@ -240,7 +240,7 @@ def _in_space(point: Sequence[float]) -> Floats:
 
 
 def _distance(dim: int, tag: int, point: Floats) -> float:
-    """From a point to a face; infinite where the face is not opposite to it."""
+    """Return the distance from a point to a face; infinite if the face is not opposite."""
     foot, _ = gmsh.model.getClosestPoint(dim, tag, point)
     return float(np.linalg.norm(point - foot)) if gmsh.model.isInside(dim, tag, foot) else np.inf
 
@@ -250,9 +250,9 @@ def _reached(dim: int, faces: Sequence[FreeFace], first: int, angle: float) -> l
 
     Args:
         dim: Dimension of the faces.
-        faces: Free ones.
-        first: First number.
-        angle: Between tangents (degrees).
+        faces: Free faces.
+        first: Index of the first face.
+        angle: Largest angle between tangents (degrees).
     """
     body = faces[first].body
     place = {face.tag: k for k, face in enumerate(faces) if face.body == body}
@@ -272,7 +272,7 @@ def _reached(dim: int, faces: Sequence[FreeFace], first: int, angle: float) -> l
 
 
 def _angle(dim: int, edge: int, one: int, other: int) -> float:
-    """Return the angle between the tangents of two faces in the middle of their edge (degrees)."""
+    """Return the angle between the tangents of two faces at the middle of their edge (degrees)."""
     at: Floats = np.zeros(0)
     if dim == 2:
         low, high = gmsh.model.getParametrizationBounds(1, edge)
@@ -291,7 +291,7 @@ def _angle(dim: int, edge: int, one: int, other: int) -> float:
 
 
 def _parameter(curve: int, point: Floats) -> Floats:
-    """Return the end of a curve's parameters that is at a point."""
+    """Return the end of a curve's parameters at a point."""
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(1, curve))
     ends = [np.array(gmsh.model.getValue(1, curve, at)) for at in (low, high)]
     return low if np.linalg.norm(ends[0] - point) < np.linalg.norm(ends[1] - point) else high

@@ -1,4 +1,4 @@
-"""The first case file of a geometry: all that is known of it, and what is left to say."""
+"""Write the first case file of a geometry: its known data, and the entries to be filled in."""
 
 import json
 
@@ -75,18 +75,18 @@ def first_case(
     material: Common | None = None,
     glued: Glued = Glued.SHARED,
 ) -> str:
-    """A case file with all bodies and joints; materials, supports and loads are to be filled in.
+    """Return a case file with bodies and joints; materials, supports and loads are open.
 
     Args:
         survey: Survey of bodies, joints and faces.
         title: Title of the case.
         file: Path of the geometry file, relative to that of the case file.
         options: Options of the mesher.
-        material: Material of all bodies; left to be filled in where it is missing.
-        glued: What is glued, and not in frictionless contact.
+        material: Material of all bodies; None leaves it open.
+        glued: Which joints are glued instead of being in frictionless contact.
 
     Raises:
-        InputError: If bolts are to be glued to nuts, and there are none that touch.
+        InputError: If bolts should be glued to nuts, but no bolt touches a nut.
     """
     options = options or MeshingOptions()
     if glued is Glued.BOLTS and not any(is_bolt_with_nut(joint) for joint in survey.joints):
@@ -130,7 +130,7 @@ def _material(body: Body, material: Common | None) -> str:
 
 
 def _others(options: MeshingOptions) -> str:
-    """Return the options besides the size, where they are not the usual ones."""
+    """Return the options besides the size that differ from the defaults."""
     usual, text = MeshingOptions(), ""
     keys = ("sizes", "curvature", "order", "meshed", "shared", "symmetry", "overlap")
     for key in (*keys, "close_gaps", "without"):
@@ -148,7 +148,7 @@ def _others(options: MeshingOptions) -> str:
 def _joint(joint: Joint, glued: Glued, options: MeshingOptions) -> str:
     bolt, tied = is_bolt_with_nut(joint), glued.glues(joint)
     if tied and joint.shared and glued is not Glued.ALL:
-        bolt, why = False, "; the drawing has one face for both; [[contact]] parts them"
+        bolt, why = False, "; the drawing has one face for both; [[contact]] separates them"
     else:
         why = ""
     other = "; a bolt and its nut, which [[tie]] holds" if bolt else "; [[tie]] glues instead"
@@ -175,4 +175,4 @@ def _set(one: NamedFaces) -> str:
 
 
 def _quoted(text: str | list[str]) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML wants that too
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML requires it too

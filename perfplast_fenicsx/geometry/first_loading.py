@@ -1,4 +1,4 @@
-"""The loading of a first case: bounds of the bodies where they are known and affordable."""
+"""Write the loading of a first case: bounds of the bodies if they are available and affordable."""
 
 from collections.abc import Iterator, Mapping
 
@@ -6,10 +6,11 @@ from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 
 ADAPTED = {2: 20_000, 3: 9_000}
-"""Cells up to which it has the mesh adapted as well, which takes three to five times as long."""
+"""Largest number of cells for which the case also adapts the mesh, which takes three to five times
+as long."""
 
 IN_CONTACT = 2 / 3
-"""Share of these that bodies may have which touch, as contact makes factors larger."""
+"""Factor of these for bodies in contact, which makes factorisations larger."""
 
 
 BOUNDS = """\
@@ -36,10 +37,10 @@ until = "limit"                 # of the mesh: an estimate, which may lie above 
 
 
 def loading_for(survey: Survey, options: MeshingOptions) -> str:
-    """``[loading]`` and ``[mesh]`` of a first case, with the reason where no bounds are asked for.
+    """Return ``[loading]`` and ``[mesh]`` of a first case, with the reason if it has no bounds.
 
     Args:
-        survey: Survey of bodies, joints and faces; all bodies yield by one law, and all loads grow.
+        survey: Survey of bodies, joints and faces. All bodies yield by one law, and all loads grow.
         options: Options of the mesher.
     """
     why = next(_against(survey, options), None)
@@ -48,28 +49,28 @@ def loading_for(survey: Survey, options: MeshingOptions) -> str:
     why = next(_against_adapting(survey), None)
     if why is not None:
         return BOUNDS + ONE_MESH.format(why=why)
-    growth = 2.0  # how many times the most cells of the first mesh the last one may have
+    growth = 2.0  # ratio of the most cells of the last mesh to those of the first
     cells = round(growth * _most(survey, ADAPTED))
-    until = 0.1  # distance of the bounds, relative, at which the meshes end
+    until = 0.1  # relative distance of the bounds at which refinement ends
     return BOUNDS + ADAPT.format(percent=100 * until, until=until, cells=cells)
 
 
 def _against(survey: Survey, options: MeshingOptions) -> Iterator[str]:
-    """Why no bounds are asked for."""
+    """Yield reasons against bounds."""
     if survey.joints and options.meshed == "apart" and survey.dim == 3:
-        yield "none are known where the nodes of bodies in space do not match (meshed apart)"
+        yield ("none are available where the nodes of bodies in space do not match (meshed apart)")
     if survey.degree > 1:
-        yield "none are known of curved elements (order = 2)"
-    # Cells by dimension up to which a first case asks for bounds: some minutes on one core.
+        yield "none are available for curved elements (order = 2)"
+    # Cells by dimension up to which a first case computes bounds: some minutes on one core.
     affordable = {2: 60_000, 3: 30_000}
     if (cells := _cells(survey)) > _most(survey, affordable):
         yield f"they take long on {cells} elements (a larger size has fewer)"
 
 
 def _against_adapting(survey: Survey) -> Iterator[str]:
-    """Why bounds are asked for on one mesh."""
+    """Yield reasons for bounds on one mesh only."""
     if _cells(survey) > _most(survey, ADAPTED):
-        yield f"finer ones than {_cells(survey)} elements take long; see adapt under [mesh]"
+        yield f"finer meshes than {_cells(survey)} elements take long; see adapt under [mesh]"
 
 
 def _most(survey: Survey, cells: Mapping[int, int]) -> float:

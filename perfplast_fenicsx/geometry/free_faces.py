@@ -1,4 +1,4 @@
-"""The free faces of bodies, as they are drawn, and which of them lie in one plane or cylinder."""
+"""List the free faces of bodies, and group those in one plane or cylinder."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,19 +16,20 @@ from perfplast_fenicsx.geometry.face_colours import Colour, Mark
 from perfplast_fenicsx.geometry.surface_kind import kind_of
 
 ALIKE = 1e-6
-"""Normals, radii and places that differ by less, relative to the size of the body, are the same."""
+"""Normals, radii and positions with a smaller difference, relative to the size of the body, are
+equal."""
 
 
 @dataclass(frozen=True)
 class FreeFace:
-    """A face of the drawing at which a body touches nothing; in the plane, a curve.
+    """A face of the drawing at which a body touches nothing; in the plane a curve.
 
     Attributes:
-        number: As in the list and the picture.
-        body: Its number.
+        number: Number in the list and the picture.
+        body: Index of its body.
         tag: Tag of the face.
-        colour: Its own in the file; None for that of most of the body.
-        label: Its own in the file; empty where it has none.
+        colour: Its own colour in the file; None for that of most of the body.
+        label: Its own label in the file; empty without one.
     """
 
     number: int
@@ -40,12 +41,12 @@ class FreeFace:
 
 @dataclass(frozen=True)
 class FaceSet:
-    """Several faces with a name together.
+    """Several faces with a common name.
 
     Attributes:
-        number: As in the list; 0 where the file or a user has made the set.
-        name: In the mesh; empty before it has one.
-        faces: Places in the list of free faces.
+        number: Number in the list; 0 if the file or a user defines the set.
+        name: Name in the mesh; empty before it is named.
+        faces: Indices in the list of free faces.
         why: Their common property, in words.
     """
 
@@ -57,12 +58,12 @@ class FaceSet:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """The cylinder that a face lies on; in the plane, the circle of a curve.
+    """The cylinder of a face; in the plane the circle of a curve.
 
     Attributes:
-        radius: Negative for the face of a hole, whose outward normal points to the axis.
-        axis: Direction, its largest component positive.
-        centre: The point of the axis next to the origin.
+        radius: Radius; negative for the face of a hole, whose outward normal points to the axis.
+        axis: Direction of the axis, with its largest component positive.
+        centre: The point of the axis closest to the origin.
     """
 
     radius: float
@@ -71,11 +72,11 @@ class Cylinder:
 
 
 def shape_of(dim: int, tag: int) -> str:
-    """Return the shape of a face, such as "flat"; of a curve, such as "straight"."""
+    """Return the shape of a face, such as "flat", or of a curve, such as "straight"."""
     kind = kind_of(dim, tag)
     if kind == "Cylinder":
         return "cylindrical"
-    # What gmsh's kinds of faces are called, where not as by gmsh.
+    # Names of gmsh's kinds of faces, where they differ from gmsh's.
     words = {"Plane": "flat", "Line": "straight", "Circle": "round", "Ellipse": "round"}
     return words.get(kind, kind.removesuffix(" surface").lower())
 
@@ -83,17 +84,17 @@ def shape_of(dim: int, tag: int) -> str:
 def numbered_faces(
     dim: int, faces: Mapping[int, int], size: float, marks: Mapping[int, Mark]
 ) -> tuple[list[FreeFace], list[FaceSet]]:
-    """Return the free faces with numbers, and sets of several that are alike, without names.
+    """Return the free faces with numbers, and sets of similar faces without names.
 
-    Alike are the faces of one body that have one label and colour or, without these, lie in one
-    plane or on one cylinder. Faces alone and such sets are numbered first, from 1; the faces in
-    the sets have the numbers after these.
+    Faces of one body are similar if they share label and colour, or without these lie in one plane
+    or on one cylinder. Single faces and such sets are numbered first, from 1; the faces in the sets
+    follow.
 
     Args:
         dim: Dimension of the faces.
-        faces: The body of each.
+        faces: The body of each face.
         size: Size of the bodies.
-        marks: Marks of the faces that have a label or a colour of their own.
+        marks: Marks of the faces with their own label or colour.
 
     Returns:
         The faces, sorted by body and number, and the sets.
@@ -124,7 +125,7 @@ def numbered_faces(
 def _alike(
     dim: int, tags: Sequence[int], faces: Mapping[int, int], size: float, marks: Mapping[int, Mark]
 ) -> tuple[dict[int, str], list[int]]:
-    """Return what each face lies on, in a word, and a number, the same for faces that are alike."""
+    """Return the kind of surface of each face in a word, and a number, equal for similar faces."""
     kinds: dict[int, str] = {}
     families: dict[tuple[object, ...], list[int]] = {}
     places: dict[int, Floats] = {}
@@ -150,20 +151,20 @@ def _alike(
 
 
 def _lie_on(dim: int, tag: int, size: float) -> tuple[str, Floats]:
-    """Return "plane", "cylinder" or "face", and numbers that are the same in one of these."""
+    """Return "plane", "cylinder" or "face", and numbers that identify the plane or cylinder."""
     if dim == 2 and kind_of(dim, tag) == "Plane":
         middle = np.mean(gmsh.model.getParametrizationBounds(dim, tag), axis=0)
         normal = np.array(gmsh.model.getNormal(tag, middle))
         place = float(np.array(gmsh.model.getValue(dim, tag, middle)) @ normal)
         return "plane", np.array([*normal, place / size])
     if dim == 2 and (on := cylinder_of(dim, tag)) is not None:
-        along = np.outer(on.axis, on.axis).ravel()  # either direction is the same axis
+        along = np.outer(on.axis, on.axis).ravel()  # both directions describe the same axis
         return "cylinder", np.array([*along, on.radius / size, *on.centre / size])
     return "face", np.zeros(1)
 
 
 def cylinder_of(dim: int, tag: int) -> Cylinder | None:
-    """Return the cylinder or circle that a face or curve lies on, if any."""
+    """Return the cylinder or circle of a face or curve, None without one."""
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(dim, tag))
     if dim == 1 and gmsh.model.getType(dim, tag) in ("Circle", "Ellipse"):
         places = np.concatenate([low + share * (high - low) for share in (0.0, 0.2, 0.5, 0.7)])
@@ -184,8 +185,8 @@ def cylinder_of(dim: int, tag: int) -> Cylinder | None:
     shares = np.array([[0.5, 0.5], [0.3, 0.3], [0.6, 0.2], [0.2, 0.7]])
     places = (low + shares * (high - low)).ravel()
     point, *others = np.reshape(gmsh.model.getValue(dim, tag, places), (-1, 3))
-    # Gmsh turns normals to the outside of the body, and curvatures not: the axis is on the side
-    # from which other points are as far.
+    # Gmsh orients normals outwards, but not curvatures: the axis is on the side at which other
+    # points have the same distance.
     normal, radius = np.array(gmsh.model.getNormal(tag, middle)), 1 / abs(curvature)
     centres = [point - side * radius * normal for side in (1.0, -1.0)]
     beside = np.array(others)[None] - np.array(centres)[:, None]
@@ -197,7 +198,7 @@ def cylinder_of(dim: int, tag: int) -> Cylinder | None:
 
 
 def round_of(dim: int, tag: int) -> str:
-    """Radius and axis of the cylinder that a face lies on, in words; empty of other faces."""
+    """Return radius and axis of a face's cylinder in words; empty for other faces."""
     on = cylinder_of(dim, tag)
     if on is None:
         return ""

@@ -1,4 +1,4 @@
-"""Mesh bodies with gmsh by one of several algorithms, or give the reason for a failure."""
+"""Mesh bodies with gmsh by one of several algorithms, or report why meshing fails."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,31 +11,31 @@ from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.sizes import Sizes
 
 NO_VOLUME = 1e-10
-"""Elements of less quality have no volume, or a negative one: no run takes them."""
+"""Elements of less quality have no or negative volume; no run accepts them."""
 
 FLAT = 1e-7
-"""Elements of less quality are as good as flat, and another algorithm is tried."""
+"""Elements of less quality are almost flat, and another algorithm is tried."""
 
 ALGORITHMS = ((6, 1), (6, 10), (1, 1))
-"""Gmsh's, of faces and of bodies: frontal Delaunay and Delaunay, which are its defaults; HXT, which
-places nodes otherwise; MeshAdapt, which copes with the oddest faces."""
+"""Gmsh's algorithms for faces and for bodies: frontal Delaunay and Delaunay, its defaults; HXT,
+which places nodes differently; MeshAdapt, which meshes the most difficult faces."""
 
 POOR = 0.02
-"""Elements of less quality are named in a remark."""
+"""Elements of less quality cause a remark."""
 
 
 def generate(
     sizes: Sizes, options: MeshingOptions, finer: Mapping[tuple[int, int], float] | None = None
 ) -> float:
-    """Mesh, and say the largest edge length.
+    """Mesh the bodies, and return the largest edge length.
 
     Args:
         sizes: Sizes of the bodies.
         options: The given options.
-        finer: Edge lengths of curves and faces that are to be meshed more finely.
+        finer: Edge lengths of curves and faces that need finer elements.
 
     Raises:
-        InputError: With the body that cannot be meshed, and what may be done.
+        InputError: Naming the body that cannot be meshed, with a remedy.
     """
     dim, parts = sizes.dim, sizes.parts
     size = sizes.set(options, finer)
@@ -54,10 +54,10 @@ def generate(
 
 
 def _generate(dim: int, parts: Sequence[Part]) -> None:
-    """Mesh by the first algorithm whose elements are fine, or else by the best of all.
+    """Mesh by the first algorithm with good elements, or otherwise by the best of all.
 
     Raises:
-        InputError: Of the first algorithm, if none makes any elements; or if all make flat ones.
+        InputError: From the first algorithm, if none makes elements; or if all make flat ones.
     """
     worst: dict[tuple[int, int], dict[str, float]] = {}
     failures = list[InputError]()
@@ -75,17 +75,19 @@ def _generate(dim: int, parts: Sequence[Part]) -> None:
     flat = [name for name, quality in worst[best].items() if quality < NO_VOLUME]
     if flat:
         raise InputError(
-            f"{' and '.join(map(repr, flat))} cannot be meshed without elements of no volume, by"
-            f" any of {len(ALGORITHMS)} algorithms; remove tiny edges and faces in the CAD system,"
-            " or give another size."
+            f"{' and '.join(map(repr, flat))} cannot be meshed without flat elements, by "
+            f"any of {len(ALGORITHMS)} algorithms; remove tiny edges and faces in the CAD "
+            "system, or give another size."
         )
     if best != ALGORITHMS[-1]:
         _worst_by(dim, parts, best)
 
 
 def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> dict[str, float]:
-    """Mesh by an algorithm; the quality of the worst element of each body."""
-    if any(elements(dim, part).size for part in parts):  # what is not ours may not be cleared
+    """Mesh by an algorithm, and return the quality of the worst element of each body."""
+    if any(
+        elements(dim, part).size for part in parts
+    ):  # only meshes of this program may be cleared
         gmsh.model.mesh.clear()
     for name, number in zip(("Algorithm", "Algorithm3D"), algorithm, strict=True):
         gmsh.option.setNumber(f"Mesh.{name}", number)
@@ -101,11 +103,11 @@ def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> di
         failed = bool(gmsh.model.mesh.getLastEntityError())
         reason = gmsh.logger.getLastError()
         if not reason or reason.startswith("No elements"):
-            reason = "gmsh cannot fill it, mostly as faces of a coarse mesh cross each other"
+            reason = "gmsh cannot fill it, usually because faces of a coarse mesh intersect"
         fault = _fault(dim, parts if failed else empty[:1], reason)
         kinds = [gmsh.model.getType(*entity) for entity in gmsh.model.getEntities()]
         if not any(kind.startswith("Discrete") for kind in kinds):
-            gmsh.model.mesh.clear()  # or the next algorithm would keep the faces' meshes
+            gmsh.model.mesh.clear()  # otherwise the next algorithm would keep the faces' meshes
         raise InputError(fault)
     return {part.name: float(qualities(dim, part).min()) for part in parts}
 
@@ -120,6 +122,6 @@ def _fault(dim: int, parts: Sequence[Part], error: str) -> str:
                 names.add(part.name)
     whose = " and ".join(f"'{name}'" for name in sorted(names)) or "the bodies"
     return (
-        f"{whose} cannot be meshed: {error.strip().rstrip('.')}; heal the geometry in the CAD"
-        " system (tiny faces, faces that cross each other), or give another size."
+        f"{whose} cannot be meshed: {error.strip().rstrip('.')}; heal the geometry in the "
+        "CAD system (tiny faces, intersecting faces), or give another size."
     )

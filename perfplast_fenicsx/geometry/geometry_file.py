@@ -1,4 +1,4 @@
-"""The kind of a geometry file by its name and beginning, found without gmsh."""
+"""Determine the kind of a geometry file from its name and beginning, without gmsh."""
 
 import re
 from pathlib import Path
@@ -7,12 +7,13 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.gmsh_subprocess import windows_path
 
 SCRIPTS = (".geo", ".geo_unrolled")
-"""Gmsh's own files. Physical groups may have names in them; they may also run any command."""
+"""Gmsh's own files. They may contain named physical groups, and may run any command."""
 
 STEP = b"ISO-10303-21"
 
 IGES = re.compile(rb"^.{72}[SBC][ 0]{6}1", re.MULTILINE)
-"""The first line of an IGES file has the letter of its section in column 73, and its number."""
+"""The first line of an IGES file has the letter of its section in column 73, followed by its
+number."""
 
 IMPORTED = {
     ".step": re.compile(STEP),
@@ -21,48 +22,48 @@ IMPORTED = {
     ".iges": IGES,
     ".igs": IGES,
 }
-"""Formats that OpenCASCADE reads, and a pattern for the beginning of such a file."""
+"""Formats that OpenCASCADE reads, with a pattern for the beginning of the file."""
 
 
 def is_script(path: Path) -> bool:
-    """Return whether gmsh would run a file as a script, by its name."""
+    """Return whether gmsh would run a file as a script, judged by its name."""
     return path.suffix.lower() in SCRIPTS
 
 
 def check_trust(path: Path, trust: bool) -> None:
-    """Refuse a script that nobody has vouched for.
+    """Refuse a script without the user's permission.
 
     Args:
         path: A geometry file.
-        trust: Whether the user has said that its scripts may be run.
+        trust: Whether the user allows the script.
 
     Raises:
         InputError: Naming the file.
     """
     if is_script(path) and not trust:
         raise InputError(
-            f"'{path}' is a script, by which gmsh may run any command and write any file; give"
-            " --trust if you know what is in it, or export the geometry as STEP."
+            f"'{path}' is a script, with which gmsh may run any command and write any "
+            "file; give --trust if you know its contents, or export the geometry as STEP."
         )
 
 
 def check_file(path: Path) -> None:
-    """Refuse what is no geometry file.
+    """Refuse files that are not geometry files.
 
     Raises:
         InputError: Naming the file.
     """
     suffix = path.suffix.lower()
-    # Files that make geometries or meshes when they are run, which nothing here does.
+    # Programs that would create geometries or meshes, but are never run.
     programs = (".py", ".m", ".jl", ".exe", ".sh", ".bat")
     if suffix in programs:
         raise InputError(
-            f"'{path}' is a program, which is never run here; run it yourself if you know what is"
-            " in it, and give the geometry that it writes."
+            f"'{path}' is a program, which perfplast never runs; run it yourself if you "
+            "know its contents, and give the geometry that it writes."
         )
     if suffix == ".msh":
         raise InputError(
-            f"'{path}' is a mesh already; give it in a case, by file = '{path.name}' under [mesh]."
+            f"'{path}' is already a mesh; give it in a case, by file = '{path.name}' under [mesh]."
         )
     if suffix == ".dxf":
         raise InputError(
@@ -89,10 +90,10 @@ def check_file(path: Path) -> None:
     if not _begins_as(suffix, head):
         kind = suffix[1:].upper()
         raise InputError(
-            f"'{path}' is no {kind} file, whatever its name; export the parts as {kind}."
+            f"'{path}' is not a {kind} file despite its name; export the parts as {kind}."
         )
 
 
 def _begins_as(suffix: str, head: bytes) -> bool:
-    """Return whether a file of this name begins as such files do; scripts have no beginning."""
+    """Return whether a file begins as its suffix requires; scripts have no fixed beginning."""
     return suffix in SCRIPTS or IMPORTED[suffix].search(head) is not None

@@ -1,4 +1,4 @@
-"""Bodies of gmsh's current model, cut along each other so that their meshes match."""
+"""Cut bodies of gmsh's current model along each other so that their meshes match."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -19,22 +19,25 @@ def cut_along_each_other(
 
     Args:
         dim: Dimension of the bodies.
-        parts: They have new entities afterwards.
-        overlap: Share of the smaller body's volume by which two may overlap.
-        close_gaps: Faces of bodies that are no farther apart become one.
+        parts: The bodies; they get new entities.
+        overlap: Share of the smaller body's volume by which two bodies may overlap.
+        close_gaps: Faces of bodies at a smaller distance become one.
 
     Raises:
-        InputError: If bodies overlap by more, cannot be cut, or closing gaps makes them other ones.
+        InputError: If bodies overlap by more, cannot be cut, or change too much when gaps are
+            closed.
     """
     solids = [(dim, tag) for part in parts for tag in part.tags]
     if len(solids) < 2 or set(solids) - set(gmsh.model.occ.getEntities(dim)):
-        return list(parts)  # one body, or gmsh's own geometry, whose neighbours share faces already
+        return list(
+            parts
+        )  # a single body, or gmsh's own geometry, whose neighbours already share faces
     sizes = {tag: gmsh.model.occ.getMass(dim, tag) for _, tag in solids}
     if close_gaps:
         gmsh.option.setNumber("Geometry.ToleranceBoolean", close_gaps)
     try:
         _, images = gmsh.model.occ.fragment(solids, [])
-    except Exception as error:  # gmsh raises nothing more specific
+    except Exception as error:  # gmsh raises no more specific exception
         raise InputError(f"the bodies cannot be cut along each other: {error}.") from error
     gmsh.model.occ.synchronize()
     owner: dict[int, int] = {}
@@ -67,24 +70,24 @@ def cut_along_each_other(
 
 
 def _check_kept(dim: int, parts: Sequence[Part], before: Sequence[float], gaps: float) -> None:
-    """Refuse gaps to be closed that are as wide as bodies or their details.
+    """Refuse gaps that are as wide as bodies or their details.
 
     Raises:
-        InputError: If a body has another volume.
+        InputError: If the volume of a body changes too much.
     """
-    most = 0.05  # share of its volume by which a body may change
+    most = 0.05  # allowed relative change of a body's volume
     for part, volume in zip(parts, before, strict=True):
         now = sum(gmsh.model.occ.getMass(dim, tag) for tag in part.tags)
         if not abs(now / volume - 1) <= most:
             raise InputError(
-                f"closing gaps up to {gaps:g} changes the volume of '{part.name}' by"
-                f" {abs(now / volume - 1):.1%}; give a smaller width, or mend the geometry in the"
-                " CAD system."
+                f"closing gaps up to {gaps:g} changes the volume of '{part.name}' by "
+                f"{abs(now / volume - 1):.1%}; give a smaller width, or repair the "
+                "geometry in the CAD system."
             )
 
 
 def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:
-    """Bodies that are close to each other and share no face, so that nothing is between them."""
+    """Return pairs of bodies that are close to each other but share no face."""
     if set(gmsh.model.getEntities(dim)) - set(gmsh.model.occ.getEntities(dim)):
         return []
     boxes = np.array([box(dim, part.tags) for part in parts])
@@ -94,10 +97,10 @@ def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:
     first, second = np.triu_indices(len(parts), 1)
     between = np.maximum(boxes[first, 0] - boxes[second, 1], boxes[second, 0] - boxes[first, 1])
     apart = np.linalg.norm(between.clip(min=0), axis=1)
-    # Bodies that are no farther apart than this share of the smaller one's size nearly touch.
+    # Bodies nearly touch if their distance is at most this share of the smaller one's size.
     nearly = 0.02
     reach = nearly * np.minimum(sizes[first], sizes[second])
-    most_distances = 300  # so many pairs of bodies are measured at most
+    most_distances = 300  # largest number of measured pairs
     nearest = np.argsort(apart, kind="stable")[:most_distances]
     owner = {tag: number for number, part in enumerate(parts) for tag in part.tags}
     touching = set(map(frozenset[int], shared(dim, owner).values()))
@@ -118,23 +121,23 @@ def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:
 
 
 def _boxes_of_faces(dim: int, part: Part) -> Floats:
-    """Smallest and largest coordinates of each face, shape (n, 2, 3)."""
+    """Return the smallest and largest coordinates of each face, shape (n, 2, 3)."""
     found = {int(face) for tag in part.tags for face in gmsh.model.getAdjacencies(dim, tag)[1]}
     return np.array([box(dim - 1, [face]) for face in found]).reshape(-1, 2, 3)
 
 
 def _between(one: Floats, other: Floats) -> float:
-    """The smallest distance between boxes: faces are no nearer, and measuring them takes long."""
+    """Return the smallest distance between boxes, a cheap lower bound of that between faces."""
     gaps = np.maximum(one[:, None, 0] - other[None, :, 1], other[None, :, 0] - one[:, None, 1])
     return float(np.linalg.norm(gaps.clip(min=0), axis=2).min(initial=np.inf))
 
 
 def shared(dim: int, owner: dict[int, int]) -> dict[int, tuple[int, ...]]:
-    """Return the faces of bodies, and whose they are: one body's, or two bodies'.
+    """Return the faces of bodies, and the one or two bodies of each.
 
     Args:
         dim: Dimension of the bodies.
-        owner: The body of each entity; faces within a body are left out.
+        owner: The body of each entity; faces inside a body are omitted.
     """
     sides: dict[int, list[int]] = {}
     for tag, body in owner.items():
@@ -148,6 +151,6 @@ def shared(dim: int, owner: dict[int, int]) -> dict[int, tuple[int, ...]]:
 
 
 def box(dim: int, tags: Sequence[int]) -> Floats:
-    """Smallest and largest coordinates, shape (2, 3)."""
+    """Return the smallest and largest coordinates, shape (2, 3)."""
     boxes = np.array([gmsh.model.getBoundingBox(dim, tag) for tag in tags]).reshape(-1, 2, 3)
     return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])

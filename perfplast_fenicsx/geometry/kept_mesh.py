@@ -1,4 +1,4 @@
-"""The mesh of a geometry file, kept beside the case and made again after either has changed."""
+"""Store the mesh of a geometry file next to the case, and make it again after changes."""
 
 import dataclasses
 import hashlib
@@ -17,13 +17,13 @@ from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 
 READS_OTHERS = re.compile(rb"\b(Merge|Include|ShapeFromFile)\b")
-"""Commands by which a gmsh script reads other files, whose changes are not seen."""
+"""Commands by which a gmsh script reads other files, whose changes are not detected."""
 
 MARK = b"$Comments\nmade by perfplast of "
-"""Begins the section at the end of a .msh file that says what it was made of."""
+"""Beginning of the section at the end of a .msh file that identifies its origin."""
 
 GLUED = b"$Comments\nglued unless contacts or ties say otherwise: "
-"""Begins the section of a .msh file with the pairs of surfaces of bodies that share faces."""
+"""Beginning of the section with the pairs of surfaces of bodies that share faces."""
 
 DRAWN = b"$Comments\nareas in the drawing: "
 """Begins the section of a .msh file with the area that the drawing gives each surface."""
@@ -35,18 +35,18 @@ END = b"\n$EndComments\n"
 
 
 def keep_mesh(source: Path, mesh: Path, options: MeshingOptions, trust: bool = False) -> None:
-    """Make a mesh unless it is there, of the same geometry by the same options. Not collective.
+    """Make a mesh unless it exists for the same geometry and options. Not collective.
 
     Args:
         source: The geometry file.
         mesh: The .msh file.
         options: Options of the mesher.
-        trust: Run a script. None is run where the mesh that is there is still right.
+        trust: Whether to run a script. It is not needed if the existing mesh is still valid.
 
     Raises:
-        InputError: If the file cannot be read or meshed, or the mesh not be written, or there is
-            one that was not made so, or the file is a script without trust; nothing is written
-            then.
+        InputError: If the file cannot be read or meshed, if the mesh cannot be written, if a mesh
+            of other origin exists, or if the file is a script without ``trust``; nothing is written
+            in these cases.
     """
     check_file(source)
     try:
@@ -56,8 +56,8 @@ def keep_mesh(source: Path, mesh: Path, options: MeshingOptions, trust: bool = F
         raise InputError(f"'{error.filename}' cannot be read: {error.strerror}.") from error
     if mesh.exists() and before is None:
         raise InputError(
-            f"'{mesh}' is to be made of '{source}', but there is such a file already, from"
-            " elsewhere; move it, or give it as [mesh] file instead of [geometry]."
+            f"'{mesh}' is to be made from '{source}', but such a file from elsewhere "
+            "already exists; move it, or give it as [mesh] file instead of [geometry]."
         )
     scripted = is_script(source) and READS_OTHERS.search(content)
     if before != _fingerprint(content, options) or scripted:
@@ -72,21 +72,21 @@ def make_mesh(
     skin: Path | None = None,
     trust: bool = False,
 ) -> Survey:
-    """Make a mesh that says what it was made of. Not collective.
+    """Make a mesh that identifies its origin. Not collective.
 
     Args:
         source: The geometry file.
         mesh: The .msh file; it is replaced as a whole.
         options: Options of the mesher.
-        skin: An .npz file to write for pictures, if any.
-        trust: Run a script.
+        skin: An .npz file to write for pictures; None for none.
+        trust: Whether to run a script.
 
     Returns:
-        What is in it.
+        The survey of the geometry.
 
     Raises:
-        InputError: If the file cannot be read or meshed, or the mesh not be written; nothing is
-            written then.
+        InputError: If the file cannot be read or meshed, or if the mesh cannot be written; nothing
+            is written in these cases.
     """
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "made.msh"
@@ -119,7 +119,7 @@ def _section(mesh: Path, head: bytes) -> bytes:
 
 
 def _fingerprint(content: bytes, options: MeshingOptions) -> bytes:
-    """Return that of a geometry file, options and program; how long it may take changes no mesh."""
+    """Return the fingerprint of a geometry file, options and program; patience does not count."""
     told = msgspec.json.encode(dataclasses.replace(options, patience=1.0))
     version = f"{__version__}, {KIND}".encode()
     parts = [hashlib.sha256(part).digest() for part in (content, told, version)]

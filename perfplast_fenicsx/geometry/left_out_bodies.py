@@ -1,4 +1,4 @@
-"""Bodies of a geometry file that are left out, by their names."""
+"""Leave out bodies of a geometry file by their names."""
 
 from collections.abc import Sequence
 
@@ -14,10 +14,10 @@ def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]
     Args:
         dim: Dimension of the bodies.
         parts: All bodies.
-        names: Of those to be left out.
+        names: Names of the bodies to leave out.
 
     Raises:
-        InputError: If there is no such body, or none remains.
+        InputError: If a body does not exist, or if none remains.
     """
     known = [part.name for part in parts]
     for name in names:

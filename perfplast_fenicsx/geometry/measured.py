@@ -1,4 +1,4 @@
-"""Measure gmsh's current mesh: bodies, their joints, free faces, with their sizes."""
+"""Measure gmsh's current mesh: bodies, joints and free faces, with their sizes."""
 
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
@@ -18,7 +18,7 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def measured_body(dim: int, part: Part) -> Body:
-    """Return a body, which is a physical group from now on."""
+    """Return a body, after making it a physical group."""
     gmsh.model.addPhysicalGroup(dim, part.tags, name=part.name)
     points = np.concatenate([_coordinates(dim, tag) for tag in part.tags])
     around = np.array([points.min(axis=0), points.max(axis=0)])
@@ -43,14 +43,14 @@ def measured_joint(
     seam: Seam,
     shared: AbstractSet[frozenset[str]],
 ) -> Joint:
-    """Return where two bodies touch: a physical group, or one on each side where they are apart.
+    """Return a joint of two bodies, after making it a physical group, if apart two groups.
 
     Args:
         dim: Dimension of the bodies.
         parts: The bodies.
         number: Number of the joint.
         seam: The faces.
-        shared: Names of each two bodies that share faces in the drawing.
+        shared: Names of pairs of bodies that share faces in the drawing.
     """
     name = f"joint_{number}"
     one, other = (parts[body].name for body in seam.bodies)
@@ -69,7 +69,7 @@ def measured_joint(
 def measured_faces(
     dim: int, parts: Sequence[Part], faces: Sequence[FreeFace], names: Sequence[str], size: float
 ) -> list[Face]:
-    """Return free faces, each of which is a physical group from now on."""
+    """Return free faces, after making each a physical group."""
     found = []
     for face, name in zip(faces, names, strict=True):
         gmsh.model.addPhysicalGroup(dim - 1, [face.tag], name=name)
@@ -98,16 +98,16 @@ def measured_sets(
     seams: Sequence[Seam],
     of_file: Mapping[str, AbstractSet[int]],
 ) -> tuple[list[NamedFaces], list[str]]:
-    """Return sets of faces with names, each a physical group from now on, and remarks.
+    """Return named sets of faces, after making each a physical group, and remarks.
 
     Args:
         dim: Dimension of the bodies.
         parts: The bodies.
-        faces: Free ones.
-        sets: Of these.
+        faces: Free faces.
+        sets: Sets of these faces.
         seams: Places where bodies touch.
-        of_file: Faces by the names that the file gives them; those at seams have a name for each
-            side, such as ``lower_seam`` and ``upper_seam``.
+        of_file: Faces by their names in the file; those at seams have a name for each side, such as
+            ``lower_seam`` and ``upper_seam``.
     """
     found, remarks = [], list[str]()
     free = {one.name: one for one in sets}
@@ -136,7 +136,7 @@ def measured_sets(
 
 
 def _sides_of_seams(seams: Sequence[Seam], tags: AbstractSet[int]) -> list[tuple[int, list[int]]]:
-    """Return bodies and those of their faces at seams that are among tags."""
+    """Return bodies with those of their faces at seams that are among the tags."""
     found: dict[int, list[int]] = {}
     for seam in seams:
         for body, faces in zip(seam.bodies, seam.faces, strict=True):
@@ -146,7 +146,7 @@ def _sides_of_seams(seams: Sequence[Seam], tags: AbstractSet[int]) -> list[tuple
 
 
 def _shape(dim: int, face: FreeFace) -> str:
-    """Such as "flat", and the label and colour of a face that has them of its own."""
+    """Return the shape, such as "flat", with the face's own label and colour."""
     shape = shape_of(dim, face.tag)
     if face.label:
         shape += f", '{face.label}'"
@@ -164,12 +164,12 @@ def elements(dim: int, part: Part) -> npt.NDArray[np.uint64]:
 
 
 def qualities(dim: int, part: Part) -> Floats:
-    """Return the qualities of a body's elements, 1 for an equilateral one, 0 for a flat one."""
+    """Return the qualities of a body's elements: 1 for an equilateral one, 0 for a flat one."""
     return np.asarray(gmsh.model.mesh.getElementQualities(elements(dim, part), "minSICN"))
 
 
 def nodes_of(dim: int, part: Part) -> int:
-    """Return how many nodes a body has."""
+    """Return the number of nodes of a body."""
     nodes = [n for tag in part.tags for n in gmsh.model.mesh.getElements(dim, tag)[2]]
     return np.unique(np.concatenate(nodes)).size
 

@@ -1,4 +1,4 @@
-"""A geometry file as a mesh of bodies with names, and a survey of what is in it. One process."""
+"""Mesh a geometry file as bodies with names, and survey its contents. Single-process."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -47,7 +47,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
 
     Args:
         source: STEP, BREP, IGES or gmsh's .geo.
-        target: The .msh file to write; the .npz file beside it has the skins of the bodies.
+        target: The .msh file to write; the .npz file next to it has the skins of the bodies.
         options: Sizes, degree of the elements, symmetry and names.
 
     Raises:
@@ -102,22 +102,22 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         if body.worst < POOR
     ]
     remarks += [
-        f"{' and '.join(map(repr, pair.bodies))} touch along an edge or at a point alone: there is"
-        " no contact between them"
+        f"{' and '.join(map(repr, pair.bodies))} touch only along an edge or at a point: "
+        "there is no contact between them"
         for pair in edges
     ]
     remarks += [
-        f"'{part.name}' has one element through its thickness in most places; bending asks for two"
-        f" at least: give a smaller size (--size-of {part.name}=H)"
+        f"'{part.name}' has one element through its thickness in most places, but bending "
+        f"needs at least two: give a smaller size (--size-of {part.name}=H)"
         for part in parts
         if share_through(dim, part) > thickness.MOST
     ]
     remarks += apart_remarks([part.name for part in parts], joints)
     if missed > EXACT:
         remarks.append(
-            f"areas of faces are up to {100 * missed:.2g} % wrong, as circles are polygons, and so"
-            " are the forces of pressures on them; more elements about a circle (--curvature) are"
-            " nearer, and total = true keeps the force of a traction"
+            f"areas of faces are up to {100 * missed:.2g} % wrong, since polygons approximate"
+            " circles, and so are the forces of pressures on them; more elements around a circle"
+            " (--curvature) are more accurate, and total = true keeps the force of a traction"
         )
     nodes = sum(nodes_of(dim, part) for part in parts)
     told = (joints, near, measured, remarks, longest, named)
@@ -125,12 +125,12 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
 
 
 def _shared(dim: int, parts: Sequence[Part]) -> set[frozenset[str]]:
-    """Return the names of each two bodies that share faces in the drawing."""
+    """Return the names of pairs of bodies that share faces in the drawing."""
     return {frozenset(parts[k].name for k in seam.bodies) for seam in find_seams(dim, parts)}
 
 
 def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:
-    """Return the body of each face; in the plane, of each body's entity."""
+    """Return the body's name by face; in the plane, by entity of the body."""
     names = {}
     for part in reversed(parts):
         for tag in part.tags:
@@ -140,12 +140,12 @@ def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:
 
 
 def _by_name(dim: int, drawing: Drawing, marked: Mapping[int, Mark]) -> dict[str, set[int]]:
-    """Return faces by the names that a script gives them, after bodies have been cut.
+    """Return faces by their names in a script, after bodies have been cut.
 
     Args:
         dim: Dimension of the faces.
-        drawing: The drawing that was read; faces of gmsh's built-in kernel do not change.
-        marked: Faces of OpenCASCADE's kernel that lie on named ones.
+        drawing: The drawing; faces of gmsh's built-in kernel do not change.
+        marked: Faces of OpenCASCADE's kernel that coincide with named ones.
     """
     here = {tag for _, tag in gmsh.model.getEntities(dim)}
     made = {tag for _, tag in gmsh.model.occ.getEntities(dim)}

@@ -1,4 +1,4 @@
-"""How a geometry file is to be meshed."""
+"""Declare how a geometry file is meshed."""
 
 import math
 from dataclasses import dataclass, field
@@ -10,26 +10,26 @@ from perfplast_fenicsx.geometry.face_choice import NamedFace, check_planes
 
 @dataclass(frozen=True)
 class MeshingOptions:
-    """How a geometry file is to be meshed.
+    """Options for meshing a geometry file.
 
     Args:
-        size: Largest edge length, in the file's unit of length (of STEP files mm, whatever the
-            file's own unit is); by default as for some ten thousand elements of equal size.
+        size: Largest edge length, in the file's unit of length (for STEP files mm, whatever the
+            file's own unit is); the default gives some ten thousand elements of equal size.
         sizes: Largest edge length of single bodies, by their names.
-        curvature: Elements about a full circle, at least; 0 for none of them. By default ten, or as
-            many as bring the areas of faces within 1 % of those of the file.
-        order: Degree of the geometry, 1 or 2; 2 makes curved elements of quadratic edges.
-        meshed: Whether bodies that touch are meshed together, with nodes that match, or apart, each
-            by itself, with contact and ties between surfaces whose nodes do not match.
+        curvature: Least number of elements around a full circle; 0 for no limit. The default is
+            ten, or as many as make the areas of faces accurate to 1 %.
+        order: Degree of the geometry, 1 or 2; 2 gives curved elements with quadratic edges.
+        meshed: Whether touching bodies are meshed together, with matching nodes, or apart, each
+            separately, with contact and ties between surfaces that do not match.
         shared: "glued" ties bodies that share faces in the drawing, as layers of one ground do,
-            where neither a contact nor a tie between them is given. "apart" leaves them apart.
-        symmetry: Planes of symmetry, such as {x = 0.0, y = 0.0}: the half towards larger
-            coordinates is kept, and the cut is the surface ``symmetry_x``.
-        overlap: Bodies may overlap by this share of the smaller one's volume; the later one in the
+            unless a contact or tie between them is given. "apart" leaves them apart.
+        symmetry: Planes of symmetry, such as {x = 0.0, y = 0.0}: the half with larger coordinates
+            is kept, and the cut is the surface ``symmetry_x``.
+        overlap: Bodies may overlap by this share of the smaller one's volume; the later body in the
             file gets the common volume. Larger overlaps are refused.
-        close_gaps: Faces of bodies that are no farther apart become one, in the place of either, so
-            that the bodies touch. Much less than their thicknesses and their smallest edges.
-        patience: Longest time for it (s).
+        close_gaps: Faces of bodies at a smaller distance become one, at the place of either, so
+            that the bodies touch. The value must be much smaller than thicknesses and edges.
+        patience: Longest time for meshing (s).
         without: Names of bodies that are left out.
         face: Faces with names of their own.
     """
@@ -57,7 +57,7 @@ class MeshingOptions:
             check_magnitude(name, size or 1.0)
         if self.curvature is not None and not 0 <= self.curvature <= 360:
             raise InputError(
-                f"curvature counts elements about a circle, 0 to 360, not {self.curvature:g}."
+                f"curvature counts elements around a circle, 0 to 360, not {self.curvature:g}."
             )
         if not 0 <= self.overlap < 1:
             raise InputError(f"overlap must be a share from 0 to below 1, not {self.overlap:g}.")

@@ -1,4 +1,4 @@
-"""Names that mesh files can hold, of whatever the parts of a model are called."""
+"""Create names that mesh files can hold from the names of a model's parts."""
 
 import re
 from collections import Counter
@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 
 def plain_name(name: str) -> str:
-    """Return its letters, digits and _ alone, in lower case; empty where there are none."""
+    """Return the letters, digits and _ of a name in lower case; empty if there are none."""
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 
 def unique_names(wanted: Iterable[str]) -> list[str]:
-    """Names of letters, digits and _ alone, in lower case, each once: equal ones are numbered."""
+    """Return unique names of letters, digits and _ in lower case; equal ones are numbered."""
     plain = [plain_name(name) or "part" for name in wanted]
     plain = [f"part_{name}" if name[0].isdigit() else name for name in plain]
     how_many, seen, used = Counter(plain), Counter[str](), set[str]()

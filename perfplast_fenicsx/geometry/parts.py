@@ -1,4 +1,4 @@
-"""The bodies of a geometry file, read into gmsh's current model, with names."""
+"""Read the bodies of a geometry file into gmsh's current model, with names."""
 
 import re
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from perfplast_fenicsx.geometry.sewing import sewn
 NO_NAME = re.compile(
     r"^the product name$|open cascade step translator|^=>|^\[?\d+[:.\d\]]*$", re.IGNORECASE
 )
-"""Names that writers of STEP files give to parts without a name."""
+"""Names that writers of STEP files give to unnamed parts."""
 
 ENTITY = ("point", "curve", "surface", "volume")
 """Gmsh's words for entities, by their dimension."""
@@ -25,8 +25,8 @@ class Part:
     """A body of gmsh's model.
 
     Attributes:
-        name: For the mesh.
-        label: In the file.
+        name: Name in the mesh.
+        label: Name in the file.
         tags: Its entities.
     """
 
@@ -42,8 +42,8 @@ class Drawing:
     Attributes:
         dim: 3 for solids or 2 for faces of a plane model.
         parts: The bodies.
-        remarks: Remarks for the user, a sentence each.
-        named: Faces (in the plane, curves) by the names of the physical groups of a script.
+        remarks: Remarks for the user, one sentence each.
+        named: Faces (in the plane curves) by the names of a script's physical groups.
     """
 
     dim: int
@@ -53,23 +53,23 @@ class Drawing:
 
 
 def read_parts(path: Path) -> Drawing:
-    """Read a geometry file, which :func:`~geometry_file.check_file` has seen, into gmsh's model.
+    """Read a geometry file, checked by :func:`~geometry_file.check_file`, into gmsh's model.
 
     Raises:
-        InputError: If the file cannot be read, or there is no solid in it.
+        InputError: If the file cannot be read, or if it contains no solid.
     """
     if is_script(path):
         return _read_script(path)
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     if (
         IMPORTED[path.suffix.lower()].pattern == STEP
-    ):  # the others have no units, or gmsh reads none
+    ):  # other formats have no units, or gmsh does not read them
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
     try:
         found = gmsh.model.occ.importShapes(str(path), highestDimOnly=True)
         gmsh.model.occ.synchronize()
-    except Exception as error:  # gmsh raises nothing more specific
-        reason = str(error).rstrip(".") or "OpenCASCADE does not say why"
+    except Exception as error:  # gmsh raises no more specific exception
+        reason = str(error).rstrip(".") or "OpenCASCADE gives no reason"
         raise InputError(f"'{path}' cannot be read: {reason}; export it again.") from error
     tags = [tag for dim, tag in found if dim == 3]
     if not tags and not found:
@@ -93,12 +93,12 @@ def _leaf(label: str) -> str:
 
 
 def _read_script(path: Path) -> Drawing:
-    """Read gmsh's own geometry: physical groups are bodies where there are any."""
+    """Read gmsh's own geometry: physical groups are bodies, if there are any."""
     try:
         gmsh.merge(str(path))
         gmsh.model.geo.synchronize()
         gmsh.model.occ.synchronize()
-    except Exception as error:  # gmsh raises nothing more specific
+    except Exception as error:  # gmsh raises no more specific exception
         raise InputError(f"'{path}' cannot be read: {error}") from error
     dim = gmsh.model.getDimension()
     if dim < 2:
@@ -109,8 +109,8 @@ def _read_script(path: Path) -> Drawing:
         for tag in tags:
             if tag in grouped:
                 raise InputError(
-                    f"{ENTITY[dim]} {tag} of '{path}' is in the physical groups '{grouped[tag]}'"
-                    f" and '{label}'; a body can have one name only."
+                    f"{ENTITY[dim]} {tag} of '{path}' is in the physical groups "
+                    f"'{grouped[tag]}' and '{label}'; a body can have only one name."
                 )
             grouped[tag] = label
     alone = [tag for _, tag in gmsh.model.getEntities(dim) if tag not in grouped]
@@ -126,7 +126,7 @@ def _read_script(path: Path) -> Drawing:
     given = [gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups()]
     numbers = {str(tag) for _, tag in gmsh.model.getPhysicalGroups(dim)} - {*given}
     gmsh.model.removePhysicalGroups()
-    for name in given:  # which gmsh keeps, and gives to no other group then
+    for name in given:  # gmsh keeps such a name and gives it to no other group
         gmsh.model.removePhysicalName(name)
     names = unique_names(labels)
     names = [lab if lab in numbers else name for lab, name in zip(labels, names, strict=True)]
@@ -140,7 +140,7 @@ def _read_script(path: Path) -> Drawing:
 
 
 def _physical_groups(dim: int) -> dict[str, tuple[int, ...]]:
-    """Return the entities of each physical group, by its name or, without one, its number."""
+    """Return the entities of each physical group, by its name or otherwise its number."""
     found: dict[str, tuple[int, ...]] = {}
     for _, group in gmsh.model.getPhysicalGroups(dim):
         name = gmsh.model.getPhysicalName(dim, group) or str(group)

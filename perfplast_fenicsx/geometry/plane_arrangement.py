@@ -1,7 +1,7 @@
-"""Straight lines in the plane, divided where they meet, and the faces between them.
+"""Divide straight lines in the plane where they meet, and find the faces between them.
 
-Lines that cross, touch or run along each other are cut at the points that they have in common.
-Points that are nearer to each other than rounding are one point: the first one that was given.
+Lines that cross, touch or overlap are cut at their common points. Points at a distance within
+rounding are merged into the first of them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from perfplast_fenicsx.arrays import Floats, Longs
 
 ROUNDING = 1e-9
-"""Points nearer to each other than this share of the size of all of them are one point."""
+"""Points at a smaller distance, relative to the size of all points, are merged."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,11 @@ class PlaneFace:
     """A bounded face between lines.
 
     Attributes:
-        loops: Edges in turn along its outer boundary, and along those of its holes. Edge e is
-            e + 1 from its first to its second point, and -(e + 1) in the other direction.
-        inside: Edges inside of it, which divide it nowhere.
-        point: A point in it, shape (2,).
-        area: Without its holes.
+        loops: Edges in order along its outer boundary and along those of its holes. Edge e is e + 1
+            from its first to its second point, and -(e + 1) in the other direction.
+        inside: Edges inside it that do not divide it.
+        point: A point inside it, shape (2,).
+        area: Area without its holes.
     """
 
     loops: tuple[tuple[int, ...], ...]
@@ -40,16 +40,16 @@ class PlaneFace:
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Lines that meet at their ends alone, and the faces between them.
+    """Lines that meet only at their ends, and the faces between them.
 
     Attributes:
         points: Ends of the edges, shape (num_points, 2).
         edges: Their two points, shape (num_edges, 2).
-        owners: Which of the given lines lie on each edge, shape (num_edges, num_owners).
-        faces: The bounded ones.
-        sides: The faces on the left and on the right of each edge, shape (num_edges, 2); -1 for
-            what is outside of all.
-        outer: Loops of edges around all faces, one of each connected part.
+        owners: Which given lines lie on each edge, shape (num_edges, num_owners).
+        faces: The bounded faces.
+        sides: The faces on the left and on the right of each edge, shape (num_edges, 2); -1 for the
+            outside.
+        outer: Loops of edges around all faces, one for each connected part.
     """
 
     points: Floats
@@ -65,7 +65,7 @@ def arrange(segments: Floats, owner: Sequence[int]) -> Arrangement:
 
     Args:
         segments: Ends of the lines, shape (num_segments, 2, 2).
-        owner: The number of what each line belongs to, from 0.
+        owner: Index of the owner of each line, from 0.
     """
     points, edges, owners = _divided(segments, np.asarray(owner))
     loop_of, loops = _loops(points, edges)
@@ -113,11 +113,11 @@ def arrange(segments: Floats, owner: Sequence[int]) -> Arrangement:
 
 
 def within(polygon: Floats, points: Floats) -> npt.NDArray[np.bool_]:
-    """Return which points lie in a closed polygon, by how often a ray leaves it.
+    """Return which points lie in a closed polygon, by crossings of a ray.
 
     Args:
-        polygon: Its corners in turn, shape (n, 2).
-        points: None of them on the polygon, shape (m, 2).
+        polygon: Its corners in order, shape (n, 2).
+        points: Points that are not on the polygon, shape (m, 2).
     """
     (x0, y0), (x1, y1) = polygon.T, np.roll(polygon, -1, axis=0).T
     x, y = points.T[..., None]
@@ -129,10 +129,10 @@ def within(polygon: Floats, points: Floats) -> npt.NDArray[np.bool_]:
 
 
 def crossings(segments: Floats) -> Iterator[tuple[int, int, Floats]]:
-    """Yield the pairs of lines that are not parallel and meet, with the point where they do.
+    """Yield pairs of lines that meet and are not parallel, with their common point.
 
     Args:
-        segments: Shape (num_segments, 2, 2).
+        segments: Ends of the lines, shape (num_segments, 2, 2).
     """
     start, way = segments[:, 0], segments[:, 1] - segments[:, 0]
     lengths = np.linalg.norm(way, axis=1)
@@ -153,7 +153,7 @@ def _size(segments: Floats) -> float:
 
 
 def _divided(segments: Floats, owner: Longs) -> tuple[Floats, Longs, npt.NDArray[np.bool_]]:
-    """Return points, edges between them, and which owners have each edge."""
+    """Return points, edges between them, and the owners of each edge."""
     tolerance = ROUNDING * _size(segments)
     met = np.array([point for _, _, point in crossings(segments)]).reshape(-1, 2)
     points = np.concatenate([segments.reshape(-1, 2), met])
@@ -161,7 +161,7 @@ def _divided(segments: Floats, owner: Longs) -> tuple[Floats, Longs, npt.NDArray
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(points),) * 2)
     _, label = connected_components(graph, directed=False)
     _, first = np.unique(label, return_index=True)
-    points = points[np.sort(first)]  # of what is one point, the one that was given first
+    points = points[np.sort(first)]  # of merged points, the first given one
     found: dict[tuple[int, int], set[int]] = {}
     starts, ways = segments[:, 0], segments[:, 1] - segments[:, 0]
     for k, own in enumerate(owner):
@@ -181,7 +181,7 @@ def _divided(segments: Floats, owner: Longs) -> tuple[Floats, Longs, npt.NDArray
 
 
 def _loops(points: Floats, edges: Longs) -> tuple[Longs, list[list[int]]]:
-    """Return the loops that have a face on their left, and that of each edge in both directions.
+    """Return the loops with a face on their left, and the loops of each edge.
 
     Returns:
         The loop on the left and on the right of each edge, shape (num_edges, 2), and each loop as
@@ -215,7 +215,7 @@ def _loops(points: Floats, edges: Longs) -> tuple[Longs, list[list[int]]]:
 
 
 def _corners(edges: Longs, loop: Sequence[int]) -> list[int]:
-    """Return the points of a loop in turn."""
+    """Return the points of a loop in order."""
     return [int(edges[abs(e) - 1][0 if e > 0 else 1]) for e in loop]
 
 
@@ -231,7 +231,7 @@ def _smallest_around(
     areas: Sequence[float],
     own: set[int],
 ) -> int | None:
-    """Return the smallest loop around a point, of those that have no corner in common with it."""
+    """Return the smallest loop around a point, of those without a common corner."""
     found = None
     for k, (loop, area) in enumerate(zip(corners, areas, strict=True)):
         if area <= 0 or own & {*loop} or (found is not None and area >= areas[found]):
@@ -248,7 +248,7 @@ def _point_in(points: Floats, rings: Sequence[list[int]]) -> Floats:
     v, a, b = (points[around[at % len(around)]] for at in (k, k - 1, k + 1))
     others = points[[at for ring in rings for at in ring]]
     to_base = np.linalg.solve(np.column_stack([a - v, b - v]), (others - v).T)
-    near = 1e-12  # the corners of the triangle itself do not count
+    near = 1e-12  # excludes the corners of the triangle itself
     inside = (to_base >= -near).all(axis=0) & (to_base.sum(axis=0) < 1 - near)
     inside &= to_base.sum(axis=0) > near
     if not inside.any():

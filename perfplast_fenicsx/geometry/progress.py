@@ -1,4 +1,4 @@
-"""How far the meshing program has come: lines of its output, in case it takes too long."""
+"""Report the progress of the meshing program as lines of its output, in case of a timeout."""
 
 import re
 from dataclasses import dataclass, field
@@ -9,10 +9,10 @@ BEGINS = "perfplast "
 """First word of a line that reports a stage."""
 
 SURFACE = re.compile(r"Meshing surface (\d+) ")
-"""Gmsh's message at the beginning of a face."""
+"""Gmsh's message when it begins a face."""
 
 VOLUMES = re.compile(r"Meshing 3D")
-"""Gmsh's message after all faces have been meshed."""
+"""Gmsh's message after all faces are meshed."""
 
 
 @dataclass(frozen=True)
@@ -20,8 +20,8 @@ class Stage:
     """A stage that the program begins.
 
     Attributes:
-        doing: What it is.
-        faces: Names of bodies by face, where it meshes.
+        doing: Description of the stage.
+        faces: Names of bodies by face, during meshing.
     """
 
     doing: str
@@ -29,12 +29,12 @@ class Stage:
 
 
 def begin(stage: Stage) -> None:
-    """Report a stage."""
+    """Report the beginning of a stage."""
     print(BEGINS + msgspec.json.encode(stage).decode(), flush=True)
 
 
 def last_of(output: str) -> str:
-    """Return the last stage of a program that ended, with the name of the body if there is one."""
+    """Return the last stage of a program that ended, with the body's name if there is one."""
     stage, doing = Stage("beginning"), "beginning"
     for line in output.splitlines():
         if line.startswith(BEGINS):

@@ -1,4 +1,4 @@
-"""Where bodies of gmsh's current model touch, and their faces on both sides of it."""
+"""Find where bodies of gmsh's current model touch, with their faces on both sides."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ class Seam:
     """Faces at which two bodies touch.
 
     Attributes:
-        bodies: Their numbers.
-        faces: Faces of each; the same ones where they are meshed together.
+        bodies: Indices of the bodies.
+        faces: Faces of each body; the same faces if they are meshed together.
     """
 
     bodies: tuple[int, int]
@@ -26,7 +26,7 @@ class Seam:
 
 
 def find_seams(dim: int, parts: Sequence[Part]) -> list[Seam]:
-    """Return the seams that two bodies share, sorted by bodies."""
+    """Return the seams of pairs of bodies, sorted by bodies."""
     pairs: dict[tuple[int, ...], list[int]] = {}
     for face, bodies in shared(dim, owners(parts)).items():
         if len(bodies) == 2:
@@ -43,12 +43,12 @@ def owners(parts: Sequence[Part]) -> dict[int, int]:
 
 
 def faces_of_bodies(dim: int, parts: Sequence[Part]) -> dict[int, int]:
-    """Return all outer faces, and a body that each belongs to."""
+    """Return all outer faces, and a body of each."""
     return {face: bodies[0] for face, bodies in shared(dim, owners(parts)).items()}
 
 
 def free_faces(dim: int, parts: Sequence[Part], seams: Sequence[Seam]) -> dict[int, int]:
-    """Return the faces at which bodies touch nothing, and whose they are."""
+    """Return the faces at which bodies touch nothing, and their bodies."""
     touching = {face for seam in seams for side in seam.faces for face in side}
     own = shared(dim, owners(parts))
     return {
@@ -59,30 +59,30 @@ def free_faces(dim: int, parts: Sequence[Part], seams: Sequence[Seam]) -> dict[i
 def take_apart(
     dim: int, parts: Sequence[Part], seams: Sequence[Seam]
 ) -> tuple[list[Part], list[Seam]]:
-    """Give each body faces of its own where it touches others, for a mesh of its own.
+    """Give each body separate faces where it touches others, for separate meshing.
 
     Args:
         dim: Dimension of the bodies.
-        parts: They have been cut along each other, and have new entities afterwards.
+        parts: The bodies, already cut along each other; they get new entities.
         seams: Places where they touch.
 
     Returns:
-        The bodies, and where they touch.
+        The bodies, and their seams.
 
     Raises:
-        InputError: If the bodies are gmsh's own geometry, which it cannot copy so.
+        InputError: If the bodies are gmsh's own geometry, which gmsh cannot copy in this way.
     """
     occ = gmsh.model.occ
     if {(dim, t) for part in parts for t in part.tags} - set(occ.getEntities(dim)):
         raise InputError(
-            "meshed = 'apart': bodies of gmsh's built-in kernel cannot be parted; begin the file"
-            ' with SetFactory("OpenCASCADE"), or mesh them together.'
+            "meshed = 'apart': bodies of gmsh's built-in kernel cannot be separated; "
+            'begin the file with SetFactory("OpenCASCADE"), or mesh them together.'
         )
     before = {face: _measures(dim - 1, [face])[0] for s in seams for face in s.faces[0]}
     copies = []
     for part in parts:
         new = [occ.copy([(dim, tag)])[0] for tag in part.tags]
-        if len(new) > 1:  # pieces of one body stay connected
+        if len(new) > 1:  # pieces of one body remain connected
             new = occ.fragment(new, [])[0]
         copies.append(Part(part.name, part.label, tuple(t for of, t in new if of == dim)))
     occ.remove([(dim, tag) for part in parts for tag in part.tags], recursive=True)
@@ -93,7 +93,7 @@ def take_apart(
     ]
     after = [_measures(dim - 1, own) for own in faces]
 
-    # Areas and centres of faces that differ by less, relative to their size, are those of copies.
+    # Areas and centres of faces with a smaller difference, relative to their size, identify copies.
     rounding = 1e-6
 
     def copied(body: int, old: Sequence[int]) -> tuple[int, ...]:
@@ -112,7 +112,7 @@ def take_apart(
 
 
 def _measures(dim: int, tags: Sequence[int]) -> Floats:
-    """Square root of the area (in the plane, the length) and centre of faces, shape (n, 4)."""
+    """Return square root of area (in the plane length) and centre of faces, shape (n, 4)."""
     occ = gmsh.model.occ
     return np.array(
         [[occ.getMass(dim, tag) ** (1 / dim), *occ.getCenterOfMass(dim, tag)] for tag in tags]

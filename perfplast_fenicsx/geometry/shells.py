@@ -1,4 +1,4 @@
-"""Faces that share no edges, parted into shells that are closed, by the order of the file."""
+"""Group faces without common edges into closed shells, by the order in the file."""
 
 from collections.abc import Sequence
 
@@ -12,17 +12,17 @@ from perfplast_fenicsx.arrays import Floats, Longs
 
 
 def closed_shells(faces: Sequence[int], near: float) -> list[list[int]]:
-    """Return the faces of each body, where files list those of one body one after another.
+    """Return the faces of each body, if the file lists them body by body.
 
-    Where bodies touch, an edge belongs to faces of several, and sewing all of them makes no solid.
-    So faces are taken in their order until each edge so far is one of two of them.
+    Where bodies touch, an edge belongs to faces of several bodies, and sewing all faces gives no
+    solid. So the function takes faces in order until each edge so far belongs to two of them.
 
     Args:
-        faces: In the order of the file.
-        near: Edges whose lengths and centres differ by less are one.
+        faces: Faces in the order of the file.
+        near: Edges are equal if their lengths and centres differ by less.
 
     Returns:
-        The shells that are closed; faces after the last of them belong to none.
+        The closed shells; faces after the last shell belong to none.
     """
     edges = [_edges(face) for face in faces]
     numbers = _numbered(np.concatenate([_measures(own) for own in edges]), near)
@@ -39,19 +39,19 @@ def closed_shells(faces: Sequence[int], near: float) -> list[list[int]]:
 
 
 def _edges(face: int) -> list[int]:
-    """Return its edges, without the seams at which a round face meets itself."""
+    """Return its edges, without the seams at which a closed face meets itself."""
     return [tag for _, tag in gmsh.model.getBoundary([(2, face)], combined=True, oriented=False)]
 
 
 def _measures(edges: Sequence[int]) -> Floats:
-    """Length and centre of edges, which do not depend on their parameters, shape (n, 4)."""
+    """Return length and centre of edges, independent of their parameters, shape (n, 4)."""
     occ = gmsh.model.occ
     found = [[occ.getMass(1, tag), *occ.getCenterOfMass(1, tag)] for tag in edges]
     return np.array(found).reshape(-1, 4)
 
 
 def _numbered(measures: Floats, near: float) -> Longs:
-    """Return the same number for what is the same."""
+    """Return the same number for equal edges."""
     pairs = cKDTree(measures).query_pairs(near, output_type="ndarray")
     shape = (len(measures), len(measures))
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)

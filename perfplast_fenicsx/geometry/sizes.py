@@ -1,4 +1,4 @@
-"""Sizes of elements: the largest, the smallest, those of bodies, and what a mesh begins with."""
+"""Set element sizes: the largest, the smallest, those of bodies, and the automatic size."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.parts import Part
 
 USUAL = 10.0
-"""Elements about a circle where nothing is said."""
+"""Default number of elements around a circle."""
 
 
 def most_elements(dim: int, bodies: int) -> int:
-    """So many elements a mesh may have by itself, for adapted ones to follow it."""
+    """Return the largest number of elements of an automatic mesh; adapted ones are larger."""
     return int(ADAPTED[dim] * (IN_CONTACT if bodies > 1 else 1.0))
 
 
@@ -28,9 +28,9 @@ class Sizes:
     Attributes:
         dim: Dimension of the bodies.
         parts: The bodies.
-        points: Those that have no size of their own, as scripts may give.
-        scripted: Whether a script has fields of sizes, which are left as they are.
-        least: Smallest size that curvature may ask for, relative to the largest.
+        points: Points without their own size, as scripts may give.
+        scripted: Whether a script defines size fields, which are left unchanged.
+        least: Smallest size that curvature may require, relative to the largest.
     """
 
     dim: int
@@ -45,9 +45,9 @@ class Sizes:
         points = gmsh.model.getEntities(0)
         given = gmsh.model.mesh.getSizes(points)
         free = tuple(p for p, h in zip(points, given, strict=True) if h == 0)
-        # Smallest size that so many may ask for, relative to the largest; more of
-        # them may ask for less in proportion. Without it fillets, threads and
-        # letters take all elements and all time.
+        # Smallest relative size that so many curved entities may require; with more of them it is
+        # smaller in proportion. Without it fillets, threads and letters would take most elements
+        # and most of the time.
         smallest = 0.2
         scripted = bool(len(gmsh.model.mesh.field.list()))
         least = smallest if len(free) == len(points) else 0.0
@@ -55,13 +55,13 @@ class Sizes:
 
     @property
     def usual(self) -> float:
-        """The largest edge length where none is given."""
+        """Return the default largest edge length."""
         boxes = [box(self.dim, part.tags) for part in self.parts]
         lengths = [np.sort(around[1] - around[0])[-self.dim :] for around in boxes]
         room = sum(float(np.prod(np.maximum(length, 1e-12))) for length in lengths)
-        # About so many the boxes around bodies would have by dimension without a size given: the
-        # first of some meshes in space, where bounds on 10 000 elements take two minutes, and
-        # adapted ones of half as many bring the bounds nearer.
+        # Approximate number of elements in the boxes around bodies, by dimension, without a given
+        # size: the first of several meshes in space, where bounds on 10 000 elements take two
+        # minutes, and adapted meshes with half as many give closer bounds.
         elements = {2: 15_000, 3: 4_000}
         share = elements[self.dim] / {2: 2, 3: 6}[self.dim]
         return float(room / share) ** (1 / self.dim)
@@ -69,14 +69,14 @@ class Sizes:
     def set(
         self, options: MeshingOptions, finer: Mapping[tuple[int, int], float] | None = None
     ) -> float:
-        """Set the sizes of elements in gmsh; return the largest edge length.
+        """Set the sizes of elements in gmsh, and return the largest edge length.
 
         Args:
             options: The given options.
-            finer: Edge lengths of curves and faces that are to be meshed more finely.
+            finer: Edge lengths of curves and faces that need finer elements.
 
         Raises:
-            InputError: If a body with a size of its own is unknown.
+            InputError: If a body with its own size does not exist.
         """
         names = [part.name for part in self.parts]
         for body in options.sizes:
@@ -108,14 +108,14 @@ class Sizes:
 def _of_bodies(
     dim: int, parts: Sequence[Part], sizes: dict[str, float], elsewhere: float
 ) -> dict[tuple[int, int], float]:
-    """Edge lengths in bodies, where some have their own."""
+    """Return edge lengths in bodies, if some have their own."""
     if not sizes:
         return {}
     return {(dim, tag): sizes.get(part.name, elsewhere) for part in parts for tag in part.tags}
 
 
 def _sizes_in_places(sizes: Mapping[tuple[int, int], float]) -> None:
-    """Let entities have edge lengths of their own, the smaller one where several meet."""
+    """Set edge lengths of entities, the smaller one where several meet."""
     fields = []
     for (dim, tag), size in sizes.items():
         one = gmsh.model.mesh.field.add("Constant")

@@ -1,4 +1,4 @@
-"""The skins of meshed bodies for a picture, with the numbers of free faces."""
+"""Create the skins of meshed bodies for a picture, with the numbers of free faces."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,17 +15,17 @@ from perfplast_fenicsx.geometry.survey import Face
 def skin_of(
     dim: int, parts: Sequence[Part], free: Sequence[FreeFace], faces: Sequence[Face]
 ) -> dict[str, Any]:
-    """Return the triangles that are seen of the bodies in gmsh's current mesh.
+    """Return the visible triangles of the bodies in gmsh's current mesh.
 
     Args:
         dim: Dimension of the bodies.
         parts: The bodies.
         free: Free faces.
-        faces: The same, measured.
+        faces: The same faces, measured.
 
     Returns:
-        ``points``, shape (n, 3); ``triangles``, shape (m, 3), the number ``body`` of each, and that
-        of the free face, from 1, ``face`` (0 of plane bodies, whose faces are curves);
+        ``points``, shape (n, 3); ``triangles``, shape (m, 3), with the index ``body`` of each and
+        that of its free face from 1, ``face`` (0 for plane bodies, whose faces are curves);
         ``names`` of the bodies; ``places`` on free faces, shape (k, 3), and their ``numbers``.
     """
     tags, coordinates, _ = gmsh.model.mesh.getNodes()

@@ -1,4 +1,4 @@
-"""The faces of solids in a STEP file as text: their labels, and the corners that they have."""
+"""Read the faces of solids in a STEP file as text: their labels and corners."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -10,17 +10,17 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 
 Entities = Mapping[int, tuple[str, str]]
-"""Kind and arguments of each, whose strings are numbers of strings."""
+"""Kind and arguments of each entity, with strings replaced by their indices."""
 
 
 @dataclass(frozen=True)
 class StepSolid:
-    """A solid as it is drawn, before it is placed.
+    """A solid as drawn, before its placement.
 
     Attributes:
-        labels: Labels of its faces, in the file's order; empty where a face has none.
-        corners: The mean of the corners of each face; not a number where it has none.
-        counts: How many corners each face has.
+        labels: Labels of its faces, in the file's order; empty for a face without one.
+        corners: The mean of the corners of each face; NaN without corners.
+        counts: Number of corners of each face.
     """
 
     labels: tuple[str, ...]
@@ -32,15 +32,15 @@ def read_solids(path: Path) -> tuple[list[StepSolid], bool]:
     """Return the solids of a STEP file whose faces have labels.
 
     Returns:
-        The solids, none if no face has a label or the text is not understood, and whether all of
-        them lie where they are drawn.
+        The solids (none if no face has a label or if the text is not understood), and whether all
+        of them lie where they are drawn.
     """
     data = path.read_bytes()
     try:
         text = data.decode()
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    # Most files have no label in them, which is seen sooner than entities are found.
+    # Most files have no label, which is faster to detect than to find entities.
     if not re.search(r"ADVANCED_FACE\s*\(\s*'(?!NONE')[^']", text):
         return [], True
     pieces = text.split("'")
@@ -55,13 +55,13 @@ def read_solids(path: Path) -> tuple[list[StepSolid], bool]:
             if kind in ("MANIFOLD_SOLID_BREP", "BREP_WITH_VOIDS")
         ]
         in_place = _in_place(entities)
-    except (KeyError, ValueError, IndexError):  # entities that are not there, or are others
+    except (KeyError, ValueError, IndexError):  # missing or unexpected entities
         return [], True
     return (solids if any(names_in(solid.labels) for solid in solids) else []), in_place
 
 
 def _entities(text: str) -> Entities:
-    """Those that faces, their corners and placements consist of; surfaces and curves are not."""
+    """Return the entities that define faces, corners and placements; no surfaces and curves."""
     kinds = {
         *("MANIFOLD_SOLID_BREP", "BREP_WITH_VOIDS", "CLOSED_SHELL", "ORIENTED_CLOSED_SHELL"),
         *("ADVANCED_FACE", "FACE_BOUND", "FACE_OUTER_BOUND", "EDGE_LOOP", "VERTEX_LOOP"),
@@ -90,7 +90,7 @@ def _solid(entities: Entities, strings: list[str], args: str) -> StepSolid:
 
 
 def _below(entities: Entities, args: str, kind: str) -> dict[int, None]:
-    """Return the entities of a kind that arguments lead to, each once, in order."""
+    """Return the entities of a kind that arguments refer to, each once, in order."""
     found: dict[int, None] = {}
     seen: set[int] = set()
     left = _refs(args)[::-1]
@@ -107,7 +107,7 @@ def _below(entities: Entities, args: str, kind: str) -> dict[int, None]:
 
 
 def _label(args: str, strings: list[str]) -> str:
-    """Return the string with which arguments begin; a quote in it is written twice."""
+    """Return the string at the beginning of arguments; a quote in it is doubled."""
     (numbers,) = re.findall(r"^\s*((?:'\d+')*)", args)
     label = "'".join(strings[int(k)] for k in re.findall(r"\d+", numbers))
     wide = re.sub(r"\\X2\\((?:[0-9A-Fa-f]{4})+)\\X0\\", _from_hex, label)
@@ -119,7 +119,7 @@ def _from_hex(digits: re.Match[str]) -> str:
 
 
 def _in_place(entities: Entities) -> bool:
-    """Return whether no part is moved: the two systems of each placement are one."""
+    """Return whether no part is moved: both systems of each placement are equal."""
     for kind, args in entities.values():
         if kind == "MAPPED_ITEM":
             return False
@@ -135,7 +135,7 @@ def _system(entities: Entities, args: str) -> list[list[float]]:
 
 
 def _numbers(args: str) -> list[float]:
-    """Return the numbers in the brackets of a point or a direction."""
+    """Return the numbers in the parentheses of a point or a direction."""
     return [float(number) for number in args[args.index("(") :].strip("() \r\n").split(",")]
 
 
@@ -144,9 +144,9 @@ def _refs(args: str) -> list[int]:
 
 
 def names_in(labels: Iterable[str]) -> set[str]:
-    """Return the labels of one solid that name something.
+    """Return the labels of a solid that are proper names.
 
-    Empty ones, "NONE", counters such as "Face 12", and one that all faces have name nothing.
+    Empty labels, "NONE", counters such as "Face 12", and a label shared by all faces are not.
     """
     given = set(labels)
     if len(given) < 2:

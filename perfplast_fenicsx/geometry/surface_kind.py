@@ -1,4 +1,4 @@
-"""The kind of a face by its curvatures, for faces that are splines in the file."""
+"""Determine the kind of a face from its curvatures, for spline faces."""
 
 import gmsh
 import numpy as np
@@ -7,14 +7,14 @@ from perfplast_fenicsx.geometry.joints import box
 
 
 def kind_of(dim: int, tag: int) -> str:
-    """Gmsh's kind of a face or curve; of a face "Plane", "Cylinder" or "Sphere" if it is one."""
+    """Return gmsh's kind of a face or curve; "Plane", "Cylinder" or "Sphere" for splines."""
     kind = str(gmsh.model.getType(dim, tag))
-    # Gmsh's kinds, in small letters, that may be planes, cylinders or spheres.
+    # Gmsh's kinds, in lower case, that may be planes, cylinders or spheres.
     untold = ("bspline surface", "bezier surface", "surface of revolution", "unknown")
     if dim != 2 or kind.lower() not in untold:
         return kind
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(2, tag))
-    # Shares of each parameter at which curvatures are taken, as ends may be poles.
+    # Shares of each parameter at which curvatures are evaluated, as ends may be poles.
     samples = (0.2, 0.4, 0.6, 0.8)
     shares = np.stack(np.meshgrid(samples, samples), axis=-1).reshape(-1, 2)
     large, small, _, _ = gmsh.model.getPrincipalCurvatures(
@@ -25,8 +25,7 @@ def kind_of(dim: int, tag: int) -> str:
     both = np.sort(np.abs(np.column_stack([large, small])), axis=1) * size
     if not np.isfinite(both).all():
         return kind
-    # Curvature that counts as zero, relative to the size of the face, and how far equal ones may
-    # differ.
+    # Curvature that counts as zero, relative to the size of the face, and tolerance of equal ones.
     straight, same = 1e-5, 1e-4
     if both.max() < straight:
         return "Plane"

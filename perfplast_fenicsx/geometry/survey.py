@@ -1,4 +1,4 @@
-"""The survey of a geometry: bodies, where they touch or nearly touch, and their free faces."""
+"""Store the survey of a geometry: bodies, joints, near misses, and free faces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Body:
-    """A solid; in the plane, a face.
+    """A solid; in the plane a face.
 
     Attributes:
         name: Its physical name in the mesh.
-        label: Its name in the file, with those of the assemblies it is part of.
-        volume: Volume of its mesh (in the plane, the area).
+        label: Its name in the file, with those of its assemblies.
+        volume: Volume of its mesh (in the plane its area).
         low: Smallest coordinates.
         high: Largest coordinates.
-        cells: Elements.
-        worst: Quality of the worst one, 1 for an equilateral one, 0 for a flat one.
-        cad: Its volume (in the plane, the area) in the file; None where that is not known.
+        cells: Number of elements.
+        worst: Quality of the worst element, 1 for an equilateral one, 0 for a flat one.
+        cad: Its volume (in the plane its area) in the file; None if it is unknown.
     """
 
     name: str
@@ -31,13 +31,13 @@ class Body:
 
 @dataclass(frozen=True)
 class Joint:
-    """Where two bodies touch.
+    """A joint where two bodies touch.
 
     Attributes:
         bodies: Their names.
         surfaces: The names of both sides in the mesh.
-        area: Area of the contact (in the plane, the length).
-        shapes: Shapes of the faces in it, such as "flat" or "cylindrical".
+        area: Area of the contact (in the plane its length).
+        shapes: Shapes of its faces, such as "flat" or "cylindrical".
         shared: Whether the bodies share these faces in the drawing, as layers of one ground do;
             else they touch as solids of their own.
         cad: The area in the file; None where that is not known.
@@ -53,18 +53,18 @@ class Joint:
 
 @dataclass(frozen=True)
 class Face:
-    """A free face of the drawing; in the plane, a curve.
+    """A free face of the drawing; in the plane a curve.
 
     Attributes:
-        number: As in the picture.
+        number: Number in the picture.
         name: Its own name in the mesh.
-        body: Whose it is.
+        body: Its body.
         shape: Such as "flat".
         area: Area of its mesh.
-        centre: Its centroid, as the mesh has it.
-        cad: Its area in the file; None where that is not known.
-        round_of: Of a cylinder, its radius and the direction of its axis, such as "R 5, along z";
-            empty for others.
+        centre: Centroid of its mesh.
+        cad: Its area in the file; None if it is unknown.
+        round_of: Radius and axis direction of a cylinder, such as "R 5, along z"; empty for other
+            faces.
     """
 
     number: int
@@ -79,15 +79,15 @@ class Face:
 
 @dataclass(frozen=True)
 class NamedFaces:
-    """Free faces with a name together, which each of them has besides its own.
+    """Free faces with a common name in addition to their own names.
 
     Attributes:
-        number: As in the list; 0 where the file or a user gives the name.
-        name: In the mesh.
-        faces: Numbers of the faces; none of a physical group where bodies touch.
+        number: Number in the list; 0 if the file or the user gives the name.
+        name: Name in the mesh.
+        faces: Numbers of the faces; empty for a physical group where bodies touch.
         why: Their common property, in words.
         area: Area of their mesh.
-        cad: Their area in the file; None where that is not known.
+        cad: Their area in the file; None if it is unknown.
     """
 
     number: int
@@ -99,7 +99,7 @@ class NamedFaces:
 
 
 def listed(numbers: Sequence[int]) -> str:
-    """Return how many faces there are and their numbers, such as "3: 4-5, 9"."""
+    """Return the number of faces and their numbers, such as "3: 4-5, 9"."""
     runs = list[list[int]]()
     for number in sorted(numbers):
         if runs and number == runs[-1][-1] + 1:
@@ -107,7 +107,7 @@ def listed(numbers: Sequence[int]) -> str:
         else:
             runs.append([number])
     words = [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
-    most = 8  # so many stretches of numbers are listed
+    most = 8  # largest number of listed ranges
     more = [f"and {len(words) - most} more"] if len(words) > most else []
     return f"{len(numbers)}: {', '.join(words[:most] + more)}" if words else "-"
 
@@ -118,7 +118,7 @@ class Near:
 
     Attributes:
         bodies: Their names.
-        gap: The smallest distance between them, 0 where they have an edge or a point in common.
+        gap: The smallest distance between them, 0 if they share an edge or a point.
     """
 
     bodies: tuple[str, str]
@@ -132,14 +132,14 @@ class Survey:
     Attributes:
         dim: 3 for solids, 2 for a plane model.
         degree: Degree of the elements' geometry.
-        nodes: Nodes of the mesh, both sides of joints counted.
+        nodes: Number of nodes of the mesh, counting both sides of joints.
         bodies: At least one.
         joints: Joints of bodies that touch.
         near: Pairs of bodies that nearly touch.
         faces: Free faces, sorted by body and number.
-        sets: Faces with names together.
-        remarks: Remarks for the user, a sentence each.
-        size: Largest edge length that was asked for.
+        sets: Sets of faces with common names.
+        remarks: Remarks for the user, one sentence each.
+        size: Requested largest edge length.
     """
 
     dim: int
@@ -161,6 +161,6 @@ class Survey:
         return {name: area for name, area in areas.items() if area is not None}
 
     def faces_of(self, name: str) -> list[Face]:
-        """Return the free faces that have a name, their own or one together with others."""
+        """Return the free faces with a name, their own or a common one."""
         numbers = {number for one in self.sets if one.name == name for number in one.faces}
         return [face for face in self.faces if face.name == name or face.number in numbers]

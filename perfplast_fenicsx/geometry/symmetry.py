@@ -1,4 +1,4 @@
-"""One half of bodies that are symmetric, in gmsh's current model."""
+"""Keep one half of symmetric bodies in gmsh's current model."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,15 +13,16 @@ from perfplast_fenicsx.geometry.parts import Part
 
 
 def cut_in_half(dim: int, parts: Sequence[Part], planes: Mapping[str, float]) -> list[Part]:
-    """Keep what lies towards larger coordinates of each plane.
+    """Keep the part with larger coordinates of each plane.
 
     Args:
         dim: Dimension of the bodies.
-        parts: They have new entities afterwards; those on the other side are left out.
-        planes: Values by coordinate.
+        parts: The bodies; they get new entities, and those on the other side are removed.
+        planes: Position of each plane by coordinate.
 
     Raises:
-        InputError: If the bodies are not symmetric, or are gmsh's own geometry, which cannot cut.
+        InputError: If the bodies are not symmetric, or are gmsh's own geometry, which cannot be
+            cut.
     """
     for axis, value in planes.items():
         if AXES.index(axis) >= dim:
@@ -55,15 +56,15 @@ def _half(dim: int, parts: Sequence[Part], axis: str, value: float) -> list[Part
     half, of_half = _mass(dim, kept)
     beside = np.arange(3) != along
     across = float(abs(centre - of_half)[beside].max())
-    # Volumes of both halves that differ by a larger share, and centres by a larger share of the
-    # size, are not those of symmetric bodies.
+    # Allowed differences of symmetric bodies: of the volumes of both halves, and of centres
+    # relative to the size.
     unequal = 1e-3
     same = abs(2 * half - volume) <= unequal * volume and across <= unequal * size
     if not same or abs(centre[along] - value) > unequal * size:
         raise InputError(
-            f"symmetry: the bodies are not symmetric about {axis} = {value:g}: their centre is at"
-            f" {axis} = {centre[along]:.6g}, and {half / volume:.1%} of their volume lies beyond;"
-            " give another plane, or none."
+            f"symmetry: the bodies are not symmetric about {axis} = {value:g}: their "
+            f"centre is at {axis} = {centre[along]:.6g}, and {half / volume:.1%} of their "
+            "volume lies beyond; give another plane, or remove it."
         )
     return kept
 
@@ -83,14 +84,14 @@ def _upper(dim: int, tag: int, along: int, value: float, size: float) -> list[in
         room = occ.addBox(*corner, *edges)
     else:
         points = gmsh.model.getBoundary([(dim, tag)], combined=False, recursive=True)
-        plane = gmsh.model.getValue(0, points[0][1], [])[2]  # boxes are a little too large
+        plane = gmsh.model.getValue(0, points[0][1], [])[2]  # bounding boxes are slightly too large
         room = occ.addRectangle(corner[0], corner[1], plane, edges[0], edges[1])
     found, _ = occ.intersect([(dim, tag)], [(dim, room)])
     return [new for of, new in found if of == dim]
 
 
 def _mass(dim: int, parts: Sequence[Part]) -> tuple[float, Floats]:
-    """Volume and its centre."""
+    """Return the volume and its centre."""
     occ, tags = gmsh.model.occ, [tag for part in parts for tag in part.tags]
     masses = np.array([occ.getMass(dim, tag) for tag in tags])
     centres = np.array([occ.getCenterOfMass(dim, tag) for tag in tags]).reshape(-1, 3)

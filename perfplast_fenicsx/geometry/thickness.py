@@ -1,4 +1,4 @@
-"""Bodies through whose thickness one element reaches: too few for bending."""
+"""Find bodies with only one element through their thickness: too few for bending."""
 
 from itertools import combinations
 
@@ -9,11 +9,11 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.geometry.parts import Part
 
 MOST = 0.5
-"""Share of a body's elements that may reach from one side to the other without a word."""
+"""Share of a body's elements that may reach from side to side without a remark."""
 
 
 def share_through(dim: int, part: Part) -> float:
-    """Share of the elements of a body with an edge between opposite sides of its surface."""
+    """Return the share of a body's elements with an edge between opposite sides of its surface."""
     cells = []
     for tag in part.tags:
         kinds, _, nodes = gmsh.model.mesh.getElements(dim, tag)
@@ -32,8 +32,8 @@ def through(points: Floats, cells: Longs) -> float:
     """Return the share of simplices with an edge whose ends have opposite outward normals.
 
     Args:
-        points: Shape (num_points, d).
-        cells: Shape (num_cells, d + 1).
+        points: Coordinates, shape (num_points, d).
+        cells: Vertices of the simplices, shape (num_cells, d + 1).
     """
     dim = points.shape[1]
     facets = np.concatenate([np.delete(cells, corner, axis=1) for corner in range(dim + 1)])
@@ -52,7 +52,7 @@ def through(points: Floats, cells: Longs) -> float:
     at_points = np.zeros_like(points)
     np.add.at(at_points, outer.ravel(), np.repeat(normals, dim, axis=0))
     sizes = np.linalg.norm(at_points, axis=1, keepdims=True)
-    at_points /= np.where(sizes > 0, sizes, 1.0)  # none within the body
+    at_points /= np.where(sizes > 0, sizes, 1.0)  # none inside the body
     reaches = np.zeros(len(cells), dtype=np.bool_)
     # Cosine of the angle of outward normals below which surfaces are opposite sides.
     opposite = -0.8

@@ -1,4 +1,4 @@
-"""Names that faces have without being asked for, of faces alone and of what they have in common."""
+"""Create default names of faces, for single faces and for groups with common properties."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -23,19 +23,19 @@ def usual_names(
     alike: Sequence[FaceSet],
     taken: set[str],
 ) -> tuple[list[str], list[FaceSet]]:
-    """Return a name for each face, and the sets of several faces that have a name.
+    """Return a name for each face, and the named sets of several faces.
 
-    All faces of a body with one label or colour, or of one side, have a name: ``plate_z_high`` is
-    the side, all free faces in the plane in which the body ends. A side of
-    which some faces have labels or colours has no name. Faces without such a name are called by
-    their number, ``plate_face_7``, and other sets ``plate_plane_7`` or ``plate_cylinder_7``.
+    All faces of a body with one label or colour, or on one side, have a name: ``plate_z_high`` is
+    the side, all free faces in the plane at which the body ends. A side on which some faces have
+    labels or colours has no name. Faces without such a name are named by their number,
+    ``plate_face_7``, and other sets ``plate_plane_7`` or ``plate_cylinder_7``.
 
     Args:
         dim: Dimension of the faces.
         parts: The bodies.
-        faces: Free ones.
-        alike: Sets of faces that are alike (:func:`free_faces.numbered_faces`).
-        taken: Names that others have.
+        faces: Free faces.
+        alike: Sets of similar faces (:func:`free_faces.numbered_faces`).
+        taken: Names that are already used.
     """
     used = set(taken)
     numbers = {one.faces: one.number for one in alike}
@@ -69,7 +69,7 @@ def usual_names(
 
 
 def _free(name: str, used: set[str]) -> str:
-    """Return a name that nothing else has; it is used then."""
+    """Return an unused name, and mark it as used."""
     while name in used:
         name += "_"
     used.add(name)
@@ -79,7 +79,7 @@ def _free(name: str, used: set[str]) -> str:
 def _marked(
     parts: Sequence[Part], faces: Sequence[FreeFace]
 ) -> Iterator[tuple[tuple[int, ...], list[str], str]]:
-    """Yield faces of one label or colour of each body, names for them, and what they have."""
+    """Yield faces of one label or colour of each body, names for them, and the common property."""
     together: dict[tuple[object, ...], list[int]] = {}
     for k, face in enumerate(faces):
         if face.label:
@@ -105,7 +105,7 @@ def _marked(
 def _sides(
     dim: int, parts: Sequence[Part], faces: Sequence[FreeFace]
 ) -> Iterator[tuple[tuple[int, ...], list[str], str]]:
-    """Yield the free faces of each side of each body, its name, and what they have in common."""
+    """Yield the free faces of each side of each body, names for them, and the common property."""
     around = [box(dim + 1, part.tags) for part in parts]
     together: dict[tuple[int, str], list[int]] = {}
     for k, face in enumerate(faces):
@@ -117,9 +117,9 @@ def _sides(
 
 
 def _side_of(dim: int, tag: int, around: Floats) -> str:
-    """Return where a flat face lies at the end of its body, such as "z_high"; empty for others."""
+    """Return the side of a flat face at the end of its body, such as "z_high"; empty for others."""
     low, high = box(dim, [tag])
-    # boxes are wider by the tolerances of edges, which gaps that were closed have left
+    # boxes are larger by the tolerances of edges, which closed gaps increase
     wider = 3 * gmsh.option.getNumber("Geometry.ToleranceBoolean")
     none = ALIKE * float(np.linalg.norm(around[1] - around[0])) + wider
     if shape_of(dim, tag) in ("flat", "straight"):

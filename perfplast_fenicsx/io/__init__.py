@@ -1,4 +1,4 @@
-"""Files: case files and result folders."""
+"""Read and write files: case files and result folders."""
 
 import lazy_loader
 

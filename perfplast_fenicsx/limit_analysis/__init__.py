@@ -1,4 +1,4 @@
-"""Limit loads, and bounds of them."""
+"""Compute limit loads and their bounds."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Material laws."""
+"""Define material laws and yield sets."""
 
 import lazy_loader
 

@@ -1,6 +1,6 @@
-"""Common materials to start from, in any system of units.
+"""List common materials as starting values, in any system of units.
 
-Take the numbers of a design from its standard.
+For a design, take the numbers from its standard.
 """
 
 import math
@@ -17,13 +17,13 @@ class Common:
     """A common material.
 
     Attributes:
-        name: As in its standard, in lower case.
+        name: Name as in its standard, in lower case.
         young: Young's modulus (stress).
         poisson: Poisson's ratio.
-        yield_stress: In uniaxial tension (stress); for what is no metal, that of von Mises' law
-            which ``what`` says.
-        what: In words.
-        source: Source of the numbers.
+        yield_stress: Uniaxial yield stress (stress); for a material that is not a metal, the
+            parameter of von Mises' law that ``what`` describes.
+        what: Description in words.
+        source: Source of its numbers.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Common:
     source: str
 
     def in_system(self, system: Name) -> "Common":
-        """Return the same in another system of units, from that of :data:`MATERIALS`."""
+        """Return the material in another system of units than that of :data:`MATERIALS`."""
         factor = SYSTEMS[TABLE].pascals / SYSTEMS[system].pascals
         return replace(self, young=self.young * factor, yield_stress=self.yield_stress * factor)
 
@@ -48,16 +48,16 @@ CLAY = "EN ISO 14688-2:2018 (c_u); Duncan and Buchignani 1976 (E = 300 c_u)"
 
 
 def _concrete(strength: float, cube: float, modulus: float) -> Common:
-    """Concrete by its characteristic strength of cylinders and cubes, and E_cm (MPa).
+    """Return concrete by its characteristic strength of cylinders and cubes, and E_cm (MPa).
 
-    Von Mises' law gives it the same strength in tension, which it has not.
+    Von Mises' law assigns it the same strength in tension, which real concrete does not have.
     """
     name = f"c{strength:g}/{cube:g}"
-    return Common(name, modulus, 0.2, strength, "concrete, for pressure alone", EN_1992)
+    return Common(name, modulus, 0.2, strength, "concrete, for compression only", EN_1992)
 
 
 def _clay(name: str, shear_strength: float) -> Common:
-    """Clay that cannot drain, by c_u (MPa): in plane strain von Mises' law yields at σ_y/√3."""
+    """Return undrained clay by c_u (MPa); in plane strain von Mises' law yields at σ_y/√3."""
     what = f"clay, undrained, c_u {1e3 * shear_strength:g} kPa, in plane strain"
     return Common(name, 300 * shear_strength, 0.49, math.sqrt(3) * shear_strength, what, CLAY)
 
@@ -80,7 +80,7 @@ MATERIALS = (
     _clay("clay-medium", 0.04),
     _clay("clay-high", 0.075),
 )
-"""In :data:`TABLE`. Of each class of clays the least strength."""
+"""Common materials in the units :data:`TABLE`. A clay has the least strength of its class."""
 
 
 def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -> list[str]:
@@ -88,20 +88,20 @@ def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -
 
     Args:
         young: Young's modulus of a material (stress).
-        yield_stress: Yield stress of it (stress), if it yields.
+        yield_stress: Its yield stress (stress), if it yields.
         system: System of their units, if known.
     """
     told = []
     if system is not None:
         pascals, unit = young * SYSTEMS[system].pascals, SYSTEMS[system].stress
-        # Young's modulus beyond which there is no solid (Pa); diamond has 1.1e12.
+        # Young's modulus above that of any solid (Pa); diamond has 1.1e12.
         stiffest = 1e12
-        # Young's modulus below which there is none that is of use (Pa); a gel has about so much.
+        # Young's modulus below that of any useful solid (Pa); a gel has about this value.
         softest = 1e3
         if not softest <= pascals <= stiffest:
             told.append(
-                f"young = {young:g} {unit} is {pascals / 1e9:.3g} GPa, and steel has 210; is it in"
-                f" {unit}, as [units] says"
+                f"young = {young:g} {unit} is {pascals / 1e9:.3g} GPa, but steel has 210; "
+                f"is it in {unit}, as [units] says"
             )
     if yield_stress is not None:
         # Yield stress over Young's modulus: lead has 1e-4, rubber and polymers a few hundredths.
@@ -109,7 +109,7 @@ def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -
         strain = yield_stress / young
         if not least <= strain <= most:
             told.append(
-                f"yield_stress / young = {strain:.3g}, and materials have {least:g} to {most:g}"
-                " (steel 0.001); are both in the same unit"
+                f"yield_stress / young = {strain:.3g}, but materials have {least:g} to "
+                f"{most:g} (steel 0.001); are both in the same unit"
             )
     return told

@@ -1,14 +1,14 @@
-"""The yield sets of Mohr and Coulomb, and of Tresca, as limit analysis knows them.
+"""Define the yield sets of Mohr and Coulomb, and of Tresca, for limit analysis.
 
-With the cohesion c and the angle φ stresses are admissible where their extreme principal values
-fulfil σ₁ − σ₃ ≤ 2c cos φ − (σ₁ + σ₃) sin φ. In plane strain the one out of the plane is in no
-equation of equilibrium, and is between those in the plane where it leaves them the most room, so
-that
+With the cohesion c and the angle φ, stresses are admissible if their extreme principal values
+satisfy σ₁ − σ₃ ≤ 2c cos φ − (σ₁ + σ₃) sin φ. In plane strain the out-of-plane stress is in no
+equation of equilibrium. Some value of it between those in the plane is always admissible, so that
+the condition is
 
     √(¼(σ_x − σ_y)² + τ²) ≤ c cos φ − ½(σ_x + σ_y) sin φ,
 
-one second-order cone. In space, and around an axis, it is one of principal stresses, and with a
-tensile strength in plane strain too.
+a single second-order cone. In space, in axisymmetry, and in plane strain with a tensile strength,
+the set is a cone of principal stresses.
 """
 
 from collections.abc import Sequence
@@ -39,27 +39,27 @@ class CoulombSet:
         return ufl.sqrt(1 - ufl.as_ufl(self.sine) ** 2)
 
     def gauge(self, s: Expr) -> Expr:
-        """(σ₁ − σ₃ + (σ₁ + σ₃) sin φ)/(2c cos φ), and 0 where pressure makes it negative.
+        """Return (σ₁ − σ₃ + (σ₁ + σ₃) sin φ)/(2c cos φ), or 0 where pressure makes it negative.
 
-        Huge where c = 0.
+        The value is very large if c = 0.
         """
         most, _, least = principal(s)
         size = (most - least) + (most + least) * self.sine
         return ufl.max_value(size, 0.0) / ufl.max_value(2 * self.cohesion * self._cosine, TINY)
 
     def support(self, rate: Expr) -> Expr:
-        """C cot φ tr rate, where tr rate ≥ sin φ Σ|ε_i| with the principal rates ε_i.
+        """Return c cot φ tr rate, for tr rate ≥ sin φ Σ|ε_i| with the principal rates ε_i.
 
-        Where φ is zero it is c Σ|ε_i|, and tr rate has to vanish.
+        For φ = 0 the value is c Σ|ε_i|, and tr rate must vanish.
         """
-        least_sine = 1e-12  # sine of φ below which ground does not dilate
+        least_sine = 1e-12  # ground with a smaller sin φ does not dilate
         angle = ufl.max_value(self.sine, least_sine)
         grows = self.cohesion * self._cosine / angle * trace(rate)
         keeps = self.cohesion * sum(abs(value) for value in principal(rate))
         return ufl.conditional(ufl.gt(self.sine, least_sine), grows, keeps)
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
-        """a:b, though the square of the power is no form."""
+        """Return a:b, although the squared power is not a quadratic form."""
         return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[PrincipalCone]:
@@ -67,33 +67,35 @@ class CoulombSet:
         return (PrincipalCone(2 * self.cohesion * self._cosine, ufl.as_ufl(self.sine)),)
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """None: admissible rates are a cone, which no linear condition says."""
+        """Return None: admissible rates form a cone, which no linear condition describes."""
         return None
 
 
 @dataclass(frozen=True)
 class TrescaSet(CoulombSet):
-    """σ₁ − σ₃ ≤ 2c, c being half of the uniaxial yield stress: no friction.
+    """σ₁ − σ₃ ≤ 2c without friction, where c is half of the uniaxial yield stress.
 
     Args:
         cohesion: c > 0 (stress).
-        sine: 0.
+        sine: Zero.
     """
 
     sine: Expr = 0.0
 
     def support(self, rate: Expr) -> Expr:
-        """C Σ|ε_i|."""
+        """Return c Σ|ε_i|."""
         return self.cohesion * sum(abs(value) for value in principal(rate))
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """Return the spherical part."""
+        """Return the spherical part of the rate."""
         return spherical(trace(rate) / 3, len(rate))
 
 
 @dataclass(frozen=True)
 class CutOffSet(CoulombSet):
-    """The same with σ₁ ≤ f as well, below the apex; see :class:`YieldSet` for the methods.
+    """The set of Mohr and Coulomb with σ₁ ≤ f below its apex.
+
+    See :class:`YieldSet` for the methods.
 
     Args:
         cohesion: c > 0 (stress).
@@ -104,13 +106,13 @@ class CutOffSet(CoulombSet):
     tension: Expr
 
     def gauge(self, s: Expr) -> Expr:
-        """Return the larger one of both conditions, 0 where pressure makes it negative."""
+        """Return the larger value of both conditions, 0 where pressure makes it negative."""
         return ufl.max_value(super().gauge(s), principal(s)[0] / self.tension)
 
     def support(self, rate: Expr) -> Expr:
-        """(f − h) tr rate + h Σ|ε_i|, where tr rate ≥ sin φ Σ|ε_i| with the principal rates ε_i.
+        """Return (f − h) tr rate + h Σ|ε_i|, if tr rate ≥ sin φ Σ|ε_i| for principal rates ε_i.
 
-        Half of the room between σ₁ = f and the least σ₃ is h = (c cos φ − f sin φ)/(1 − sin φ).
+        Half of the distance between σ₁ = f and the least σ₃ is h = (c cos φ − f sin φ)/(1 − sin φ).
         """
         half = (self.cohesion * self._cosine - self.sine * self.tension) / (1 - self.sine)
         sizes = sum(abs(value) for value in principal(rate))
@@ -123,5 +125,5 @@ class CutOffSet(CoulombSet):
 
 
 def principal(s: Expr) -> tuple[Expr, Expr, Expr]:
-    """Principal values of a Mandel vector, the largest first."""
+    """Return the principal values of a Mandel vector, the largest first."""
     return principal_axes(s).ordered

@@ -1,4 +1,4 @@
-"""Materials with the condition of Mohr and Coulomb, or of Tresca."""
+"""Define materials with the condition of Mohr and Coulomb, or of Tresca."""
 
 import math
 from dataclasses import dataclass, replace
@@ -22,14 +22,14 @@ from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 @dataclass(frozen=True)
 class Tresca:
-    """A metal, or ground that cannot drain: shear stresses up to the cohesion.
+    """A metal, or undrained ground: the shear strength is the cohesion.
 
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
         cohesion: Largest shear stress (stress), positive, a number or a field; half of the
             uniaxial yield stress.
-        expansion: Strain of a change of temperature by one degree (1/temperature).
+        expansion: Thermal strain per degree (1/temperature).
         tensile_strength: Largest tension f in any direction (stress), positive; None for no limit.
         reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
@@ -51,21 +51,21 @@ class Tresca:
 
     @property
     def law(self) -> type[MohrCoulombLaw]:
-        """With a tensile strength or without."""
+        """Return the class of the law, with or without a tensile strength."""
         return TrescaLaw if self.tensile_strength is None else CutOffLaw
 
     @property
     def bulk(self) -> float:
-        """κ = E / (3(1 − 2ν))."""
+        """Return κ = E / (3(1 − 2ν))."""
         return Elastic(self.young, self.poisson).bulk
 
     @property
     def shear(self) -> float:
-        """μ = E / (2(1 + ν))."""
+        """Return μ = E / (2(1 + ν))."""
         return Elastic(self.young, self.poisson).shear
 
     def divided_by(self, factor: float) -> "Tresca":
-        """Return the same with c/F and f/F.
+        """Return the same material with c/F and f/F.
 
         Args:
             factor: F > 0.
@@ -74,27 +74,29 @@ class Tresca:
         return replace(self, cohesion=self.cohesion / factor, tensile_strength=tension)
 
     def parameters(self) -> dict[str, Strength]:
-        """κ, μ, s and b of :class:`TrescaLaw`, and f if there is one."""
+        """Return κ, μ, s and b of :class:`TrescaLaw`, and f if there is a tensile strength."""
         numbers: dict[str, Strength] = {"bulk": self.bulk, "shear": self.shear, "sine": 0.0}
         return {**numbers, "strength": 2 * self.cohesion, **of_tension(self.tensile_strength)}
 
 
 @dataclass(frozen=True)
 class MohrCoulomb:
-    """Ground with cohesion and an angle of friction: Mohr and Coulomb, associated.
+    """Ground with cohesion and an angle of friction: Mohr and Coulomb's condition, associated.
 
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        cohesion: Stress, zero of clean sand; a number, or a field that is positive everywhere.
-        friction_angle: Degrees, between 0 and 90.
-        expansion: Strain of a change of temperature by one degree (1/temperature).
-        dilatancy_angle: Degrees, between 0 and the angle of friction, which is the default.
-        nonassociated: How to treat ground that dilates by less: ``"radenkovic"`` bounds all loads
-            that it may carry; ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` replaces it by
-            associated ground, which gives an estimate.
-        tensile_strength: Largest tension f in any direction (stress), positive; None, or from
-            c cot φ on, for what cohesion and friction leave.
+        cohesion: Cohesion (stress), zero for clean sand; a number, or a field that is positive
+            everywhere.
+        friction_angle: Angle of friction (degrees), between 0 and 90.
+        expansion: Thermal strain per degree (1/temperature).
+        dilatancy_angle: Angle of dilatancy (degrees), between 0 and the angle of friction, which is
+            the default.
+        nonassociated: Treatment of ground with ψ < φ: ``"radenkovic"`` bounds all its possible
+            collapse loads; ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` replaces it by associated
+            ground, which gives an estimate.
+        tensile_strength: Largest tension f in any direction (stress), positive; None, or at least c
+            cot φ, for the limit by cohesion and friction.
         reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
     Raises:
@@ -123,19 +125,19 @@ class MohrCoulomb:
         check_tension(self.tensile_strength, self.cohesion)
         if self.tensile_strength is not None and self.nonassociated == "radenkovic":
             raise InputError(
-                f"tensile_strength = {self.tensile_strength:g} with nonassociated = 'radenkovic':"
-                " that pair of bounds needs ground without a tensile strength; leave it out, or"
-                " give nonassociated = 'davis-a' for an estimate."
+                f"tensile_strength = {self.tensile_strength:g} with nonassociated = "
+                "'radenkovic': this pair of bounds needs ground without a tensile "
+                "strength; remove it, or give nonassociated = 'davis-a' for an estimate."
             )
 
     @property
     def law(self) -> type[MohrCoulombLaw]:
-        """With a tensile strength below the apex or without."""
+        """Return the class of the law, with or without a tensile strength below the apex."""
         return CutOffLaw if self._tension is not None else MohrCoulombLaw
 
     @property
     def _tension(self) -> float | None:
-        """F, None where the apex is no higher."""
+        """Return the tensile strength f, None if the apex is not above it."""
         given = self.tensile_strength
         if given is None or isinstance(self.cohesion, SpatialField):
             return None
@@ -144,16 +146,16 @@ class MohrCoulomb:
 
     @property
     def bulk(self) -> float:
-        """κ = E / (3(1 − 2ν))."""
+        """Return κ = E / (3(1 − 2ν))."""
         return Elastic(self.young, self.poisson).bulk
 
     @property
     def shear(self) -> float:
-        """μ = E / (2(1 + ν))."""
+        """Return μ = E / (2(1 + ν))."""
         return Elastic(self.young, self.poisson).shear
 
     def divided_by(self, factor: float) -> "MohrCoulomb":
-        """Return the same ground with c/F, tan φ/F and f/F, and ψ by what is made of it.
+        """Return the same ground with c/F, tan φ/F and f/F; ``nonassociated`` decides on ψ.
 
         Args:
             factor: F > 0.
@@ -162,7 +164,7 @@ class MohrCoulomb:
         return replace(ground, tensile_strength=divided(self.tensile_strength, factor))
 
     def parameters(self) -> dict[str, Strength]:
-        """κ, μ, s and b of :class:`MohrCoulombLaw`, and f if there is one."""
+        """Return κ, μ, s and b of :class:`MohrCoulombLaw`, and f if there is a tensile strength."""
         ground = associated(self)
         phi = math.radians(ground.friction_angle)
         strength = 2 * ground.cohesion * math.cos(phi)
@@ -176,30 +178,31 @@ class MohrCoulomb:
 
 
 def check_tension(tension: float | None, cohesion: Strength) -> None:
-    """Refuse tensile strengths that are not positive, or beside a cohesion that varies.
+    """Refuse tensile strengths that are not positive, or that are given with a variable cohesion.
 
     Raises:
-        InputError: If one is not.
+        InputError: If a tensile strength is refused.
     """
     if tension is None:
         return
     if isinstance(cohesion, SpatialField):
         raise InputError(
-            f"tensile_strength = {tension:g} beside a cohesion that varies in space is not known;"
-            " leave it out, or give each body a cohesion that is a number."
+            f"tensile_strength = {tension:g} with a cohesion that varies in space is not "
+            "supported; remove it, or give each body a cohesion that is a number."
         )
     if not (tension > 0 and math.isfinite(tension)):
         raise InputError(
-            f"tensile_strength = {tension} is not a positive stress; give a small one, such as"
-            f" {1e-3 * cohesion or 1e-3:g}, for ground that bears no tension, or leave it out."
+            f"tensile_strength = {tension} is not a positive stress; give a small one, "
+            f"such as {1e-3 * cohesion or 1e-3:g}, for ground that bears no tension, or "
+            "remove it."
         )
 
 
 def divided(tension: float | None, factor: float) -> float | None:
-    """Return a tensile strength over a factor, if there is one."""
+    """Return a tensile strength over a factor; None without a tensile strength."""
     return None if tension is None else tension / factor
 
 
 def of_tension(tension: float | None) -> dict[str, float]:
-    """F of :class:`CutOffLaw`, nothing without."""
+    """Return the parameter f of :class:`CutOffLaw`; an empty dict without a tensile strength."""
     return {} if tension is None else {"tension": tension}

@@ -1,7 +1,7 @@
-r"""Perfect plasticity with the condition of Drucker and Prager, associated, in Hencky's form.
+r"""Define perfect plasticity with Drucker and Prager's condition, associated, in Hencky's form.
 
-The yield set is the cone K: ‖dev σ‖/√2 + ηp ≤ c with p = tr σ/3. With the elastic stress of a
-strain e, of size r = 2μ‖dev e‖ and mean p = κ tr e, with n = dev e/‖dev e‖ and D = μ + κη²,
+The yield set is the cone K: ‖dev σ‖/√2 + ηp ≤ c with p = tr σ/3. The elastic stress of a strain e
+has the size r = 2μ‖dev e‖ and the mean p = κ tr e. With n = dev e/‖dev e‖ and D = μ + κη²,
 
     f = r/√2 + ηp − c,     A = ηp − κη² r/(√2 μ) − c
 
@@ -10,8 +10,8 @@ strain e, of size r = 2μ‖dev e‖ and mean p = κ tr e, with n = dev e/‖dev
     f > 0, A > 0    Σ = (c/η) δ, the apex                  ψ = (c/η) tr e − c²/(2κη²)
 
 which is the projection of Ce on K in the norm of C⁻¹ (M. Čermák, S. Sysala, J. Valdman, Appl. Math.
-Comput. 355 (2019), 595, section 3.2). Bodies that flow dilate: rates are admissible where
-tr ε ≥ √2 η‖dev ε‖, and dissipate (c/η) tr ε, whatever their deviator.
+Comput. 355 (2019), 595, section 3.2). Bodies that flow dilate: rates are admissible if tr ε ≥ √2
+η‖dev ε‖, and dissipate (c/η) tr ε, whatever their deviator.
 """
 
 import math
@@ -37,8 +37,8 @@ from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.spatial_fields import Strength
 
 Match = Literal["plane-strain", "compression", "extension"]
-"""Where the cone has the strength of Mohr and Coulomb: limit loads in plane strain, or triaxial
-compression or extension."""
+"""States in which the cone has the strength of Mohr and Coulomb: limit loads in plane strain, or
+triaxial compression or extension."""
 
 
 @dataclass(frozen=True)
@@ -54,24 +54,27 @@ class DruckerPragerSet:
     strength: Expr
 
     def gauge(self, s: Expr) -> Expr:
-        """(‖dev σ‖/√2 + η tr σ/3)/c, and 0 where pressure makes it negative; huge of c = 0."""
+        """Return (‖dev σ‖/√2 + η tr σ/3)/c, or 0 where pressure makes it negative.
+
+        Very large if c = 0.
+        """
         size = _size(deviator(s)) / math.sqrt(2) + self.slope * trace(s) / 3
         return ufl.max_value(size, 0.0) / ufl.max_value(self.strength, TINY)
 
     def support(self, rate: Expr) -> Expr:
-        """(c/η) tr rate, where tr rate ≥ √2 η‖dev rate‖."""
+        """Return (c/η) tr rate, for tr rate ≥ √2 η‖dev rate‖."""
         return self.strength / self.slope * trace(rate)
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
-        """a:b, which is never asked for."""
+        """Return a:b, which no algorithm uses."""
         return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[Cone]:
-        """One, whose bound falls with the mean stress: ‖dev σ‖ ≤ √2 c − √2 ηp."""
+        """Return one cone, whose bound falls with the mean stress: ‖dev σ‖ ≤ √2 c − √2 ηp."""
         return (axial_cone(math.sqrt(2) * self.strength, math.sqrt(2) * self.slope, size),)
 
     def inadmissible(self, rate: Expr) -> None:
-        """None: admissible rates are a cone, which no linear condition says."""
+        """Return None: admissible rates form a cone, which no linear condition describes."""
         return None
 
 
@@ -95,35 +98,35 @@ class DruckerPragerLaw(Law):
 
     @property
     def elastic(self) -> IsotropicElasticity:
-        """C."""
+        """Return Hooke's tensor C."""
         return IsotropicElasticity(self.bulk, self.shear)
 
     @property
     def _stiffness(self) -> Expr:
-        """D, by which f falls with flow."""
+        """Return D, the decrease of f per unit of flow."""
         return self.shear + self.bulk * self.slope**2
 
     def excess(self, e: Expr) -> Expr:
-        """F (stress): how far Ce is outside of K, negative inside."""
+        """Return f (stress), the distance of Ce from K, negative inside."""
         mean = self.slope * self.bulk * trace(e)
         return math.sqrt(2) * self.shear * _size(deviator(e)) + mean - self.strength
 
     def beyond(self, e: Expr) -> Expr:
-        """Return a (stress): positive where Ce returns to the apex, if it is outside of K."""
+        """Return A (stress), positive if Ce outside K returns to the apex."""
         mean = self.slope * self.bulk * (trace(e) - math.sqrt(2) * self.slope * _size(deviator(e)))
         return mean - self.strength
 
     def _by_branch(self, e: Expr, elastic: Expr, cone: Expr, apex: Expr) -> Expr:
-        """One of three scalars: of elastic strains, the cone and the apex."""
+        """Return one of three scalars: for elastic strains, the cone or the apex."""
         flows = ufl.conditional(ufl.gt(self.beyond(e), 0.0), apex, cone)
         return ufl.conditional(ufl.gt(self.excess(e), 0.0), flows, elastic)
 
     def plastic(self, e: Expr, old: Old) -> Expr:
-        """1 where e lies outside the elastic range, else 0."""
+        """Return 1 where e lies outside the elastic range, else 0."""
         return ufl.conditional(ufl.gt(self.excess(e), 0.0), 1.0, 0.0)
 
     def stress(self, e: Expr, old: Old) -> Expr:
-        """Σ(e), the derivative of ψ."""
+        """Return Σ(e), the derivative of ψ."""
         flow = self.excess(e) / self._stiffness
         size, mean = 2 * self.shear * _size(deviator(e)), self.bulk * trace(e)
         pressure = self._by_branch(
@@ -134,21 +137,21 @@ class DruckerPragerLaw(Law):
         return spherical(pressure, len(e)) + scaled * deviator(e)
 
     def potential(self, e: Expr, old: Old) -> Expr:
-        """ψ(e)."""
+        """Return ψ(e)."""
         elastic = ufl.dot(self.elastic.hooke(e), e) / 2
         tip = self.strength / self.slope
         cone = elastic - self.excess(e) ** 2 / (2 * self._stiffness)
         return self._by_branch(e, elastic, cone, tip * trace(e) - tip**2 / (2 * self.bulk))
 
     def conjugate(self, s: Expr, old: Old) -> Expr:
-        """½ s:C⁻¹s."""
+        """Return ½ s:C⁻¹s."""
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
         """Return the terms of :meth:`tangent`: bulk, a, shape (), P and M, shape (m,).
 
-        Σ°[d] is Cd of elastic strains, 0 at the apex, and on the cone, with the share a of the
-        deviatoric modulus that is left and M = (√2 μ n + κη δ)/√D,
+        Σ°[d] is Cd for elastic strains and 0 at the apex. On the cone, with the reduced deviatoric
+        modulus a and M = (√2 μ n + κη δ)/√D, it is
 
             κ tr(d) δ + a dev d + (2μ − a)(n:d) n − (M:d) M.
         """
@@ -167,14 +170,14 @@ class DruckerPragerLaw(Law):
         }
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """Σ^{o,ρ}(e)[d]."""
+        """Return Σ^{o,ρ}(e)[d]."""
         P, M = stored["P"], stored["M"]
         isotropic = spherical(stored["bulk"] * trace(d), len(d)) + stored["a"] * deviator(d)
         return isotropic + ufl.dot(P, d) * P - ufl.dot(M, d) * M
 
     @property
     def yields(self) -> DruckerPragerSet:
-        """‖dev σ‖/√2 + η tr σ/3 ≤ c."""
+        """Return the set ‖dev σ‖/√2 + η tr σ/3 ≤ c."""
         return DruckerPragerSet(self.slope, self.strength)
 
 
@@ -184,24 +187,25 @@ def _size(d: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class DruckerPrager:
-    """Ground with cohesion and an angle of friction, as a cone: Drucker and Prager, associated.
+    """Ground with cohesion and an angle of friction: Drucker and Prager's cone, associated.
 
-    The cone stands for Mohr and Coulomb's pyramid, which it meets in some states of stress alone:
-    in space the three matches differ by a factor of two. In plane strain limit loads of
-    ``"plane-strain"`` are those of Mohr and Coulomb exactly.
+    The cone approximates Mohr and Coulomb's pyramid and touches it only in some states of stress:
+    in space the three matches differ by a factor of two. In plane strain, limit loads of
+    ``"plane-strain"`` equal those of Mohr and Coulomb exactly.
 
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        cohesion: Of Mohr and Coulomb (stress), zero of clean sand; a number, or a field that is
-            positive everywhere.
-        friction_angle: Of Mohr and Coulomb (degrees), between 0 and 90.
-        match: In which states of stress the cone has the strength of Mohr and Coulomb.
-        expansion: Strain of a change of temperature by one degree (1/temperature).
-        dilatancy_angle: Degrees, between 0 and the angle of friction, which is the default.
-        nonassociated: How to treat ground that dilates by less: ``"radenkovic"`` bounds all loads
-            that it may carry; ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` replaces it by
-            associated ground, which gives an estimate.
+        cohesion: Cohesion of Mohr and Coulomb (stress), zero for clean sand; a number, or a field
+            that is positive everywhere.
+        friction_angle: Angle of friction of Mohr and Coulomb (degrees), between 0 and 90.
+        match: States of stress in which the cone has the strength of Mohr and Coulomb.
+        expansion: Thermal strain per degree (1/temperature).
+        dilatancy_angle: Angle of dilatancy (degrees), between 0 and the angle of friction, which is
+            the default.
+        nonassociated: Treatment of ground with ψ < φ: ``"radenkovic"`` bounds all its possible
+            collapse loads; ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` replaces it by associated
+            ground, which gives an estimate.
         reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
     Raises:
@@ -234,21 +238,21 @@ class DruckerPrager:
 
     @property
     def bulk(self) -> float:
-        """κ = E / (3(1 − 2ν))."""
+        """Return κ = E / (3(1 − 2ν))."""
         return Elastic(self.young, self.poisson).bulk
 
     @property
     def shear(self) -> float:
-        """μ = E / (2(1 + ν))."""
+        """Return μ = E / (2(1 + ν))."""
         return Elastic(self.young, self.poisson).shear
 
     @property
     def cone(self) -> tuple[float, Strength]:
-        """η, and c (stress) in pure shear.
+        """Return η, and c (stress) in pure shear.
 
-        The cone goes through the pyramid's edges of triaxial compression or extension; or it is
-        that whose projection along σ_zz is Mohr and Coulomb's in the plane (D. C. Drucker,
-        W. Prager, Q. Appl. Math. 10 (1952), 157).
+        For ``"compression"`` and ``"extension"`` the cone goes through the pyramid's edges of
+        triaxial compression or extension. For ``"plane-strain"`` its projection along σ_zz is Mohr
+        and Coulomb's in the plane (D. C. Drucker, W. Prager, Q. Appl. Math. 10 (1952), 157).
         """
         phi = math.radians(self.friction_angle)
         if self.match == "plane-strain":
@@ -259,7 +263,7 @@ class DruckerPrager:
         return 6 * math.sin(phi) / size, 6 * self.cohesion * math.cos(phi) / size
 
     def divided_by(self, factor: float) -> "DruckerPrager":
-        """Return the same ground with c/F and tan φ/F, and ψ by what is made of it.
+        """Return the same ground with c/F and tan φ/F; ``nonassociated`` decides on ψ.
 
         Args:
             factor: F > 0.
@@ -267,6 +271,6 @@ class DruckerPrager:
         return reduced(self, factor)
 
     def parameters(self) -> dict[str, Strength]:
-        """κ, μ, η and c of :class:`DruckerPragerLaw`."""
+        """Return κ, μ, η and c of :class:`DruckerPragerLaw`."""
         slope, strength = associated(self).cone
         return {"bulk": self.bulk, "shear": self.shear, "slope": slope, "strength": strength}

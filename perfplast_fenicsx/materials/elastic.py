@@ -1,4 +1,4 @@
-"""Linear elasticity."""
+"""Define linear elasticity and rigid blocks."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -31,36 +31,36 @@ class ElasticLaw(Law):
 
     @property
     def elastic(self) -> Elasticity:
-        """C."""
+        """Return Hooke's tensor C."""
         return IsotropicElasticity(self.bulk, self.shear)
 
     def stress(self, e: Expr, old: Old) -> Expr:
-        """C e."""
+        """Return C e."""
         return self.elastic.hooke(e)
 
     def potential(self, e: Expr, old: Old) -> Expr:
-        """½ e:Ce."""
+        """Return ½ e:Ce."""
         return ufl.dot(self.elastic.hooke(e), e) / 2
 
     def conjugate(self, s: Expr, old: Old) -> Expr:
-        """½ s:C⁻¹s."""
+        """Return ½ s:C⁻¹s."""
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def plastic(self, e: Expr, old: Old) -> Expr:
-        """0."""
+        """Return 0."""
         return ufl.as_ufl(0)
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Nothing: the tangent is C."""
+        """Return no fields, since the tangent is C."""
         return {}
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """C d."""
+        """Return C d."""
         return self.elastic.hooke(d)
 
     @property
     def yields(self) -> NeverYields:
-        """All stresses."""
+        """Return the set of all stresses."""
         return NeverYields()
 
 
@@ -71,7 +71,7 @@ class Elastic:
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        expansion: Strain of a change of temperature by one degree (1/temperature).
+        expansion: Thermal strain per degree (1/temperature).
 
     Raises:
         InputError: If a number is out of its range.
@@ -86,7 +86,9 @@ class Elastic:
     def __post_init__(self) -> None:
         require_positive("young", self.young)
         if not math.isfinite(self.expansion):
-            raise InputError(f"expansion = {self.expansion} is not finite; give a number, or none.")
+            raise InputError(
+                f"expansion = {self.expansion} is not finite; give a number, or remove it."
+            )
         if not -1.0 < self.poisson < 0.5:
             raise InputError(
                 f"poisson = {self.poisson} is outside (-1, 1/2); give Poisson's ratio strictly"
@@ -95,28 +97,28 @@ class Elastic:
 
     @property
     def bulk(self) -> float:
-        """κ = E / (3(1 − 2ν))."""
+        """Return κ = E / (3(1 − 2ν))."""
         return self.young / (3 * (1 - 2 * self.poisson))
 
     @property
     def shear(self) -> float:
-        """μ = E / (2(1 + ν))."""
+        """Return μ = E / (2(1 + ν))."""
         return self.young / (2 * (1 + self.poisson))
 
     def divided_by(self, factor: float) -> "Elastic":
-        """Itself, whatever the factor: it has no strength."""
+        """Return the material itself for any factor, since it has no strength."""
         return self
 
     def remembering(self) -> "Elastic":
-        """Itself: nothing flows."""
+        """Return the material itself, since it has no plastic flow."""
         return self
 
     def in_plane_stress(self) -> "ElasticSheet":
-        """Return the same with σ_zz = 0."""
+        """Return the same material with σ_zz = 0."""
         return ElasticSheet(self.young, self.poisson, self.expansion)
 
     def parameters(self) -> dict[str, float]:
-        """κ and μ of :class:`ElasticLaw`."""
+        """Return κ and μ of :class:`ElasticLaw`."""
         return {"bulk": self.bulk, "shear": self.shear}
 
 
@@ -126,7 +128,7 @@ class ElasticSheetLaw(ElasticLaw):
 
     @property
     def elastic(self) -> SheetElasticity:
-        """C."""
+        """Return Hooke's tensor C of a sheet."""
         return SheetElasticity(self.bulk, self.shear)
 
 
@@ -139,51 +141,52 @@ class ElasticSheet(Elastic):
 
 @dataclass(frozen=True)
 class Rigid:
-    """A rigid block, as of masonry: it moves as a whole, and bears any stress.
+    """A rigid block, such as a block of masonry: it moves as a whole and bears any stress.
 
-    Bounds of limit loads and factors of safety alone know it. Where no body can yield, joints alone
-    limit the load.
+    Only bounds of limit loads and factors of safety support it. Where no body can yield, only the
+    joints limit the load.
     """
 
     law: ClassVar[type[ElasticLaw]] = ElasticLaw
 
     def divided_by(self, factor: float) -> "Rigid":
-        """Return itself, whatever the factor: it has no strength."""
+        """Return the material itself for any factor, since it has no strength."""
         return self
 
     def remembering(self) -> "Rigid":
-        """Return itself: nothing flows."""
+        """Return the material itself, since it has no plastic flow."""
         return self
 
     def in_plane_stress(self) -> "Rigid":
-        """Return itself: it has no strain."""
+        """Return the material itself, since it has no strain."""
         return self
 
     def parameters(self) -> dict[str, float]:
-        """Return a stiffness of one, of which bounds do not depend."""
+        """Return a stiffness of one, on which bounds do not depend."""
         return {"bulk": 1.0, "shear": 1.0}
 
 
 def check_deforms(materials: Mapping[str, object]) -> None:
-    """Refuse rigid bodies where stresses and strains are sought.
+    """Refuse rigid bodies where stresses and strains are computed.
 
-    Between rigid blocks alone a level has no other solution than the one that is known. The
-    functional J_ζ is positively homogeneous on a cone of motions. So its infimum is 0, at rest, or
-    −∞ above the limit load. All forces that balance the loads within the joints' cones solve the
-    dual problem, and nothing prefers some to others.
+    With rigid blocks only, a level has only the trivial solution. The functional J_ζ is positively
+    homogeneous on a cone of motions. So its infimum is 0, at rest, or −∞ above the limit load. All
+    forces that balance the loads within the joints' cones solve the dual problem, so that the
+    forces are not unique.
 
     Raises:
-        InputError: Naming the first one.
+        InputError: Naming the first rigid body.
     """
     name = next((name for name, of in materials.items() if isinstance(of, Rigid)), None)
     if name is None:
         return
     if all(isinstance(of, Rigid) for of in materials.values()):
         raise InputError(
-            f"all bodies, such as '{name}', have law = 'rigid', and rigid blocks have no levels:"
-            " they rest at all loads that they carry, and the forces in their joints are not"
-            " determined; give control = 'bounds' or 'strength' (whether certain loads are carried"
-            " is answered by control = 'bounds' with constant = true for all loads)."
+            f"all bodies, such as '{name}', have law = 'rigid', and rigid blocks have no "
+            "levels: they rest at all loads that they carry, and the forces in their "
+            "joints are not unique; give control = 'bounds' or 'strength' (control = "
+            "'bounds' with constant = true for all loads answers whether the bodies carry "
+            "them)."
         )
     raise InputError(
         f"the body '{name}' has law = 'rigid', which has no stiffness, and only bounds of limit"
@@ -196,7 +199,7 @@ def check_deforms(materials: Mapping[str, object]) -> None:
 def require_not_negative(field: str, value: Strength) -> None:
     """Refuse a number of a material that is negative.
 
-    What varies in space is checked on the mesh (:mod:`law_on_cells`).
+    The program checks a value that varies in space on the mesh (:mod:`law_on_cells`).
 
     Raises:
         InputError: Naming the field and the value.
@@ -211,7 +214,7 @@ def require_not_negative(field: str, value: Strength) -> None:
 def require_positive(field: str, value: Strength) -> None:
     """Refuse a number of a material that is not positive.
 
-    What varies in space is checked on the mesh (:mod:`law_on_cells`).
+    The program checks a value that varies in space on the mesh (:mod:`law_on_cells`).
 
     Raises:
         InputError: Naming the field and the value.
@@ -224,5 +227,5 @@ def require_positive(field: str, value: Strength) -> None:
 
 
 def all_elastic(materials: Iterable[object]) -> bool:
-    """Return whether none of these materials can yield."""
+    """Return whether no material of these can yield."""
     return all(isinstance(material, Elastic | Rigid) for material in materials)

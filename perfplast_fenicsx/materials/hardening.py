@@ -1,4 +1,4 @@
-"""A metal that hardens linearly."""
+"""Define a metal that hardens linearly."""
 
 import math
 from dataclasses import dataclass
@@ -13,19 +13,20 @@ from perfplast_fenicsx.materials.von_mises import VonMises
 
 @dataclass(frozen=True)
 class Hardening:
-    """A body with the von Mises condition and linear hardening; it has no limit load.
+    """A body with von Mises' condition and linear hardening, which has no limit load.
 
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        yield_stress: Uniaxial yield stress σ_y > 0 at first.
-        isotropic: Growth H of the yield stress with the equivalent plastic strain (stress).
-        kinematic: Growth H of the back stress with the plastic strain (stress), in uniaxial stress:
-            the yield stress moves on in one direction, and back in the other.
-        expansion: Strain of a change of temperature by one degree (1/temperature).
+        yield_stress: Initial uniaxial yield stress σ_y > 0.
+        isotropic: Isotropic modulus H: growth of the yield stress per equivalent plastic strain
+            (stress).
+        kinematic: Kinematic modulus H: growth of the back stress per plastic strain (stress), in
+            uniaxial stress. The yield stress rises in one direction and falls in the opposite one.
+        expansion: Thermal strain per degree (1/temperature).
 
     Raises:
-        InputError: If a number is out of its range, or neither hardening is positive.
+        InputError: If a number is out of its range, or if neither modulus is positive.
     """
 
     law: ClassVar[type[HardeningLaw]] = HardeningLaw
@@ -55,10 +56,10 @@ class Hardening:
             )
 
     def parameters(self) -> dict[str, float]:
-        """Return those of :class:`VonMisesLaw`, and ⅔H of both kinds."""
+        """Return the parameters of :class:`VonMisesLaw`, and ⅔H of both kinds."""
         perfect = VonMises(self.young, self.poisson, self.yield_stress).parameters()
         return perfect | {"isotropic": 2 / 3 * self.isotropic, "kinematic": 2 / 3 * self.kinematic}
 
     def remembering(self) -> Flow:
-        """Return the material with its flow, for a history."""
+        """Return the material with plastic flow, for a history."""
         return Flow(self)

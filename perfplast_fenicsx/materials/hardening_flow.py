@@ -1,8 +1,8 @@
-r"""Plastic flow with linear hardening and the condition of von Mises.
+r"""Define plastic flow with linear hardening and von Mises' condition.
 
-A step (implicit Euler) from the plastic strain p, the accumulated plastic strain p̄ and the back
-stress χ = ⅔H_k p is Hencky's law, shifted (:mod:`plastic_flow`). With q = p + χ/(2μ) and the radius
-γ + √⅔ H_i p̄ in place of γ
+A step (implicit Euler) starts from the plastic strain p, the accumulated plastic strain p̄ and the
+back stress χ = ⅔H_k p. It is Hencky's law with a shifted strain (:mod:`plastic_flow`). With q = p +
+χ/(2μ) and the radius γ + √⅔ H_i p̄ instead of γ
 
     Σ(e)  = Σ_H(e − q) + χ
     ψ(e)  = ψ_H(e − q) + χ:e + μ(‖p‖² − ‖q‖²)
@@ -28,7 +28,7 @@ class HardeningFlowLaw(Step, FirstYield):
 
     Args:
         isotropic: ⅔H_i (stress), not negative.
-        kinematic: ⅔H_k (stress), not negative; one of both is positive.
+        kinematic: ⅔H_k (stress), not negative; at least one of both is positive.
     """
 
     isotropic: Expr
@@ -37,34 +37,34 @@ class HardeningFlowLaw(Step, FirstYield):
     carries_any_load: ClassVar[bool] = True
 
     def hencky(self, old: Old) -> HardeningLaw:
-        """With the radius γ + √⅔ H_i p̄."""
+        """Return Hencky's law with the radius γ + √⅔ H_i p̄."""
         radius = self.yield_radius + math.sqrt(3 / 2) * self.isotropic * old[ACCUMULATED]
         return HardeningLaw(self.bulk, self.shear, radius, self.isotropic, self.kinematic)
 
     def shifted(self, e: Expr, old: Old) -> Expr:
-        """Return the strain e − q that Hencky's law sees."""
+        """Return the strain e − q, the argument of Hencky's law."""
         return e - self._centre(old)
 
     def stress(self, e: Expr, old: Old) -> Expr:
-        """Σ(e)."""
+        """Return Σ(e)."""
         return super().stress(e, old) + self._back_stress(old)
 
     def potential(self, e: Expr, old: Old) -> Expr:
-        """ψ(e)."""
+        """Return ψ(e)."""
         return super().potential(e, old) + ufl.dot(self._back_stress(old), e) + self._offset(old)
 
     def conjugate(self, s: Expr, old: Old) -> Expr:
-        """ψ*(s)."""
+        """Return ψ*(s)."""
         rest = s - self._back_stress(old)
         shift = ufl.dot(rest, self._centre(old))
         return self.hencky(old).conjugate(rest, {}) + shift - self._offset(old)
 
     def _back_stress(self, old: Old) -> Expr:
-        """χ = ⅔H_k p."""
+        """Return χ = ⅔H_k p."""
         return self.kinematic * old[STRAIN]
 
     def _centre(self, old: Old) -> Expr:
-        """q, where the elastic strains have their middle."""
+        """Return q, the centre of the elastic strains."""
         return old[STRAIN] + self._back_stress(old) / (2 * self.shear)
 
     def _offset(self, old: Old) -> Expr:

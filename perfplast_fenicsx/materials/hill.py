@@ -1,12 +1,12 @@
-r"""Perfect plasticity with Hill's condition for rolled and drawn metals, in Hencky's form.
+r"""Define perfect plasticity with Hill's condition for rolled and drawn metals, in Hencky's form.
 
-In the axes of the material, in which x is turned about z by an angle, the yield set is
+In the axes of the material, whose x axis is rotated about z by an angle, the yield set is
 
     F(σ_y − σ_z)² + G(σ_z − σ_x)² + H(σ_x − σ_y)² + 2Lτ_yz² + 2Mτ_xz² + 2Nτ_xy² ≤ Y²
 
-(R. Hill, Proc. R. Soc. A 193 (1948), 281). It leaves the mean stress free. In orthonormal
-coordinates s of deviators along the form's principal axes it is Σ h_i s_i² ≤ Y², and elasticity is
-isotropic: stresses return as in :mod:`quadratic_law`, with B = Qᵀ.
+(R. Hill, Proc. R. Soc. A 193 (1948), 281). The condition does not bound the mean stress. Elasticity
+is isotropic. With orthonormal coordinates s of deviators along the form's principal axes the set is
+Σ h_i s_i² ≤ Y². Stresses return as in :mod:`quadratic_law`, with B = Qᵀ.
 """
 
 import math
@@ -34,12 +34,12 @@ class HillLaw(QuadraticLaw):
         shear: μ (stress).
         strength: Y (stress).
         first: See :class:`HillForm`.
-        second: As ``first``.
-        turn: As ``second``.
-        yz: As ``turn``.
-        xz: As ``yz``.
-        xy: As ``xz``.
-        axes: As ``xy``.
+        second: See :class:`HillForm`.
+        turn: See :class:`HillForm`.
+        yz: See :class:`HillForm`.
+        xz: See :class:`HillForm`.
+        xy: See :class:`HillForm`.
+        axes: See :class:`HillForm`.
     """
 
     first: Expr
@@ -52,22 +52,22 @@ class HillLaw(QuadraticLaw):
 
     @property
     def elastic(self) -> IsotropicElasticity:
-        """C."""
+        """Return Hooke's tensor C."""
         return IsotropicElasticity(self.bulk, self.shear)
 
     @property
     def form(self) -> HillForm:
-        """Σ h_i s_i²."""
+        """Return the form Σ h_i s_i²."""
         angles = self.turn, self.yz, self.xz, self.xy, self.axes
         return HillForm(self.first, self.second, *angles)
 
     @property
     def yields(self) -> HillSet:
-        """Σ h_i s_i² ≤ Y²."""
+        """Return the set Σ h_i s_i² ≤ Y²."""
         return HillSet(self.form, self.strength)
 
     def free(self, e: Expr) -> Expr:
-        """Mean stress."""
+        """Return the mean stress."""
         return spherical(self.bulk * trace(e), len(e))
 
 
@@ -75,27 +75,27 @@ class HillLaw(QuadraticLaw):
 class Hill:
     """A rolled or drawn metal, elastic–perfectly plastic with Hill's condition of 1948.
 
-    Ratios are of the yield stress in a direction of the material's axes, or of the shear stress
-    times √3, to ``yield_stress``; all 1 is von Mises' condition. R₁₁ = 1 makes ``yield_stress``
-    that of the first axis, as tests in the direction of rolling have it.
+    A ratio is the yield stress in a direction of the material's axes, or the shear yield stress
+    times √3, divided by ``yield_stress``. If all ratios are 1, the condition is von Mises'. With
+    R₁₁ = 1, ``yield_stress`` is that of the first axis, as in tests in the rolling direction.
 
     Args:
         young: Young's modulus E > 0 (stress); elasticity is isotropic.
         poisson: Poisson's ratio ν in (−1, ½).
         yield_stress: Y > 0 (stress).
         r11: Ratio of tension along the first axis, positive.
-        r22: The same along the second one.
-        r33: The same along the third one, z.
-        r12: Of shear in the plane of the first two.
-        r13: Of shear in that of the first and the third.
-        r23: Of shear in that of the second and the third.
-        angle: From x to the first axis (degrees), about z.
-        expansion: Strain of a change of temperature by one degree (1/temperature).
+        r22: Ratio of tension along the second axis, positive.
+        r33: Ratio of tension along the third axis z, positive.
+        r12: Ratio of shear in the plane of the first two axes.
+        r13: Ratio of shear in the plane of the first and third axes.
+        r23: Ratio of shear in the plane of the second and third axes.
+        angle: Angle about z from x to the first axis (degrees).
+        expansion: Thermal strain per degree (1/temperature).
         reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
     Raises:
-        InputError: If a number is out of its range, or ratios of tension let some stress grow
-            without end.
+        InputError: If a number is out of its range, or if the ratios of tension leave some stress
+            unbounded.
     """
 
     law: ClassVar[type[HillLaw]] = HillLaw
@@ -121,27 +121,26 @@ class Hill:
             if not (ratio > 0 and math.isfinite(ratio)):
                 raise InputError(f"{name} = {ratio} is not a positive number; give a ratio.")
         if not math.isfinite(self.angle):
-            raise InputError(f"angle = {self.angle} is not finite; give degrees, or none.")
-        # Ratio of the smaller h of normal stresses to the larger one,
-        # below which it counts as none.
+            raise InputError(f"angle = {self.angle} is not finite; give degrees, or remove it.")
+        # Smallest share of the larger h of normal stresses that the smaller h must have.
         least_ratio = 1e-6
         if not self.spectrum[1] > least_ratio * self.spectrum[0]:
             raise InputError(
-                f"r11 = {self.r11}, r22 = {self.r22}, r33 = {self.r33} let a stress grow without"
-                " yield, as one of them is too large beside the others; each 1/r has to be less"
-                " than the sum of the other two."
+                f"r11 = {self.r11}, r22 = {self.r22}, r33 = {self.r33} leave some stress "
+                "unbounded, since one of them is too large compared with the others; each "
+                "1/r must be less than the sum of the other two."
             )
 
     @property
     def coefficients(self) -> tuple[float, float, float, float, float, float]:
-        """F, G, H, L, M, N."""
+        """Return F, G, H, L, M, N."""
         x, y, z = (1 / ratio**2 for ratio in (self.r11, self.r22, self.r33))
         yz, xz, xy = (1.5 / ratio**2 for ratio in (self.r23, self.r13, self.r12))
         return ((y + z - x) / 2, (z + x - y) / 2, (x + y - z) / 2, yz, xz, xy)
 
     @property
     def spectrum(self) -> tuple[float, float, float]:
-        """Larger and smaller h of normal stresses, and angle of the first (:class:`HillForm`)."""
+        """Return both h of normal stresses and the angle of the larger (:class:`HillForm`)."""
         F, G, H, *_ = self.coefficients
         form = np.array([[G + H, -H, -G], [-H, F + H, -F], [-G, -F, F + G]])
         basis = np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])
@@ -151,12 +150,12 @@ class Hill:
 
     @property
     def bulk(self) -> float:
-        """κ = E / (3(1 − 2ν))."""
+        """Return κ = E / (3(1 − 2ν))."""
         return Elastic(self.young, self.poisson).bulk
 
     @property
     def shear(self) -> float:
-        """μ = E / (2(1 + ν))."""
+        """Return μ = E / (2(1 + ν))."""
         return Elastic(self.young, self.poisson).shear
 
     def divided_by(self, factor: float) -> "Hill":
@@ -168,7 +167,7 @@ class Hill:
         return replace(self, yield_stress=self.yield_stress / factor)
 
     def in_plane_stress(self) -> Sheet:
-        """Gσ_x² + Fσ_y² + H(σ_x − σ_y)² + 2Nτ² ≤ Y² in the axes of the material."""
+        """Return the law Gσ_x² + Fσ_y² + H(σ_x − σ_y)² + 2Nτ² ≤ Y² in the axes of the material."""
         F, G, H, *_, N = self.coefficients
         own = np.array([[G + H, -H, 0.0], [-H, F + H, 0.0], [0.0, 0.0, N]])
         c, s = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
@@ -184,7 +183,7 @@ class Hill:
         return Sheet(self.bulk, self.shear, self.yield_stress, form)
 
     def parameters(self) -> dict[str, float]:
-        """κ, μ, Y and the form of :class:`HillLaw`."""
+        """Return κ, μ, Y and the form of :class:`HillLaw`."""
         first, second, turn = self.spectrum
         *_, L, M, N = self.coefficients
         return {

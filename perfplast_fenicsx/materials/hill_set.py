@@ -1,4 +1,6 @@
-"""Hill's yield set of 1948, an ellipsoidal cylinder about the line of mean stresses. UFL.
+"""Define Hill's yield set of 1948, an elliptic cylinder about the line of mean stresses.
+
+This module uses only UFL.
 
 See :mod:`hill` for the condition and its coefficients.
 """
@@ -19,11 +21,11 @@ class HillForm:
 
     Args:
         first: The larger h of normal stresses.
-        second: The smaller one.
+        second: The smaller h of normal stresses.
         turn: Angle from (1, −1, 0)/√2 to the principal axis of ``first`` towards (1, 1, −2)/√6.
-        yz: L.
-        xz: M.
-        xy: N.
+        yz: Coefficient L.
+        xz: Coefficient M.
+        xy: Coefficient N.
         axes: Angle about z, from x to the first axis of the material.
     """
 
@@ -36,16 +38,16 @@ class HillForm:
     axes: Expr
 
     def weights(self, size: int) -> Sequence[Expr]:
-        """H_i.
+        """Return the h_i.
 
         Args:
-            size: m.
+            size: The number of Mandel components m.
         """
         shears = [self.xy] if size == 4 else [self.yz, self.xz, self.xy]
         return [self.first, self.second, *shears]
 
     def frame(self, size: int) -> Expr:
-        """Q, orthonormal deviators as rows, shape (m − 1, m)."""
+        """Return Q, orthonormal deviators as rows, shape (m − 1, m)."""
         c, s = ufl.cos(self.axes), ufl.sin(self.axes)
         root, rest = math.sqrt(2), [0.0] * (size - 4)
         xx = [c**2, s**2, 0.0, *rest, root * c * s]
@@ -69,7 +71,7 @@ class HillSet:
     """Σ h_i s_i² ≤ Y²; see :class:`YieldSet` for the methods.
 
     Args:
-        form: Σ h_i s_i².
+        form: The form Σ h_i s_i².
         strength: Y (stress).
     """
 
@@ -77,15 +79,15 @@ class HillSet:
     strength: Expr
 
     def gauge(self, s: Expr) -> Expr:
-        """√(Σ h_i s_i²)/Y."""
+        """Return √(Σ h_i s_i²)/Y."""
         return ufl.sqrt(self._sum(s, 1)) / self.strength
 
     def support(self, rate: Expr) -> Expr:
-        """Y √(Σ ε_i²/h_i)."""
+        """Return Y √(Σ ε_i²/h_i)."""
         return self.strength * ufl.sqrt(self._sum(rate, -1))
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
-        """Σ a_i b_i/h_i, and the product of traces."""
+        """Return Σ a_i b_i/h_i plus the product of traces."""
         frame, weights = self.form.frame(len(a)), self.form.weights(len(a))
         left, right = ufl.dot(frame, a), ufl.dot(frame, b)
         shape = sum(left[i] * right[i] / h for i, h in enumerate(weights))
@@ -96,7 +98,7 @@ class HillSet:
         return sum(h**power * parts[i] ** 2 for i, h in enumerate(weights))
 
     def cones(self, size: int) -> Sequence[Cone]:
-        """One, without a slope."""
+        """Return one cone without a slope."""
         frame = self.form.frame(size)
         matrix = ufl.as_matrix(
             [
@@ -107,5 +109,5 @@ class HillSet:
         return (Cone(self.strength, ufl.as_vector([0.0] * size), matrix),)
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """Return the spherical part."""
+        """Return the spherical part of the rate."""
         return spherical(trace(rate) / 3, len(rate))

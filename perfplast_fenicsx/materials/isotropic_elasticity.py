@@ -1,4 +1,7 @@
-"""Hooke's tensor C of an isotropic body, and its inverse. UFL at a point."""
+"""Define Hooke's tensor C of an isotropic body, and its inverse.
+
+The expressions are UFL at a point.
+"""
 
 from dataclasses import dataclass
 
@@ -18,9 +21,9 @@ class IsotropicElasticity:
     shear: Expr
 
     def hooke(self, e: Expr) -> Expr:
-        """C e."""
+        """Return C e."""
         return spherical(self.bulk * trace(e), len(e)) + 2 * self.shear * deviator(e)
 
     def compliance(self, s: Expr) -> Expr:
-        """C⁻¹ s."""
+        """Return C⁻¹ s."""
         return spherical(trace(s) / (9 * self.bulk), len(s)) + deviator(s) / (2 * self.shear)

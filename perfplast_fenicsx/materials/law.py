@@ -1,8 +1,8 @@
-"""The interfaces of a material law, in UFL at a point, and of a material.
+"""Define the interfaces of a material law, in UFL at a point, and of a material.
 
-A law is one class, in one file with the material that names it. :class:`Problem` evaluates it by
-its expressions alone, bodies of the same law together. The class is called with the parameters of
-the materials as keywords, each a function over the mesh.
+A law is one class, in one file with the material that uses it. :class:`Problem` evaluates a law
+only through its expressions, for all bodies with the law together. The program calls the class with
+the parameters of the materials as keywords, each a function over the mesh.
 """
 
 from collections.abc import Mapping
@@ -13,12 +13,11 @@ from perfplast_fenicsx.materials.yield_set import YieldSet
 from perfplast_fenicsx.spatial_fields import Strength
 
 Old = Mapping[str, Expr]
-"""The history at a point by name, as it was after the last accepted level; {} where a law has
-none."""
+"""The history at a point by name, after the last accepted level; {} for a law without history."""
 
 
 class Elasticity(Protocol):
-    """Hooke's tensor C of an isotropic body, in space or of a sheet.
+    """Hooke's tensor C of an isotropic body, in space or in a sheet.
 
     Attributes:
         bulk: κ (stress).
@@ -32,31 +31,32 @@ class Elasticity(Protocol):
 
     @property
     def shear(self) -> Expr:
-        """The same."""
+        """Return the shear modulus of the body."""
         ...
 
     def hooke(self, e: Expr) -> Expr:
-        """C e."""
+        """Return C e."""
         ...
 
     def compliance(self, s: Expr) -> Expr:
-        """C⁻¹ s."""
+        """Return C⁻¹ s."""
         ...
 
 
 class Law(Protocol):
-    """A law that derives from a convex potential: Σ = Dψ is monotone.
+    """A law that derives from a convex potential, so that Σ = Dψ is monotone.
 
     Strains e, rates and stresses s are Mandel vectors, shape (m,) with m = 6, or 4 in plane strain
-    (:mod:`mandel`); ``old`` is the history. :meth:`history`, :meth:`flow` and :meth:`updated` are
-    here as laws without a history (those of Hencky) have them, if they derive from this class.
+    (:mod:`mandel`); ``old`` is the history. A class that derives from this one inherits
+    :meth:`history`, :meth:`flow` and :meth:`updated` for laws without a history (Hencky's laws).
 
     Attributes:
-        projects: Whether Σ(e) is the projection of C(e − p) on a yield set that stays, in the norm
-            of C⁻¹, with the strain p of :meth:`unstressed`, as it is in perfect plasticity; ALG2 is
-            built on that.
-        dilates: Whether bodies grow where they flow, so that confinement may carry any load.
-        carries_any_load: Whether it hardens without end, so that there is no limit load.
+        projects: Whether Σ(e) is the projection of C(e − p) on a fixed yield set in the norm of
+            C⁻¹, with the strain p of :meth:`unstressed`, as in perfect plasticity. ALG2 requires
+            it.
+        dilates: Whether the volume of bodies grows where they flow, so that confinement may carry
+            any load.
+        carries_any_load: Whether hardening is unlimited, so that there is no limit load.
     """
 
     projects: ClassVar[bool]
@@ -65,83 +65,84 @@ class Law(Protocol):
 
     @property
     def elastic(self) -> Elasticity:
-        """C, which makes the norms ‖e‖_C of strains and ‖σ‖_E of stresses."""
+        """Return C, which defines the norms ‖e‖_C of strains and ‖σ‖_E of stresses."""
         ...
 
     @property
     def yields(self) -> YieldSet:
-        """The yield set of the virgin body; stresses leave it where a law has hardened."""
+        """Return the yield set of the virgin body; after hardening, stresses may lie outside it."""
         ...
 
     def history(self, m: int) -> Mapping[str, tuple[int, ...]]:
-        """Shape at a point of each internal variable by name, for vectors of m components."""
+        """Return the shape of each internal variable at a point by name, for m components."""
         return {}
 
     def unstressed(self, old: Old) -> Expr | None:
-        """Return the strain without stress, shape (m,); None where that is zero."""
+        """Return the strain without stress, shape (m,); None if it is zero."""
         return None
 
     def stress(self, e: Expr, old: Old) -> Expr:
-        """Σ(e), the derivative of the potential, shape (m,)."""
+        """Return Σ(e), the derivative of the potential, shape (m,)."""
         ...
 
     def potential(self, e: Expr, old: Old) -> Expr:
-        """ψ(e), energy per volume; of the step where there is a history."""
+        """Return ψ(e), energy per volume; with a history, the energy of the step."""
         ...
 
     def conjugate(self, s: Expr, old: Old) -> Expr:
-        """ψ*(s) of an admissible stress, energy per volume; ψ(e) + ψ*(Σ(e)) = Σ(e):e.
+        """Return ψ*(s) of an admissible stress, energy per volume, with ψ(e) + ψ*(Σ(e)) = Σ(e):e.
 
-        It is ½ s:C⁻¹s in perfect plasticity. Its integral is the S of the duality gap.
+        In perfect plasticity it is ½ s:C⁻¹s. Its integral is the term S of the duality gap.
         """
         ...
 
     def plastic(self, e: Expr, old: Old) -> Expr:
-        """1 where e is outside the elastic range, else 0."""
+        """Return 1 where e is outside the elastic range, else 0."""
         ...
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Return the fields of the strain that :meth:`tangent` needs at the points; any shapes.
+        """Return the fields at the points from which :meth:`tangent` computes; any shapes.
 
         Args:
             e: The strain.
             old: The history.
-            rho: ρ in [0, 1] of Σ^{o,ρ} = ρC + (1 − ρ)Σ°, with Σ° in the derivative of Σ at e.
+            rho: ρ in [0, 1] of Σ^{o,ρ} = ρC + (1 − ρ)Σ°, where Σ° is in the generalised derivative
+                of Σ at e.
         """
         ...
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """Σ^{o,ρ}(e)[d], shape (m,), symmetric and not negative, from the stored fields."""
+        """Return Σ^{o,ρ}(e)[d] from the stored fields, shape (m,); it is positive semidefinite."""
         ...
 
     def flow(self, e: Expr) -> Expr:
-        """Plastic strain of the strain e of the virgin body, shape (m,): e − C⁻¹Σ(e) if perfect."""
+        """Return the plastic strain of the virgin body at e, shape (m,): e − C⁻¹Σ(e) if perfect."""
         elastic = self.elastic.compliance(self.stress(e, {}))
         return self.plastic(e, {}) * (e - elastic)
 
     def updated(self, e: Expr, old: Old) -> Mapping[str, Expr]:
-        """Return the history after a level that was accepted with the strain e."""
+        """Return the history after a level accepted with the strain e."""
         return {}
 
 
 @runtime_checkable
 class Material(Protocol):
-    """Parameters of a body and the law that they belong to.
+    """Parameters of a body and their law.
 
     Attributes:
-        law: The class of the law, a :class:`Law` when called with the parameters as keywords.
+        law: The class of the law; calling it with the parameters as keywords gives a :class:`Law`.
     """
 
     @property
     def law(self) -> type[Any]:
-        """The class."""
+        """Return the class of the law."""
         ...
 
     def parameters(self) -> Mapping[str, Strength]:
-        """Return the numbers of the law, or fields, by the names of its arguments."""
+        """Return the numbers or fields of the law, by the names of its arguments."""
         ...
 
 
 def carries_any_load(material: Material) -> bool:
-    """Whether a body hardens, so that it has no limit load; not where its law says nothing."""
+    """Return whether a body hardens without limit; False if its law does not say."""
     return bool(getattr(material.law, "carries_any_load", False))

@@ -1,4 +1,4 @@
-"""The laws that a case file may name."""
+"""List the laws that a case file may name."""
 
 from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb, Tresca
 from perfplast_fenicsx.materials.drucker_prager import DruckerPrager

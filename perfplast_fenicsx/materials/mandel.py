@@ -1,11 +1,13 @@
-"""Mandel vectors: symmetric tensors as vectors whose dot product is that of the tensors. UFL only.
+"""Define Mandel vectors: symmetric tensors as vectors with the same inner product.
+
+This module uses only UFL.
 
     (e_xx, e_yy, e_zz, √2 e_yz, √2 e_xz, √2 e_xy)      in 3D,
     (e_xx, e_yy, e_zz, √2 e_xy)                        in plane strain,
     (e_rr, e_zz, e_θθ, √2 e_rz)                        in axisymmetry,
 
 so that ``dot(s, e)`` is σ:e and ``sqrt(dot(e, e))`` is the Frobenius norm. Plane strain is 3D with
-vanishing out-of-plane strain: its out-of-plane stress is kept.
+zero out-of-plane strain; the vectors include the out-of-plane stress.
 """
 
 import math
@@ -19,7 +21,7 @@ from ufl.utils.stacks import StackDict
 from perfplast_fenicsx.arrays import Floats
 
 Expr: TypeAlias = Any
-"""A UFL expression; UFL brings no types."""
+"""A UFL expression; UFL provides no types."""
 
 
 def mandel_size(gdim: int) -> int:
@@ -39,7 +41,7 @@ def deviator(e: Expr) -> Expr:
 
 
 def spherical(pressure: Expr, size: int) -> Expr:
-    """Mandel vector of ``pressure`` times the unit tensor."""
+    """Return the Mandel vector of ``pressure`` times the unit tensor."""
     return ufl.as_vector([pressure if i < 3 else 0 for i in range(size)])
 
 
@@ -52,7 +54,7 @@ def tensor(s: Expr) -> Expr:
 
 
 def numbers_of(expression: Expr) -> Floats:
-    """Return the numbers of an expression of numbers, entry by entry, as UFL evaluates scalars."""
-    plain = expand_derivatives(ufl.as_ufl(expression))  # which each call of it would do again
+    """Return the values of a constant expression, entry by entry, as UFL evaluates scalars."""
+    plain = expand_derivatives(ufl.as_ufl(expression))  # every call would evaluate it again
     entries = [plain.evaluate((), {}, i, StackDict()) for i in np.ndindex(*plain.ufl_shape)]
     return np.array(entries, dtype=np.float64).reshape(plain.ufl_shape)

@@ -1,4 +1,4 @@
-"""Tables of common materials: one by its name, and numbers copied in the wrong units."""
+"""Look up common materials: one by its name, or numbers copied in the wrong units."""
 
 import math
 from collections.abc import Sequence
@@ -10,20 +10,21 @@ from perfplast_fenicsx.units import SYSTEMS, Name
 
 
 def find(name: str, system: Name = TABLE) -> Common:
-    """Return the material of a name that obeys von Mises.
+    """Return the common material with a given name, for von Mises' law.
 
     Args:
-        name: In lower or upper case.
+        name: Name in lower or upper case.
         system: The units of its numbers.
 
     Raises:
-        InputError: If there is none, or it is a soil.
+        InputError: If there is no such material, or if it is a soil.
     """
     names = {material.name: material for material in MATERIALS}
     if name.lower() in {soil.name for soil in SOILS}:
         raise InputError(
-            f"'{name}' is ground of law = 'mohr-coulomb', and --material fills in 'von-mises';"
-            " leave it out, and copy the numbers of `perfplast materials` into the case file."
+            f"'{name}' is ground for law = 'mohr-coulomb', but --material fills in "
+            "'von-mises'; remove the option, and copy the numbers of `perfplast "
+            "materials` into the case file."
         )
     if name.lower() not in names:
         raise InputError(f"there is no material '{name}' in the table; {nearest(name, names)}")
@@ -31,13 +32,13 @@ def find(name: str, system: Name = TABLE) -> Common:
 
 
 def check_units(young: float, poisson: float, yield_stress: float, system: Name) -> None:
-    """Refuse numbers that are those of a common material in another system of units.
+    """Refuse numbers that match a common material in another system of units.
 
     Args:
         young: Young's modulus of a material (stress).
-        poisson: Poisson's ratio of it.
-        yield_stress: Yield stress of it (stress).
-        system: System of their units.
+        poisson: Its Poisson's ratio.
+        yield_stress: Its yield stress (stress).
+        system: System of the units.
 
     Raises:
         InputError: With the numbers in this system.
@@ -46,13 +47,13 @@ def check_units(young: float, poisson: float, yield_stress: float, system: Name)
 
 
 def check_soil_units(young: float, poisson: float, cohesion: float, system: Name) -> None:
-    """Refuse numbers that are those of a common soil in another system of units.
+    """Refuse numbers that match a common soil in another system of units.
 
     Args:
         young: Young's modulus of a soil (stress).
-        poisson: Poisson's ratio of it.
-        cohesion: Cohesion of it (stress).
-        system: System of their units.
+        poisson: Its Poisson's ratio.
+        cohesion: Its cohesion (stress).
+        system: System of the units.
 
     Raises:
         InputError: With the numbers in this system.
@@ -66,7 +67,7 @@ def _check(
     table: Sequence[Common | Soil],
     system: Name,
 ) -> None:
-    """Refuse Young's modulus, Poisson's ratio and strength of another system."""
+    """Refuse Young's modulus, Poisson's ratio and strength that match in another system."""
     if _known(strength, given, table, system):
         return
     for other in SYSTEMS:
@@ -74,10 +75,10 @@ def _check(
         if one is not None:
             meant = one.in_system(system)
             raise InputError(
-                f"young = {given[0]:g} and {strength} = {given[2]:g} are those of '{one.name}'"
-                f" in {SYSTEMS[other].stress}, but by [units] stresses are in"
-                f" {SYSTEMS[system].stress}; write young = {meant.young:g} and {strength} ="
-                f" {getattr(meant, strength):g}."
+                f"young = {given[0]:g} and {strength} = {given[2]:g} are those of "
+                f"'{one.name}' in {SYSTEMS[other].stress}, but [units] gives stresses in "
+                f"{SYSTEMS[system].stress}; write young = {meant.young:g} and {strength} = "
+                f"{getattr(meant, strength):g}."
             )
 
 
@@ -87,8 +88,8 @@ def _known(
     table: Sequence[Common | Soil],
     system: Name,
 ) -> Common | Soil | None:
-    """Return the one of a table that has these numbers in a system."""
-    # Relative difference of numbers that were copied from a table of six digits.
+    """Return the entry of a table that has these numbers in a system."""
+    # Allowed relative difference of numbers copied from a table with six digits.
     copied = 1e-5
     for one in table:
         here = one.in_system(system)

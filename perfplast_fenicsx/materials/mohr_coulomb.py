@@ -1,9 +1,9 @@
-r"""Perfect plasticity with the condition of Mohr and Coulomb or of Tresca, associated (Hencky).
+r"""Define perfect plasticity with Mohr and Coulomb's or Tresca's condition, associated (Hencky).
 
-The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ 2c cos φ, with s = sin φ and σ₁ ≥ σ₂ ≥ σ₃; of φ = 0 it is
+The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ 2c cos φ, with s = sin φ and σ₁ ≥ σ₂ ≥ σ₃. For φ = 0 it is
 that of Tresca. Stresses are projections of Ce in the norm of C⁻¹: they return to a face, to one of
 two edges or to the apex (S. Sysala, M. Čermák, T. Ligurský, ZAMM 97 (2017), 1502).
-Principal values and axes are those of :mod:`principal_axes`.
+:mod:`principal_axes` computes principal values and axes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,7 +39,7 @@ class MohrCoulombLaw(Law):
 
     @property
     def elastic(self) -> IsotropicElasticity:
-        """C."""
+        """Return Hooke's tensor C."""
         return IsotropicElasticity(self.bulk, self.shear)
 
     @property
@@ -47,18 +47,18 @@ class MohrCoulombLaw(Law):
         return self.bulk - 2 * self.shear / 3
 
     def excess(self, e: Expr) -> Expr:
-        """(1 + s)σ₁ − (1 − s)σ₃ − b of Ce (stress)."""
+        """Return (1 + s)σ₁ − (1 − s)σ₃ − b of Ce (stress)."""
         most, _, least = principal_axes(e).ordered
         sheared = (1 + self.sine) * most - (1 - self.sine) * least
         return 2 * self.shear * sheared + 2 * self._lame * self.sine * trace(e) - self.strength
 
     def _normals(self) -> tuple[Sequence[Expr], ...]:
-        """Mean normals of face, left edge σ₁ = σ₂ and right edge σ₂ = σ₃, by size."""
+        """Return mean normals of face, left edge σ₁ = σ₂ and right edge σ₂ = σ₃, descending."""
         up, down = 1 + self.sine, self.sine - 1
         return (up, 0.0, down), (up / 2, up / 2, down), (up, down / 2, down / 2)
 
     def _by_branch(self, e: Expr, values: Sequence[Expr]) -> Expr:
-        """One of five scalars: elastic, face, left edge, right edge, apex."""
+        """Return one of five scalars: for elastic, face, left edge, right edge, apex."""
         e1, e2, e3 = principal_axes(e).ordered
         to_left, to_right = (e1 - e2) / (1 + self.sine), (e2 - e3) / (1 - self.sine)
         face, left, right = (self._flow(e, i) for i in range(3))
@@ -74,12 +74,12 @@ class MohrCoulombLaw(Law):
         return ufl.conditional(ufl.gt(self.excess(e), 0.0), flows, values[0])
 
     def _steepness(self, i: int) -> Expr:
-        """n·Cn of a mean normal."""
+        """Return n·Cn of a mean normal."""
         squares = sum(n**2 for n in self._normals()[i])
         return 4 * self._lame * self.sine**2 + 2 * self.shear * squares
 
     def _flow(self, e: Expr, i: int) -> Expr:
-        """Return how far along a mean normal the strain flows."""
+        """Return the plastic multiplier along a mean normal."""
         along = sum(
             n * w for n, w in zip(self._normals()[i], principal_axes(e).ordered, strict=True)
         )
@@ -87,7 +87,7 @@ class MohrCoulombLaw(Law):
         return (trial - self.strength) / self._steepness(i)
 
     def _returned(self, e: Expr) -> list[Expr]:
-        """Principal stresses by size."""
+        """Return the principal stresses in descending order."""
         w = principal_axes(e).ordered
         merged = w, ((w[0] + w[1]) / 2,) * 2 + (w[2],), (w[0],) + ((w[1] + w[2]) / 2,) * 2
         mean, tip = self._lame * trace(e), self.strength / (2 * ufl.max_value(self.sine, TINY))
@@ -101,45 +101,45 @@ class MohrCoulombLaw(Law):
         return found
 
     def plastic(self, e: Expr, old: Old) -> Expr:
-        """1 where e lies outside the elastic range, else 0."""
+        """Return 1 where e lies outside the elastic range, else 0."""
         return ufl.conditional(ufl.gt(self.excess(e), 0.0), 1.0, 0.0)
 
     def stress(self, e: Expr, old: Old) -> Expr:
-        """Σ(e), the derivative of ψ."""
+        """Return Σ(e), the derivative of ψ."""
         flowing = principal_axes(e).vector(self._returned(e))
         return ufl.conditional(ufl.gt(self.excess(e), 0.0), flowing, self.elastic.hooke(e))
 
     def potential(self, e: Expr, old: Old) -> Expr:
-        """ψ(e) = Σ(e):e − ½ Σ(e):C⁻¹Σ(e)."""
+        """Return ψ(e) = Σ(e):e − ½ Σ(e):C⁻¹Σ(e)."""
         s = self.stress(e, old)
         return ufl.dot(s, e) - self.conjugate(s, old)
 
     def conjugate(self, s: Expr, old: Old) -> Expr:
-        """½ s:C⁻¹s."""
+        """Return ½ s:C⁻¹s."""
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def _turned(self, stresses: Expr, strains: Expr) -> Expr:
-        """Return the reduction of 2μ due to turning axes, by differences of principal values."""
+        """Return the reduction of 2μ due to rotating axes, by differences of principal values."""
         apart = ufl.gt(abs(strains), TINY)
         turns = ufl.conditional(apart, stresses / ufl.conditional(apart, strains, 1.0), 0.0)
         return 2 * self.shear - ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
 
     def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
-        """Return the same where the stress yields, but at the apex."""
+        """Return this reduction where the stress yields, except at the apex."""
         lost = self._turned(stresses, strains)
         return self._by_branch(e, [0.0, lost, lost, lost, 0.0])
 
     def _keeps(self, e: Expr) -> Expr:
-        """0 at the apex, else 1."""
+        """Return 0 at the apex, else 1."""
         return self._by_branch(e, [1.0, 1.0, 1.0, 1.0, 0.0])
 
     def _merged(self, e: Expr) -> list[Expr]:
-        """Principal values of U over √μ, by size: the difference of two that an edge makes one."""
+        """Return the descending principal values of U over √μ, for the two values of an edge."""
         left, right = (self._by_branch(e, one) for one in ([0.0, 0, 1, 0, 0], [0.0, 0, 0, 1, 0]))
         return [left, right - left, -right]
 
     def _pushes(self, e: Expr) -> list[Expr]:
-        """Principal values of M, by size: Cn/√(n·Cn)."""
+        """Return the descending principal values of M: Cn/√(n·Cn)."""
         found = []
         for k in range(3):
             pushes = [
@@ -152,9 +152,9 @@ class MohrCoulombLaw(Law):
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
         """Return the terms of :meth:`tangent`: lame, a, shape (), and vectors, shape (m,).
 
-        U is the difference of the two directions that an edge makes equal, W that by which the
-        principal directions in the plane turn, M the normal of what flows. In space two more
-        describe the turns of these towards that across.
+        U is the difference of the two directions that an edge makes equal. W is the direction in
+        which the principal axes rotate in the plane, and M the normal of the flow. In space two
+        more vectors describe the rotations of these axes towards the axis across the plane.
         """
         on, share = principal_axes(e), 1 - rho
         first, second, across = on.placed(self._returned(e))
@@ -180,7 +180,7 @@ class MohrCoulombLaw(Law):
         }
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """Σ^{o,ρ}(e)[d]."""
+        """Return Σ^{o,ρ}(e)[d]."""
         result = spherical(stored["lame"] * trace(d), len(d)) + stored["a"] * d
         for name in stored.keys() - {"lame", "a"}:
             result = result - ufl.dot(stored[name], d) * stored[name]
@@ -188,18 +188,18 @@ class MohrCoulombLaw(Law):
 
     @property
     def yields(self) -> CoulombSet:
-        """(1 + s)σ₁ − (1 − s)σ₃ ≤ b."""
+        """Return the set (1 + s)σ₁ − (1 − s)σ₃ ≤ b."""
         cosine = ufl.sqrt(1 - ufl.as_ufl(self.sine) ** 2)
         return CoulombSet(self.strength / (2 * cosine), self.sine)
 
 
 @dataclass(frozen=True)
 class TrescaLaw(MohrCoulombLaw):
-    """σ₁ − σ₃ ≤ b: s = 0; see :class:`Law` for the methods."""
+    """The law σ₁ − σ₃ ≤ b, with s = 0; see :class:`Law` for the methods."""
 
     dilates: ClassVar[bool] = False
 
     @property
     def yields(self) -> TrescaSet:
-        """σ₁ − σ₃ ≤ b."""
+        """Return the set σ₁ − σ₃ ≤ b."""
         return TrescaSet(self.strength / 2)

@@ -1,18 +1,18 @@
-"""Ground that dilates by a smaller angle than that of friction: bodies with limits beside it.
+"""Treat ground with ψ < φ by associated bodies whose limit loads bound or estimate its own.
 
-No limit theorem holds for it, and the load at which it collapses need not be the only one. What
-there is rests on associated ground, whose angle of dilatancy is that of friction:
+No limit theorem holds for such ground, and its collapse load need not be unique. All results use
+associated ground, whose angle of dilatancy equals that of friction:
 
 - D. Radenkovic (Théorèmes limites pour un matériau de Coulomb à dilatation non standardisée, C. R.
-  Acad. Sci. Paris 252 (1961), 4103): any such load lies between the limit loads of two associated
-  grounds with the apex c cot φ in common: one with the angle of dilatancy ψ for that of friction,
-  and so with the cohesion c tan ψ/tan φ, and one with c and φ. For where σ is on the surface of φ
-  and the flow has the angle ψ, σ:ε ≥ c cot φ tr ε, which is the support of the weaker set.
+  Acad. Sci. Paris 252 (1961), 4103): any collapse load lies between the limit loads of two
+  associated grounds with the same apex c cot φ. The weaker one has ψ as its angle of friction and
+  the cohesion c tan ψ/tan φ; the stronger one has c and φ. If σ is on the surface of φ and the flow
+  has the angle ψ, then σ:ε ≥ c cot φ tr ε, which is the support function of the weaker set.
 - E. H. Davis (Theories of plasticity and the failure of soil masses, in: I. K. Lee (ed.), Soil
-  Mechanics: Selected Topics, London 1968): one associated ground with βc and β tan φ, where
-  β = cos φ cos ψ/(1 − sin φ sin ψ), which is an estimate and no bound. F. Tschuchnigg et al.
-  (doi:10.1016/j.compgeo.2015.06.003) call it A where β is that of the given ground when strengths
-  are reduced, B where it is that of the reduced angles, and C where of these ψ is kept.
+  Mechanics: Selected Topics, London 1968): one associated ground with βc and β tan φ, where β = cos
+  φ cos ψ/(1 − sin φ sin ψ). It gives an estimate and no bound. F. Tschuchnigg et al.
+  (doi:10.1016/j.compgeo.2015.06.003) call it A if β is that of the given ground when strengths are
+  reduced, B if β is that of the reduced angles, and C if ψ is not reduced.
 """
 
 import math
@@ -25,34 +25,34 @@ from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.spatial_fields import Strength
 
 Stand = Literal["radenkovic", "davis-a", "davis-b", "davis-c"]
-"""Ways to treat ground that dilates less than it rubs."""
+"""Ways to treat ground whose angle of dilatancy is below its angle of friction."""
 
 
 class Ground(Material, Protocol):
-    """A dataclass of ground with Mohr and Coulomb's numbers.
+    """A dataclass of ground with the parameters of Mohr and Coulomb.
 
     Attributes:
         cohesion: c (stress).
         friction_angle: φ (degrees).
         dilatancy_angle: ψ (degrees); None for φ.
-        nonassociated: What is made of ψ < φ; None where they are the same.
+        nonassociated: Treatment of ψ < φ; None if both angles are equal.
     """
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
     def cohesion(self) -> Strength:
-        """Stress, or a field."""
+        """Return the cohesion, as a stress or a field."""
         ...
 
     @property
     def friction_angle(self) -> float:
-        """Degrees."""
+        """Return the angle of friction (degrees)."""
         ...
 
     @property
     def dilatancy_angle(self) -> float | None:
-        """Degrees."""
+        """Return the angle of dilatancy (degrees)."""
         ...
 
     @property
@@ -65,44 +65,46 @@ AnyGround = TypeVar("AnyGround", bound=Ground)
 
 
 def check_dilatancy(ground: Ground) -> None:
-    """Refuse an angle of dilatancy that nothing is made of.
+    """Refuse an angle of dilatancy that is not valid or has no treatment.
 
     Raises:
-        InputError: If it is not between 0 and that of friction, or less without a word on what is
-            to stand for it; or if Radenkovic's weaker ground would have no strength.
+        InputError: If it is not between 0 and the angle of friction; if it is smaller without
+            ``nonassociated``; or if Radenkovic's weaker ground would have no strength.
     """
     psi, phi, stand = ground.dilatancy_angle, ground.friction_angle, ground.nonassociated
     if stand is not None:
         check_choice("nonassociated", stand, ("radenkovic", "davis-a", "davis-b", "davis-c"))
         if psi is None:
             raise InputError(
-                f"nonassociated = '{stand}' needs a dilatancy_angle smaller than friction_angle;"
-                " give one, or leave nonassociated out."
+                f"nonassociated = '{stand}' needs a dilatancy_angle smaller than "
+                "friction_angle; give one, or remove nonassociated."
             )
     if psi is None:
         return
     if not 0 <= psi <= phi:
         raise InputError(
-            f"dilatancy_angle = {psi:g} is not between 0 and friction_angle = {phi:g};"
-            " leave it out, and ground dilates by its angle of friction."
+            f"dilatancy_angle = {psi:g} is not between 0 and friction_angle = {phi:g}; "
+            "remove it to use the angle of friction."
         )
     if psi < phi and stand is None:
         raise InputError(
-            f"dilatancy_angle = {psi:g} is less than friction_angle = {phi:g}, and no limit theorem"
-            " holds then; leave it out, or give nonassociated = 'radenkovic' for bounds of all that"
-            " it may carry, 'davis-a', 'davis-b' or 'davis-c' for an estimate by associated ground."
+            f"dilatancy_angle = {psi:g} is less than friction_angle = {phi:g}, and then no "
+            "limit theorem holds; remove it, or give nonassociated = 'radenkovic' for "
+            "bounds of all possible collapse loads, or 'davis-a', 'davis-b' or 'davis-c' "
+            "for an estimate by associated ground."
         )
     if psi == 0 and stand == "radenkovic":
         raise InputError(
-            "dilatancy_angle = 0 has no lower bound by Radenkovic, whose weaker ground would have"
-            " no strength; give a larger one, or nonassociated = 'davis-a' for an estimate."
+            "dilatancy_angle = 0 has no lower bound by Radenkovic, whose weaker ground "
+            "would have no strength; give a larger angle, or nonassociated = 'davis-a' "
+            "for an estimate."
         )
 
 
 def associated(ground: AnyGround) -> AnyGround:
-    """Return the associated ground that is computed with.
+    """Return the associated ground of the computation.
 
-    By Davis that with βc and β tan φ; else that with the angle of friction of the given one.
+    For Davis' methods it has βc and β tan φ; otherwise it has the ground's own angle of friction.
     """
     if ground.nonassociated in (None, "radenkovic"):
         return replace(ground, dilatancy_angle=None, nonassociated=None)
@@ -112,16 +114,16 @@ def associated(ground: AnyGround) -> AnyGround:
 
 
 def weaker(ground: AnyGround) -> AnyGround:
-    """Return the weaker one of Radenkovic's pair, with ψ and c tan ψ/tan φ."""
+    """Return the weaker ground of Radenkovic's pair, with ψ and c tan ψ/tan φ."""
     phi, psi = (math.radians(it) for it in (ground.friction_angle, _dilatancy(ground)))
     return _ground(ground, ground.cohesion * math.tan(psi) / math.tan(phi), psi)
 
 
 def reduced(ground: AnyGround, factor: float) -> AnyGround:
-    """Ground with c/F and tan φ/F, and where ψ matters with tan ψ/F, or by C with ψ itself.
+    """Return ground with c/F and tan φ/F; ψ is kept for Davis' C and has tan ψ/F otherwise.
 
     Args:
-        ground: Any.
+        ground: Any ground.
         factor: F > 0.
     """
     if ground.nonassociated in (None, "davis-a"):
@@ -146,10 +148,10 @@ def reduced(ground: AnyGround, factor: float) -> AnyGround:
 def pair_of(
     materials: Mapping[str, Material],
 ) -> tuple[dict[str, Material], dict[str, Material]] | None:
-    """Weaker and stronger bodies between whose limit loads those of given ones lie.
+    """Return weaker and stronger bodies whose limit loads bound those of the given ones.
 
     Returns:
-        Both, by the names of volumes; None where each limit load is that of the bodies themselves.
+        Both, by the names of volumes; None if each limit load is that of the bodies themselves.
     """
     if not any(_has_pair(it) for it in materials.values()):
         return None
@@ -161,22 +163,22 @@ def pair_of(
 
 
 def check_flows(materials: Mapping[str, Material]) -> None:
-    """Refuse ground of which bounds alone are known.
+    """Refuse ground for which only bounds exist.
 
     Raises:
-        InputError: If there is any, naming the first one.
+        InputError: Naming the first such ground.
     """
     for name, material in materials.items():
         if _has_pair(material):
             raise InputError(
-                f"the ground of '{name}' has nonassociated = 'radenkovic', which bounds its limit"
-                " loads and says nothing else; give control = 'bounds' or 'strength', or"
-                " nonassociated = 'davis-a' for an estimate."
+                f"the ground of '{name}' has nonassociated = 'radenkovic', which only "
+                "bounds limit loads; give control = 'bounds' or 'strength', or "
+                "nonassociated = 'davis-a' for an estimate."
             )
 
 
 def flow_words(materials: Mapping[str, Material]) -> list[str]:
-    """Return a sentence for each kind of nonassociated ground: what the numbers hold for."""
+    """Return a sentence for each kind of nonassociated ground on the validity of the numbers."""
     told = []
     bodies = list(materials.values())
     for material in (it for i, it in enumerate(bodies) if it not in bodies[:i]):
@@ -187,20 +189,21 @@ def flow_words(materials: Mapping[str, Material]) -> list[str]:
         with_these = f"associated ground with {_numbers(associated(material))}"
         if _has_pair(material):
             told.append(
-                f"{psi}: bounds are Radenkovic's pair, of {with_these} from above, and with"
-                f" {_numbers(weaker(material))} from below; all loads at which it may collapse lie"
-                " between"
+                f"{psi}: bounds are Radenkovic's pair, of {with_these} from above, and "
+                f"with {_numbers(weaker(material))} from below; all possible collapse "
+                "loads lie between"
             )
         else:
             told.append(
-                f"{psi}: by Davis' {str(material.nonassociated)[-1].upper()} {with_these} stands"
-                " for it; all numbers are of that ground, an estimate of this one and no bound"
+                f"{psi}: Davis' method {str(material.nonassociated)[-1].upper()} replaces "
+                f"it by {with_these}; all numbers are for that ground, an estimate and no "
+                "bound"
             )
     return told
 
 
 def by_davis(materials: Mapping[str, Material]) -> bool:
-    """Return whether associated ground stands for any, so that all numbers are estimates."""
+    """Return whether associated ground replaces any body, so that all numbers are estimates."""
     return any(_dilates_less(it) and not _has_pair(it) for it in materials.values())
 
 
@@ -222,7 +225,7 @@ def _dilatancy(ground: Ground) -> float:
 
 
 def _ground(ground: AnyGround, cohesion: Strength, phi: float) -> AnyGround:
-    """Associated ground with c (stress) and φ (radians)."""
+    """Return associated ground with c (stress) and φ (radians)."""
     return replace(
         ground,
         cohesion=cohesion,

@@ -1,4 +1,4 @@
-"""Materials of bodies in plane stress."""
+"""Convert materials of bodies to plane stress."""
 
 from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
@@ -9,10 +9,10 @@ from perfplast_fenicsx.materials.law import Material
 
 @runtime_checkable
 class Thin(Protocol):
-    """A material that knows of plane stress."""
+    """A material that supports plane stress."""
 
     def in_plane_stress(self) -> Material | None:
-        """Return the same body with σ_zz = 0, whatever ε_zz is; None where that is not known."""
+        """Return the same body with σ_zz = 0, whatever ε_zz is; None if there is no such law."""
         ...
 
 
@@ -28,15 +28,15 @@ def in_plane_stress(materials: Mapping[str, Material]) -> dict[str, Material]:
         materials: Materials of each volume.
 
     Raises:
-        InputError: If one is not known there.
+        InputError: If a material does not support plane stress.
     """
     found = {}
     for name, material in materials.items():
         flat = thin(material)
         if flat is None:
             raise InputError(
-                f"the law of volume '{name}', {type(material).__name__}, is not known in plane"
-                " stress; give VonMises, Hill or Elastic, or kind = 'plane-strain'."
+                f"the law of volume '{name}', {type(material).__name__}, does not support "
+                "plane stress; give VonMises, Hill or Elastic, or kind = 'plane-strain'."
             )
         found[name] = flat
     return found

@@ -1,14 +1,16 @@
-r"""Plastic flow: a step of Prandtl's and Reuss' law.
+r"""Define plastic flow: a step of Prandtl and Reuss' law.
 
-A step (implicit Euler) from the plastic strain p is Hencky's law of the same body, shifted:
+A step (implicit Euler) from the plastic strain p is Hencky's law of the same body with a shifted
+strain:
 
     Σ(e)  = Σ_H(e − p)
     ψ(e)  = ψ_H(e − p)
     ψ*(s) = ψ_H*(s) + s:p
 
-where ψ is the energy that the step stores and dissipates, and ½ e:Ce of e − p where it is elastic.
-So every law that is a projection on a yield set that stays has its flow (J. C. Simo, T. J. R.
-Hughes, Computational Inelasticity, 1998, chapter 3); :mod:`hardening_flow` is that of hardening.
+where ψ is the energy that the step stores and dissipates. In an elastic step it is ½ (e − p):C(e −
+p). So every law that is a projection on a fixed yield set has such a flow law (J. C. Simo, T. J. R.
+Hughes, Computational Inelasticity, 1998, chapter 3). :mod:`hardening_flow` is the flow law with
+hardening.
 """
 
 import math
@@ -29,7 +31,7 @@ from perfplast_fenicsx.materials.yield_set import YieldSet
 from perfplast_fenicsx.spatial_fields import Strength
 
 STRAIN, ACCUMULATED = "plastic_strain", "accumulated_plastic_strain"
-"""The history: p as a Mandel vector, and p̄ = ∫√⅔‖dp‖, which in uniaxial stress of a metal is
+"""Names in the history: p as a Mandel vector, and p̄ = ∫√⅔‖dp‖. In uniaxial stress of a metal, p̄ =
 ∫|dε^p|."""
 
 
@@ -38,35 +40,35 @@ class Step(Law, Protocol):
 
     @abstractmethod
     def hencky(self, old: Old) -> Law:
-        """Return the law of total strain with the yield set as it is now."""
+        """Return the law of total strain with the present yield set."""
         ...
 
     def shifted(self, e: Expr, old: Old) -> Expr:
-        """Return the strain that Hencky's law sees."""
+        """Return the strain that is the argument of Hencky's law."""
         return e - old[STRAIN]
 
     def history(self, m: int) -> Mapping[str, tuple[int, ...]]:
-        """Return the shapes of p and p̄, zero at first."""
+        """Return the shapes of p and p̄, which start at zero."""
         return {STRAIN: (m,), ACCUMULATED: ()}
 
     def stress(self, e: Expr, old: Old) -> Expr:
-        """Σ(e)."""
+        """Return Σ(e)."""
         return self.hencky(old).stress(self.shifted(e, old), {})
 
     def potential(self, e: Expr, old: Old) -> Expr:
-        """ψ(e)."""
+        """Return ψ(e)."""
         return self.hencky(old).potential(self.shifted(e, old), {})
 
     def conjugate(self, s: Expr, old: Old) -> Expr:
-        """ψ*(s)."""
+        """Return ψ*(s)."""
         return self.hencky(old).conjugate(s, {}) + ufl.dot(s, old[STRAIN])
 
     def plastic(self, e: Expr, old: Old) -> Expr:
-        """1 where the step flows, else 0."""
+        """Return 1 where the step flows, else 0."""
         return self.hencky(old).plastic(self.shifted(e, old), {})
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Return those of Hencky's law."""
+        """Return the fields of Hencky's law."""
         return self.hencky(old).tangent_fields(self.shifted(e, old), {}, rho)
 
     def updated(self, e: Expr, old: Old) -> Mapping[str, Expr]:
@@ -77,7 +79,7 @@ class Step(Law, Protocol):
 
 
 class FlowLaw(Step):
-    """Perfect plasticity, step by step; :func:`flow_law` makes it of a law of total strain.
+    """Perfect plasticity, step by step; :func:`flow_law` makes it from a law of total strain.
 
     Args:
         numbers: Numbers of the law of total strain.
@@ -91,16 +93,16 @@ class FlowLaw(Step):
 
     @property
     def elastic(self) -> Elasticity:
-        """C."""
+        """Return Hooke's tensor C."""
         return self._perfect.elastic
 
     @property
     def yields(self) -> YieldSet:
-        """Which stays."""
+        """Return the yield set, which does not change."""
         return self._perfect.yields
 
     def hencky(self, old: Old) -> Law:
-        """It does not change."""
+        """Return the law of total strain, which does not change."""
         return self._perfect
 
     def unstressed(self, old: Old) -> Expr | None:
@@ -108,28 +110,29 @@ class FlowLaw(Step):
         return old[STRAIN]
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """Return the that of Hencky's law."""
+        """Return the tangent of Hencky's law."""
         return self._perfect.tangent(stored, d)
 
 
 @cache
 def flow_law(law: type[Law]) -> type[FlowLaw]:
-    """Return the flow of bodies of a law of total strain that is a projection on a yield set."""
+    """Return the flow law of a law of total strain that is a projection on a yield set."""
     return type(f"{law.__name__}Flow", (FlowLaw,), {"of": law, "dilates": law.dilates})
 
 
 @dataclass(frozen=True)
 class Flow:
-    """A body that remembers its plastic flow: what is loaded, unloaded and loaded again.
+    """A body that remembers its plastic flow, for loading, unloading and reloading.
 
     Without it a body follows Hencky's law, and each level is one step from the virgin body.
 
     Args:
-        body: Its numbers. Its law is a projection on a yield set (:attr:`Law.projects`), or the
-            body names the law of its flow as ``flow_law``, as :class:`Hardening` does.
+        body: The material of the body. Its law is a projection on a yield set
+            (:attr:`Law.projects`), or the material has its own flow law ``flow_law``, as
+            :class:`Hardening` does.
 
     Raises:
-        InputError: If the body has no plastic flow, or has it already.
+        InputError: If the body has no plastic flow, or already remembers it.
     """
 
     body: Material
@@ -138,8 +141,8 @@ class Flow:
         projects = self.body.law.projects and not isinstance(self.body, Flow)
         if all_elastic([self.body]) or not (projects or hasattr(self.body, "flow_law")):
             raise InputError(
-                f"{self.body!r} has no plastic flow to be remembered; give VonMises, Hill,"
-                " DruckerPrager, MohrCoulomb, Tresca or Hardening."
+                f"{self.body!r} has no plastic flow to remember; give VonMises, Hill, "
+                "DruckerPrager, MohrCoulomb, Tresca or Hardening."
             )
 
     @property
@@ -151,27 +154,28 @@ class Flow:
 
     @property
     def expansion(self) -> float:
-        """Strain of a change of temperature by one degree (1/temperature)."""
+        """Return the thermal strain per degree (1/temperature)."""
         return float(getattr(self.body, "expansion", 0.0))
 
     def parameters(self) -> Mapping[str, Strength]:
-        """Return those of the body."""
+        """Return the parameters of the body."""
         return self.body.parameters()
 
     def remembering(self) -> "Flow":
-        """Itself."""
+        """Return the material itself."""
         return self
 
     def in_plane_stress(self) -> "Flow | None":
-        """Return the same with σ_zz = 0; None where the body is not known there."""
+        """Return the same material with σ_zz = 0; None if it does not support plane stress."""
         flat = thin(self.body)
         return None if flat is None else Flow(flat)
 
 
 def with_memory(material: Material) -> Material | None:
-    """Return a body that remembers its plastic flow, an elastic one as it is; None if it cannot.
+    """Return a material that remembers its plastic flow.
 
-    What a material says by a method ``remembering()`` comes first.
+    An elastic one is returned unchanged; None if the material cannot remember. A material's own
+    method ``remembering()`` takes precedence.
     """
     own = getattr(material, "remembering", None)
     if own is not None:

@@ -1,8 +1,8 @@
-"""Principal values of symmetric tensors and their axes, in UFL, to rounding wherever values meet.
+"""Compute principal values and axes of symmetric tensors in UFL, accurate even where values meet.
 
-One axis is known beforehand, that out of the plane, or found first: that of the value which is
-farthest from both others, by a closed form that is well conditioned there (O. K. Smith, Commun. ACM
-4 (1961), 168). The others are of a circle, in the plane at right angles to it.
+One axis is known (the out-of-plane axis), or is computed first: that of the value farthest from
+both others, by a closed form that is well conditioned there (O. K. Smith, Commun. ACM 4 (1961),
+168). The other values follow from Mohr's circle in the plane perpendicular to this axis.
 """
 
 import math
@@ -15,10 +15,11 @@ import ufl
 from perfplast_fenicsx.materials.mandel import Expr, deviator, tensor, trace
 
 IN_PLANE = 4
-"""Components of vectors one of whose axes is known."""
+"""Number of components of vectors with a known axis."""
 
 TINY = 1e-150
-"""Smallest divisor; avoids 0/0 where two principal values are equal. Its square is no zero."""
+"""Smallest divisor; avoids 0/0 where two principal values are equal. Its square does not underflow
+to zero."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class PrincipalAxes:
         for square, cross in zip(squares[:2], crosses[:2], strict=True):
             here = ufl.ge(square, best)
             found = ufl.as_vector([ufl.conditional(here, cross[i], found[i]) for i in range(3)])
-        # Deviator, relative to the tensor, that is the rounding of zero: its axes mean nothing.
+        # Relative deviator that counts as the rounding of zero; its axes have no meaning.
         rounded = 1e-14
         round_ = ufl.le(size, ufl.max_value(rounded * abs(trace(self.e)), TINY))
         unit_z = (0.0, 0.0, 1.0)
@@ -62,7 +63,7 @@ class PrincipalAxes:
 
     @cached_property
     def circle(self) -> tuple[Expr, Expr, Expr, Expr]:
-        """Mean and half of the differences of the two in the plane, and that out of it."""
+        """Return the mean and half differences in the plane, and the out-of-plane value."""
         n, a, b = self.out
         A = tensor(self.e)
         first, last, shear = (ufl.dot(x, A * y) for x, y in ((a, a), (b, b), (a, b)))
@@ -70,30 +71,30 @@ class PrincipalAxes:
 
     @cached_property
     def radius(self) -> Expr:
-        """Half of the difference of the two in the plane."""
+        """Return half of the difference of the two values in the plane."""
         _, half, shear, _ = self.circle
         return ufl.sqrt(half**2 + shear**2)
 
     @cached_property
     def in_plane(self) -> tuple[Expr, Expr]:
-        """The two principal values in the plane, the larger first."""
+        """Return the two principal values in the plane, the larger first."""
         mean, *_ = self.circle
         return mean + self.radius, mean - self.radius
 
     @cached_property
     def across(self) -> Expr:
-        """The principal value out of the plane."""
+        """Return the principal value out of the plane."""
         return self.circle[3]
 
     @cached_property
     def ordered(self) -> tuple[Expr, Expr, Expr]:
-        """All three principal values, the largest first."""
+        """Return all three principal values, the largest first."""
         (p, q), z = self.in_plane, self.across
         middle = ufl.max_value(q, ufl.min_value(p, z))
         return ufl.max_value(p, z), middle, ufl.min_value(q, z)
 
     def placed(self, v: Sequence[Expr]) -> tuple[Expr, Expr, Expr]:
-        """Return values given by size as those of the two axes in the plane and across it."""
+        """Return descending values as those of the two axes in the plane and the axis across it."""
         (p, q), z = self.in_plane, self.across
         above, below = ufl.gt(z, p), ufl.lt(z, q)
         across = ufl.conditional(above, v[0], ufl.conditional(below, v[2], v[1]))
@@ -102,7 +103,7 @@ class PrincipalAxes:
 
     @cached_property
     def _double_angle(self) -> tuple[Expr, Expr]:
-        """Cosine and sine of twice the angle of the larger one in the plane."""
+        """Return cosine and sine of twice the angle of the larger value in the plane."""
         _, half, shear, _ = self.circle
         size, round_ = ufl.max_value(self.radius, TINY), ufl.le(self.radius, TINY)
         cosine = ufl.conditional(round_, 1.0, half / size)
@@ -115,23 +116,29 @@ class PrincipalAxes:
 
     @cached_property
     def direction(self) -> Expr:
-        """Unit deviator of the plane, as a Mandel vector; any one where the two are equal."""
+        """Return the unit deviator of the plane, as a Mandel vector.
+
+        Arbitrary for two equal values.
+        """
         return self._deviator(*self._double_angle)
 
     @cached_property
     def turned(self) -> Expr:
-        """Unit deviator by which the axes in the plane turn."""
+        """Return the unit deviator for a rotation of the axes in the plane."""
         cosine, sine = self._double_angle
         return self._deviator(-sine, cosine)
 
     @cached_property
     def tilted(self) -> tuple[Expr, ...]:
-        """Unit deviators by which these turn towards that across; none where that is known."""
+        """Return unit deviators for rotations of these axes out of the plane.
+
+        None if that axis is known.
+        """
         if len(self.e) == IN_PLANE:
             return ()
         n, a, b = self.out
         cosine, sine = self._double_angle
-        # of half the angle, by the one of two forms that loses no digits
+        # of half the angle; of two forms the one without cancellation
         c = ufl.sqrt((1 + abs(cosine)) / 2)
         s = abs(sine) / (2 * c)
         falls, sign = ufl.lt(cosine, 0.0), ufl.conditional(ufl.lt(sine, 0.0), -1.0, 1.0)
@@ -143,14 +150,14 @@ class PrincipalAxes:
         return tuple(found)
 
     def vector(self, v: Sequence[Expr]) -> Expr:
-        """Mandel vector with these principal values in the order of size, of the same axes."""
+        """Return the Mandel vector with these descending principal values and the same axes."""
         first, second, across = self.placed(v)
         n, mean = self.out[0], (first + second) / 2
         flat = self._mandel(mean * ufl.Identity(3) + (across - mean) * ufl.outer(n, n))
         return flat + (first - second) / math.sqrt(2) * self.direction
 
     def _mandel(self, A: Expr) -> Expr:
-        """Return the Mandel vector of a tensor of as many components."""
+        """Return the Mandel vector of a tensor with the number of components of ``e``."""
         shears = [(0, 1)] if len(self.e) == IN_PLANE else [(1, 2), (0, 2), (0, 1)]
         parts = [A[i, i] for i in range(3)] + [math.sqrt(2) * A[i, j] for i, j in shears]
         return ufl.as_vector(parts)
@@ -158,12 +165,12 @@ class PrincipalAxes:
 
 @lru_cache(maxsize=8)
 def principal_axes(e: Expr) -> PrincipalAxes:
-    """Return those of a vector, which are put together once."""
+    """Return the principal axes of a vector, which share common subexpressions."""
     return PrincipalAxes(e)
 
 
 def _beside(n: Expr) -> tuple[Expr, Expr]:
-    """Return two unit vectors at right angles to one (T. Duff et al., JCGT 6 (2017))."""
+    """Return two unit vectors perpendicular to one (T. Duff et al., JCGT 6 (2017))."""
     sign = ufl.conditional(ufl.lt(n[2], 0.0), -1.0, 1.0)
     a = -1 / (sign + n[2])
     b = n[0] * n[1] * a

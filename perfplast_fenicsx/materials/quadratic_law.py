@@ -1,14 +1,15 @@
-r"""Perfect plasticity with a quadratic condition, in Hencky's form: returns to an ellipsoid.
+r"""Define perfect plasticity with a quadratic condition, in Hencky's form: returns to an ellipsoid.
 
-In coordinates in which elasticity is 2μ, but for a stress that nothing bounds, the condition is
-Σ h_i s_i² ≤ Y²: strains have the coordinates Bᵀe there, and stresses σ = Bs. A trial stress
-t = 2μBᵀe outside returns to
+In suitable coordinates elasticity is 2μ, apart from a stress that is not bounded, and the condition
+is Σ h_i s_i² ≤ Y². Strains have the coordinates Bᵀe, and stresses σ = Bs. A trial stress t = 2μBᵀe
+outside returns to
 
     s_i = t_i/(1 + xh_i),    Σ h_i t_i²/(1 + xh_i)² = Y²,    x > 0,
 
-by Newton's method on the inverse of the root of the left-hand side, which rises to x from zero
-without overshooting (J. J. Moré, D. C. Sorensen, SIAM J. Sci. Stat. Comput. 4 (1983), 553). With
-D_i = 2μ/(1 + xh_i) and q_i = D_i h_i s_i the derivative there is diag(D) − q⊗q/Σ h_i s_i q_i.
+The solution x follows from Newton's method on the inverse of the root of the left-hand side, which
+rises to x from zero without overshooting (J. J. Moré, D. C. Sorensen, SIAM J. Sci. Stat. Comput. 4
+(1983), 553). With D_i = 2μ/(1 + xh_i) and q_i = D_i h_i s_i the derivative there is diag(D) − q⊗q/Σ
+h_i s_i q_i.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,14 +25,14 @@ from perfplast_fenicsx.rounding import TINY
 
 
 class QuadraticForm(Protocol):
-    """Σ h_i s_i²."""
+    """The quadratic form Σ h_i s_i²."""
 
     def weights(self, size: int) -> Sequence[Expr]:
-        """H_i, three of vectors of four components, five of six."""
+        """Return the h_i: three for vectors of four components, five for six."""
         ...
 
     def frame(self, size: int) -> Expr:
-        """Bᵀ, shape (k, m)."""
+        """Return Bᵀ, shape (k, m)."""
         ...
 
 
@@ -56,16 +57,16 @@ class QuadraticLaw(Law):
         raise NotImplementedError
 
     def free(self, e: Expr) -> Expr:
-        """Return the elastic stress that nothing bounds, shape (m,)."""
+        """Return the elastic stress that the condition does not bound, shape (m,)."""
         raise NotImplementedError
 
     def trial(self, e: Expr) -> list[Expr]:
-        """Return the elastic stress in the form's coordinates, over Y."""
+        """Return the elastic stress in the form's coordinates, divided by Y."""
         parts, count = ufl.dot(self.form.frame(len(e)), e), len(self.form.weights(len(e)))
         return [2 * self.shear / self.strength * parts[i] for i in range(count)]
 
     def returned(self, e: Expr) -> list[Expr]:
-        """1/(1 + xh_i): what is left of the elastic stress."""
+        """Return 1/(1 + xh_i), the returned share of the elastic stress."""
         t, weights = self.trial(e), self.form.weights(len(e))
 
         def nearer(x: Expr, _: int) -> Expr:
@@ -75,36 +76,36 @@ class QuadraticLaw(Law):
             size = ufl.sqrt(ufl.max_value(square, 1.0))
             return x + (size - 1) * square / ufl.max_value(slope, TINY)
 
-        # Newton steps of a return: they leave rounding alone at ratios of shear stresses of 9 and
-        # strains of 3e6 times those at yield.
+        # Newton steps of a return. At shear ratios of 9 and 3e6 times the strain at yield only
+        # rounding errors remain.
         steps = 10
         x = reduce(nearer, range(steps), ufl.as_ufl(0.0))
         return [1 / (1 + x * h) for h in weights]
 
     def plastic(self, e: Expr, old: Old) -> Expr:
-        """1 where e lies outside the elastic range, else 0."""
+        """Return 1 where e lies outside the elastic range, else 0."""
         weights = self.form.weights(len(e))
         square = sum(h * t**2 for h, t in zip(weights, self.trial(e), strict=True))
         return ufl.conditional(ufl.gt(square, 1.0), 1.0, 0.0)
 
     def stress(self, e: Expr, old: Old) -> Expr:
-        """Σ(e), the derivative of ψ."""
+        """Return Σ(e), the derivative of ψ."""
         left = zip(self.trial(e), self.returned(e), strict=True)
         parts = ufl.as_vector([self.strength * t * share for t, share in left])
         return self.free(e) + ufl.dot(parts, self.form.frame(len(e)))
 
     def potential(self, e: Expr, old: Old) -> Expr:
-        """ψ(e) = ½ e:Ce less half of the square of the way to the yield set."""
+        """Return ψ(e) = ½ e:Ce minus half of the squared distance to the yield set."""
         left = zip(self.trial(e), self.returned(e), strict=True)
         shape = sum(t**2 * share * (2 - share) for t, share in left)
         return ufl.dot(self.free(e), e) / 2 + self.strength**2 / (4 * self.shear) * shape
 
     def conjugate(self, s: Expr, old: Old) -> Expr:
-        """½ s:C⁻¹s."""
+        """Return ½ s:C⁻¹s."""
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """D, shape (k,), and N, shape (m,): what is free of d, and B(D ∘ Bᵀd) − (N:d) N."""
+        """Return D, shape (k,), and N, shape (m,): the tangent is free(d) + B(D ∘ Bᵀd) − (N:d)N."""
         shares, weights = self.returned(e), self.form.weights(len(e))
         s = [t * share for t, share in zip(self.trial(e), shares, strict=True)]
         D = [2 * self.shear * share for share in shares]
@@ -118,7 +119,7 @@ class QuadraticLaw(Law):
         }
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """Σ^{o,ρ}(e)[d]."""
+        """Return Σ^{o,ρ}(e)[d]."""
         D, N, frame = stored["D"], stored["N"], self.form.frame(len(d))
         parts = ufl.dot(frame, d)
         scaled = ufl.as_vector([D[i] * parts[i] for i in range(len(self.form.weights(len(d))))])

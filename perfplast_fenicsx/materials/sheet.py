@@ -1,9 +1,9 @@
-r"""Metal in plane stress, σ_zz = 0: a quadratic condition of the stresses in the plane.
+r"""Define metal in plane stress, σ_zz = 0, by a quadratic condition of the stresses in the plane.
 
-Bodies are free to grow thicker or thinner, so that all strain rates in the plane are admissible.
-With the form P, shape (3, 3), of (σ_xx, σ_yy, √2σ_xy) and C = 2μB₀B₀ᵀ of plane stress the principal
-axes of B₀ᵀPB₀ make the coordinates of :mod:`quadratic_law`, and Σ is the projection in space at
-σ_zz = 0 (J. C. Simo, R. L. Taylor, Int. J. Numer. Meth. Eng. 22 (1986), 649).
+The thickness of bodies is free to change, so that all strain rates in the plane are admissible. Let
+P, shape (3, 3), be the form of (σ_xx, σ_yy, √2σ_xy), and C = 2μB₀B₀ᵀ in plane stress. The principal
+axes of B₀ᵀPB₀ define the coordinates of :mod:`quadratic_law`. Σ is the projection in space at σ_zz
+= 0 (J. C. Simo, R. L. Taylor, Int. J. Numer. Meth. Eng. 22 (1986), 649).
 """
 
 import math
@@ -24,12 +24,12 @@ from perfplast_fenicsx.spatial_fields import Strength
 
 @dataclass(frozen=True)
 class SheetForm:
-    """Σ h_i s_i²; rates have the coordinates Bᵀε, and stresses are Bs.
+    """The form Σ h_i s_i², in which rates have the coordinates Bᵀε and stresses are Bs.
 
     Args:
-        sizes: H_i.
+        sizes: The h_i.
         rows: Bᵀ, three components in each row.
-        inverse: B⁻¹ alike.
+        inverse: B⁻¹, in the same layout.
     """
 
     sizes: Sequence[Expr]
@@ -37,20 +37,20 @@ class SheetForm:
     inverse: Sequence[Sequence[Expr]]
 
     def weights(self, size: int) -> Sequence[Expr]:
-        """H_i, three."""
+        """Return the three h_i."""
         return self.sizes
 
     def frame(self, size: int) -> Expr:
-        """Bᵀ, shape (3, 4)."""
+        """Return Bᵀ, shape (3, 4)."""
         return ufl.as_matrix([_wide(row) for row in self.rows])
 
     def back(self) -> Expr:
-        """B⁻¹, shape (3, 4)."""
+        """Return B⁻¹, shape (3, 4)."""
         return ufl.as_matrix([_wide(row) for row in self.inverse])
 
 
 def _wide(row: Sequence[Expr]) -> list[Expr]:
-    """With a zero across the plane."""
+    """Return a row with a zero for the component across the plane."""
     return [row[0], row[1], 0.0, row[2]]
 
 
@@ -59,7 +59,7 @@ class SheetSet:
     """Σ h_i s_i² ≤ Y²; see :class:`YieldSet` for the methods.
 
     Args:
-        form: Σ h_i s_i².
+        form: The form Σ h_i s_i².
         strength: Y (stress).
     """
 
@@ -67,24 +67,24 @@ class SheetSet:
     strength: Expr
 
     def gauge(self, s: Expr) -> Expr:
-        """√(Σ h_i s_i²)/Y."""
+        """Return √(Σ h_i s_i²)/Y."""
         parts = ufl.dot(self.form.back(), s)
         return ufl.sqrt(sum(h * parts[i] ** 2 for i, h in enumerate(self.form.sizes))) / (
             self.strength
         )
 
     def support(self, rate: Expr) -> Expr:
-        """Y √(Σ ε_i²/h_i)."""
+        """Return Y √(Σ ε_i²/h_i)."""
         return self.strength * ufl.sqrt(self.resistance(rate, rate))
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
-        """Σ a_i b_i/h_i."""
+        """Return Σ a_i b_i/h_i."""
         frame = self.form.frame(len(a))
         left, right = ufl.dot(frame, a), ufl.dot(frame, b)
         return sum(left[i] * right[i] / h for i, h in enumerate(self.form.sizes))
 
     def cones(self, size: int) -> Sequence[Cone]:
-        """One, which bounds all stresses in the plane."""
+        """Return one cone, which bounds all stresses in the plane."""
         back = self.form.back()
         matrix = ufl.as_matrix(
             [[ufl.sqrt(h) * back[i, j] for j in range(size)] for i, h in enumerate(self.form.sizes)]
@@ -92,7 +92,7 @@ class SheetSet:
         return (Cone(self.strength, ufl.as_vector([0.0] * size), matrix),)
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """Nothing: every rate in the plane is admissible."""
+        """Return zero: every rate in the plane is admissible."""
         return 0 * rate
 
 
@@ -105,17 +105,17 @@ class SheetLaw(QuadraticLaw):
         shear: μ (stress).
         strength: Y (stress).
         h0: The largest h_i.
-        h1: The next one.
-        h2: The smallest one.
-        b00: The entries of B.
-        b01: As ``b00``.
-        b02: As ``b01``.
-        b10: As ``b02``.
-        b11: As ``b10``.
-        b12: As ``b11``.
-        b20: As ``b12``.
-        b21: As ``b20``.
-        b22: As ``b21``.
+        h1: The middle h_i.
+        h2: The smallest h_i.
+        b00: An entry of B.
+        b01: An entry of B.
+        b02: An entry of B.
+        b10: An entry of B.
+        b11: An entry of B.
+        b12: An entry of B.
+        b20: An entry of B.
+        b21: An entry of B.
+        b22: An entry of B.
     """
 
     h0: Expr
@@ -133,12 +133,12 @@ class SheetLaw(QuadraticLaw):
 
     @property
     def elastic(self) -> SheetElasticity:
-        """C."""
+        """Return Hooke's tensor C of a sheet."""
         return SheetElasticity(self.bulk, self.shear)
 
     @property
     def form(self) -> SheetForm:
-        """Σ h_i s_i²."""
+        """Return the form Σ h_i s_i²."""
         rows = [[getattr(self, f"b{j}{i}") for j in range(3)] for i in range(3)]
         # B⁻¹ = 2μ Bᵀ C⁻¹
         back = []
@@ -149,22 +149,25 @@ class SheetLaw(QuadraticLaw):
 
     @property
     def yields(self) -> SheetSet:
-        """Σ h_i s_i² ≤ Y²."""
+        """Return the set Σ h_i s_i² ≤ Y²."""
         return SheetSet(self.form, self.strength)
 
     def free(self, e: Expr) -> Expr:
-        """Nothing."""
+        """Return zero, since the condition bounds all stresses in the plane."""
         return ufl.as_vector([0.0] * len(e))
 
     def flow(self, e: Expr) -> Expr:
-        """Plastic strain of the strain e; across the plane it is what keeps the volume."""
+        """Return the plastic strain of the strain e.
+
+        Its component across the plane preserves the volume.
+        """
         p = super().flow(e)
         return ufl.as_vector([p[0], p[1], -p[0] - p[1], p[3]])
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A metal as plane stress knows it.
+    """The parameters of a metal in plane stress.
 
     Args:
         bulk: κ (stress).
@@ -181,7 +184,7 @@ class Sheet:
     form: Floats
 
     def parameters(self) -> dict[str, Strength]:
-        """κ, μ, Y and the form of :class:`SheetLaw`."""
+        """Return κ, μ, Y and the form of :class:`SheetLaw`."""
         even = 9 * self.bulk / (3 * self.bulk + 4 * self.shear)  # of ½(xx + yy), over 2μ
         half = math.sqrt(0.5)
         columns = [[half, half, 0.0], [half, -half, 0.0], [0.0, 0.0, 1.0]]

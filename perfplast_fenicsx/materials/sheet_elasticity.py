@@ -1,7 +1,9 @@
-"""Hooke's tensor of an isotropic sheet, σ_zz = 0, and its inverse in the plane. UFL at a point.
+"""Define Hooke's tensor of an isotropic sheet, σ_zz = 0, and its inverse in the plane.
 
-Vectors have the four components of the plane (:mod:`mandel`): the one across it is zero for
-stresses, and ignored for strains, as bodies are free to grow thicker or thinner.
+The expressions are UFL at a point.
+
+Vectors have the four components of the plane (:mod:`mandel`). The component across the plane is
+zero for stresses and ignored for strains, since the thickness of bodies is free to change.
 """
 
 from dataclasses import dataclass
@@ -32,12 +34,12 @@ class SheetElasticity:
         return 3 * self.bulk + 4 * self.shear
 
     def hooke(self, e: Expr) -> Expr:
-        """C e."""
+        """Return C e."""
         mean = self._lame * (e[0] + e[1])
         return _flat(2 * self.shear, e, mean)
 
     def compliance(self, s: Expr) -> Expr:
-        """C⁻¹ s, zero across the plane."""
+        """Return C⁻¹ s, zero across the plane."""
         share = self._lame / (4 * self.shear * (self._lame + self.shear))
         return _flat(1 / (2 * self.shear), s, -share * (s[0] + s[1]))
 

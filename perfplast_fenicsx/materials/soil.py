@@ -1,4 +1,7 @@
-"""Common soils to start from, in any system of units. A design goes by its own tests."""
+"""List common soils as starting values, in any system of units.
+
+For a design, use its own soil tests.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -8,17 +11,17 @@ from perfplast_fenicsx.units import SYSTEMS, Name
 
 @dataclass(frozen=True)
 class Soil:
-    """A common soil that drains, of Mohr and Coulomb's condition.
+    """A common drained soil with Mohr and Coulomb's condition.
 
     Attributes:
-        name: In lower case.
+        name: Name in lower case.
         young: Young's modulus (stress).
         poisson: Poisson's ratio.
-        cohesion: Effective (stress).
-        friction_angle: Effective (degrees).
-        unit_weight: Above the water table (stress/length).
-        what: In words.
-        source: Source of the numbers.
+        cohesion: Effective cohesion (stress).
+        friction_angle: Effective angle of friction (degrees).
+        unit_weight: Unit weight above the water table (stress/length).
+        what: Description in words.
+        source: Source of its numbers.
     """
 
     name: str
@@ -31,7 +34,7 @@ class Soil:
     source: str
 
     def in_system(self, system: Name) -> "Soil":
-        """Return the same in another system of units, from that of :data:`SOILS`."""
+        """Return the soil in another system of units, converted from that of :data:`SOILS`."""
         one, other = SYSTEMS[TABLE], SYSTEMS[system]
         factor = one.pascals / other.pascals
         return replace(
@@ -61,4 +64,4 @@ SOILS = (
     _soil("sandy-clay-medium-drained", 3.0, 5.0, 22.5, 18.0, "clay, slightly sandy, medium"),
     _soil("sandy-clay-stiff-drained", 5.0, 13.0, 22.5, 20.0, "clay, slightly sandy, stiff"),
 )
-"""In the units of the table of common materials; those with cohesion."""
+"""Common soils with cohesion, in the units of the table of common materials."""

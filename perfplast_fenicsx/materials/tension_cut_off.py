@@ -1,9 +1,10 @@
-r"""Mohr and Coulomb's or Tresca's condition with a tensile strength as well, associated (Hencky).
+r"""Define Mohr and Coulomb's or Tresca's condition with a tensile strength, associated (Hencky).
 
-The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ b and σ₁ ≤ f for principal stresses σ₁ ≥ σ₂ ≥ σ₃, with
-f < b/2s, the apex of the former. A stress is the projection of Ce in the norm of C⁻¹: that on the
-one set if it keeps to the other; else both bound it, σ₁ = f and σ₃ = r = ((1 + s)f − b)/(1 − s),
-and the nearest σ₂ in [r, f] is left.
+The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ b and σ₁ ≤ f for principal stresses σ₁ ≥ σ₂ ≥ σ₃. The
+tensile strength f is below the apex b/2s of the first condition. A stress is the projection of Ce
+in the norm of C⁻¹. If the projection on one set satisfies the other condition, it is the result.
+Otherwise both conditions are active: σ₁ = f, σ₃ = r = ((1 + s)f − b)/(1 − s), and σ₂ is the nearest
+value in [r, f].
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +33,7 @@ class CutOffLaw(MohrCoulombLaw):
 
     @property
     def _lowest(self) -> Expr:
-        """r, the least σ₃ beside σ₁ = f."""
+        """Return r, the least σ₃ with σ₁ = f."""
         return ((1 + self.sine) * self.tension - self.strength) / (1 - self.sine)
 
     def _sheared(self, most: Expr, least: Expr) -> Expr:
@@ -40,21 +41,21 @@ class CutOffLaw(MohrCoulombLaw):
 
     @property
     def _plain(self) -> MohrCoulombLaw:
-        """The law without the tensile strength."""
+        """Return the law without the tensile strength."""
         return MohrCoulombLaw(self.bulk, self.shear, self.sine, self.strength)
 
     def _trial(self, e: Expr) -> list[Expr]:
-        """Principal values of Ce, by size."""
+        """Return the principal values of Ce in descending order."""
         mean = self._lame * trace(e)
         return [mean + 2 * self.shear * w for w in principal_axes(e).ordered]
 
     def excess(self, e: Expr) -> Expr:
-        """Return the larger one of what Ce exceeds both conditions by (stress)."""
+        """Return the larger excess of Ce over both conditions (stress)."""
         most, _, least = self._trial(e)
         return ufl.max_value(self._sheared(most, least), most - self.tension)
 
     def _cut(self, e: Expr) -> tuple[list[Expr], Expr, Expr]:
-        """Principal stresses of the projection on σ₁ ≤ f, and whether two of them are f, or all."""
+        """Return principal stresses of the projection on σ₁ ≤ f, and whether two or all are f."""
         f, lame = self.tension, self._lame
         first, second, third = self._trial(e)
         one = ufl.max_value(first - f, 0.0) / (lame + 2 * self.shear)
@@ -70,19 +71,20 @@ class CutOffLaw(MohrCoulombLaw):
         return found, edge, tip
 
     def _middle(self, e: Expr) -> Expr:
-        """Return the σ₂ nearest to Ce beside σ₁ = f and σ₃ = r; it may be none between them."""
+        """Return the σ₂ nearest to Ce with σ₁ = f and σ₃ = r; it may lie outside [r, f]."""
         first, second, third = self._trial(e)
         poisson = self._lame / (2 * (self._lame + self.shear))
         return second + poisson * (self.tension + self._lowest - first - third)
 
     def _by_kind(self, e: Expr, coulomb: Expr, cut: Sequence[Expr], both: Sequence[Expr]) -> Expr:
-        """One of six scalars.
+        """Return one of six scalars.
 
         Args:
             e: The strain.
-            coulomb: Where Mohr and Coulomb's condition at most bounds the stress.
-            cut: Where the tensile strength alone does: of σ₁, of σ₁ and σ₂, of all three.
-            both: Where both do: with σ₂ between, and with σ₂ equal to another one.
+            coulomb: Value where at most Mohr and Coulomb's condition is active.
+            cut: Values where only the tensile strength is active: for σ₁, for σ₁ and σ₂, for all
+                three.
+            both: Values where both are active: with σ₂ between, and with σ₂ equal to another value.
         """
         (first, _, third), edge, tip = self._cut(e)
         f, middle = self.tension, self._middle(e)
@@ -94,7 +96,7 @@ class CutOffLaw(MohrCoulombLaw):
         return ufl.conditional(ufl.le(self._plain._returned(e)[0], f), coulomb, rest)
 
     def _returned(self, e: Expr) -> list[Expr]:
-        """Principal stresses by size."""
+        """Return the principal stresses in descending order."""
         (cut, *_), low, f = self._cut(e), self._lowest, self.tension
         middle = ufl.max_value(ufl.min_value(self._middle(e), f), low)
         return [
@@ -103,17 +105,17 @@ class CutOffLaw(MohrCoulombLaw):
         ]
 
     def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
-        """Return the reduction of 2μ due to turning axes at yield, except at a tip."""
+        """Return the reduction of 2μ due to rotating axes at yield, except at a tip."""
         lost = self._turned(stresses, strains)
         without = super()._lost(e, stresses, strains)
         return self._by_kind(e, without, [lost, lost, 0.0], [lost, lost])
 
     def _keeps(self, e: Expr) -> Expr:
-        """0 where all principal stresses are f, else 1."""
+        """Return 0 where all principal stresses are f, else 1."""
         return self._by_kind(e, super()._keeps(e), [1.0, 1.0, 0.0], [1.0, 1.0])
 
     def _merged(self, e: Expr) -> list[Expr]:
-        """Principal values of U over √μ, by size: the difference of two that flow."""
+        """Return the descending principal values of U over √μ: the difference of two that flow."""
         own = (0.0, 1.0, 1.0, 1.0), (0.0, -1.0, 0.0, -1.0), (0.0, 0.0, -1.0, 0.0)
         return [
             self._by_kind(e, a, [face, edge, 0.0], [between, corner])
@@ -121,7 +123,7 @@ class CutOffLaw(MohrCoulombLaw):
         ]
 
     def _pushes(self, e: Expr) -> list[Expr]:
-        """Principal values of M, by size: Cn/√(n·Cn)."""
+        """Return the descending principal values of M: Cn/√(n·Cn)."""
         lame, shear = self._lame, self.shear
         normals = (1.0, 0.0, 0.0), (0.5, 0.5, 0.0), (0.5, 0.0, 0.5)
         sizes = [ufl.sqrt(lame + 2 * shear * sum(x**2 for x in n)) for n in normals]
@@ -135,7 +137,7 @@ class CutOffLaw(MohrCoulombLaw):
         return found
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """As without the strength, and V with U and M where no principal stress changes."""
+        """Return the fields of :class:`MohrCoulombLaw`, and V with U and M at constant stress."""
         corner = self._by_kind(e, 0.0, [0.0, 0.0, 0.0], [0.0, 1.0])
         third = principal_axes(e).vector([corner, corner, -2 * corner])
         fields = super().tangent_fields(e, old, rho)
@@ -143,6 +145,6 @@ class CutOffLaw(MohrCoulombLaw):
 
     @property
     def yields(self) -> CutOffSet:
-        """Both conditions."""
+        """Return the set of both conditions."""
         cosine = ufl.sqrt(1 - ufl.as_ufl(self.sine) ** 2)
         return CutOffSet(self.strength / (2 * cosine), self.sine, self.tension)

@@ -1,6 +1,6 @@
-r"""Perfect plasticity with the condition of von Mises, in Hencky's form.
+r"""Define perfect plasticity with von Mises' condition, in Hencky's form.
 
-With θ = 1 / max(1, 2μ‖dev e‖/γ), which is 1 exactly on the elastic branch and needs neither a
+With θ = 1 / max(1, 2μ‖dev e‖/γ), which is exactly 1 on the elastic branch and needs neither a
 condition nor a division by ‖dev e‖,
 
     Σ(e)     = κ tr(e) δ + 2μθ dev e
@@ -38,23 +38,23 @@ class VonMisesSet:
     radius: Expr
 
     def gauge(self, s: Expr) -> Expr:
-        """‖dev s‖/γ."""
+        """Return ‖dev s‖/γ."""
         return _size(deviator(s)) / self.radius
 
     def support(self, rate: Expr) -> Expr:
-        """γ‖dev rate‖."""
+        """Return γ‖dev rate‖."""
         return self.radius * _size(deviator(rate))
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
-        """a:b."""
+        """Return a:b."""
         return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[Cone]:
-        """One, without a slope."""
+        """Return one cone without a slope."""
         return (axial_cone(self.radius, 0.0, size),)
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """Return the spherical part."""
+        """Return the spherical part of the rate."""
         return spherical(trace(rate) / 3, len(rate))
 
 
@@ -74,18 +74,18 @@ class FirstYield(Law):
 
     @property
     def elastic(self) -> IsotropicElasticity:
-        """C."""
+        """Return Hooke's tensor C."""
         return IsotropicElasticity(self.bulk, self.shear)
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """Σ^{o,ρ}[d] from what :meth:`VonMisesLaw.tangent_fields` stores."""
+        """Return Σ^{o,ρ}[d] from the fields of :meth:`VonMisesLaw.tangent_fields`."""
         a, normal = stored["a"], stored["N"]
         pressure = spherical(self.bulk * trace(d), len(d))
         return pressure + a * deviator(d) - ufl.dot(normal, d) * normal
 
     @property
     def yields(self) -> VonMisesSet:
-        """‖dev σ‖ ≤ γ."""
+        """Return the set ‖dev σ‖ ≤ γ."""
         return VonMisesSet(self.yield_radius)
 
 
@@ -96,30 +96,30 @@ class VonMisesLaw(FirstYield):
     projects: ClassVar[bool] = True
 
     def overstress(self, e: Expr) -> Expr:
-        """2μ‖dev e‖/γ: above 1 the point is plastic."""
+        """Return 2μ‖dev e‖/γ; above 1 the point is plastic."""
         return 2 * self.shear * _size(deviator(e)) / self.yield_radius
 
     def secant(self, e: Expr) -> Expr:
-        """θ in (0, 1]: the share of the elastic deviatoric stress that the yield set admits."""
+        """Return θ in (0, 1], the admissible share of the elastic deviatoric stress."""
         return 1 / ufl.max_value(1.0, self.overstress(e))
 
     def plastic(self, e: Expr, old: Old) -> Expr:
-        """1 where e lies outside the elastic range, else 0."""
+        """Return 1 where e lies outside the elastic range, else 0."""
         return ufl.conditional(ufl.gt(self.overstress(e), 1.0), 1.0, 0.0)
 
     def stress(self, e: Expr, old: Old) -> Expr:
-        """Σ(e), the derivative of ψ."""
+        """Return Σ(e), the derivative of ψ."""
         scaled = 2 * self.shear * self.secant(e) * deviator(e)
         return spherical(self.bulk * trace(e), len(e)) + scaled
 
     def potential(self, e: Expr, old: Old) -> Expr:
-        """ψ(e)."""
+        """Return ψ(e)."""
         d, theta = deviator(e), self.secant(e)
         volumetric = self.bulk * trace(e) ** 2 / 2
         return volumetric + self.shear * theta * (2 - theta) * ufl.dot(d, d)
 
     def conjugate(self, s: Expr, old: Old) -> Expr:
-        """½ s:C⁻¹s."""
+        """Return ½ s:C⁻¹s."""
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def flow(self, e: Expr) -> Expr:
@@ -127,13 +127,16 @@ class VonMisesLaw(FirstYield):
         return (1 - self.secant(e)) * deviator(e)
 
     def direction(self, e: Expr) -> Expr:
-        """n̂ = dev e/‖dev e‖ where plastic, else 0. No division by zero at e = 0."""
+        """Return n̂ = dev e/‖dev e‖ where plastic, else 0.
+
+        The expression does not divide by zero at e = 0.
+        """
         d = deviator(e)
         least = self.yield_radius / (2 * self.shear)
         return self.plastic(e, {}) * d / ufl.max_value(_size(d), least)
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """a, shape (), and N, shape (m,), with Σ^{o,ρ}(e)[d] = κ tr(d) δ + a dev d − (N:d) N."""
+        """Return a, shape (), and N, shape (m,): Σ^{o,ρ}(e)[d] = κ tr(d) δ + a dev d − (N:d)N."""
         theta = self.secant(e)
         root = ufl.sqrt(2 * self.shear * (1 - rho) * theta)
         return {
@@ -148,13 +151,13 @@ def _size(d: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class VonMises:
-    """An elastic–perfectly plastic body with the von Mises condition ‖dev σ‖ ≤ γ = √(2/3) σ_y.
+    """An elastic–perfectly plastic body with von Mises' condition ‖dev σ‖ ≤ γ = √(2/3) σ_y.
 
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
         yield_stress: Uniaxial yield stress σ_y > 0, a number or a field.
-        expansion: Strain of a change of temperature by one degree (1/temperature).
+        expansion: Thermal strain per degree (1/temperature).
         reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
     Raises:
@@ -175,17 +178,17 @@ class VonMises:
 
     @property
     def bulk(self) -> float:
-        """κ = E / (3(1 − 2ν))."""
+        """Return κ = E / (3(1 − 2ν))."""
         return Elastic(self.young, self.poisson).bulk
 
     @property
     def shear(self) -> float:
-        """μ = E / (2(1 + ν))."""
+        """Return μ = E / (2(1 + ν))."""
         return Elastic(self.young, self.poisson).shear
 
     @property
     def yield_radius(self) -> Strength:
-        """γ = √(2/3) σ_y."""
+        """Return γ = √(2/3) σ_y."""
         return math.sqrt(2 / 3) * self.yield_stress
 
     def divided_by(self, factor: float) -> "VonMises":
@@ -197,10 +200,10 @@ class VonMises:
         return replace(self, yield_stress=self.yield_stress / factor)
 
     def in_plane_stress(self) -> Sheet:
-        """σ_x² − σ_xσ_y + σ_y² + 3τ² ≤ σ_y²."""
+        """Return the sheet with σ_x² − σ_xσ_y + σ_y² + 3τ² ≤ σ_y²."""
         form = np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 1.5]])
         return Sheet(self.bulk, self.shear, self.yield_stress, form)
 
     def parameters(self) -> dict[str, Strength]:
-        """κ, μ and γ of :class:`VonMisesLaw`."""
+        """Return κ, μ and γ of :class:`VonMisesLaw`."""
         return {"bulk": self.bulk, "shear": self.shear, "yield_radius": self.yield_radius}

@@ -1,4 +1,4 @@
-"""The yield set of a law, in UFL at a point: what stresses a body carries, and what flow costs.
+"""Define the yield set of a law, in UFL at a point: admissible stresses and dissipation.
 
 Stresses s and strain rates are Mandel vectors, shape (m,) (:mod:`mandel`).
 """
@@ -17,12 +17,12 @@ from perfplast_fenicsx.materials.mandel import Expr, spherical
 class Cone:
     """‖matrix·s‖ ≤ bound − slope·s, a second-order cone of stresses.
 
-    A matrix without the mean stress leaves that free; with one of rank m the set is an ellipsoid,
-    about zero where the slope is.
+    If the matrix does not contain the mean stress, the mean stress is not bounded. If it has rank
+    m, the set is an ellipsoid, whose centre is zero if the slope is.
 
     Args:
         bound: Positive (stress), shape ().
-        slope: By which the bound falls with the stress, shape (m,); zero without friction.
+        slope: Decrease of the bound per stress, shape (m,); zero without friction.
         matrix: Full row rank, shape (k, m).
     """
 
@@ -35,12 +35,12 @@ class Cone:
 class PrincipalCone:
     """(1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound and σ₁ ≤ tension, principal stresses σ₁ ≥ σ₂ ≥ σ₃.
 
-    It is the only cone of its set, of symmetric 3 × 3 tensors.
+    It must be the only cone of its set, and acts on symmetric 3 × 3 tensors.
 
     Args:
         bound: Positive (stress), shape ().
         sine: In [0, 1), shape (); zero without friction.
-        tension: Positive (stress), shape (); None where nothing else bounds σ₁.
+        tension: Positive (stress), shape (); None if no tensile strength bounds σ₁.
     """
 
     bound: Expr
@@ -59,79 +59,82 @@ class YieldSet(Protocol):
         ...
 
     def support(self, rate: Expr) -> Expr:
-        """Sup of s:rate over the set, power per volume, for a rate that is admissible."""
+        """Return the supremum of s:rate over the set, power per volume, for an admissible rate."""
         ...
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
-        """Return a symmetric form of rates by which mechanisms are looked for along loading paths.
+        """Return a symmetric bilinear form of rates for the mechanism search along loading paths.
 
-        It is positive, and of an admissible rate with itself in proportion to the square of
-        :meth:`support`, if there is such a form; asked for where :meth:`inadmissible` is linear.
+        It is positive. If such a form exists, its value at an admissible rate is proportional to
+        the square of :meth:`support`. The program uses it only where :meth:`inadmissible` is
+        linear.
         """
         ...
 
     def cones(self, size: int) -> Sequence[Cone | PrincipalCone] | None:
-        """Return the cones whose intersection the set is; () if nothing yields, None if not known.
+        """Return the cones whose intersection is the set; () without yield, None if there are none.
 
-        Limit loads by the interior point method, strict bounds and their proofs need no more than
-        one of them: of principal stresses, or with a matrix of rank m − 1 or m and zero inside.
-        For limit loads of meshes it may be an object of another kind
+        The interior point method, strict bounds and their proofs support only one cone: of
+        principal stresses, or with a matrix of rank m − 1 or m and zero inside. For limit loads of
+        meshes it may also be an object of another class
         (:class:`perfplast_fenicsx.limit_analysis.conic.cone.LawSet`).
 
         Args:
-            size: m.
+            size: The number of Mandel components m.
         """
         ...
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """Return the part of a rate, shape (k,) and linear in it, that has to vanish, or None.
+        """Return the part of a rate, shape (k,) and linear in it, that must vanish, or None.
 
-        Where it does :meth:`support` is finite. None where no linear condition says so, as for a
-        set whose admissible rates are a cone.
+        If this part vanishes, :meth:`support` is finite. None if no linear condition describes
+        admissible rates, as when they form a cone.
         """
         ...
 
 
 class NeverYields:
-    """All stresses; see :class:`YieldSet` for the methods."""
+    """The set of all stresses; see :class:`YieldSet` for the methods."""
 
     def gauge(self, s: Expr) -> Expr:
-        """0."""
+        """Return 0."""
         return ufl.as_ufl(0)
 
     def support(self, rate: Expr) -> Expr:
-        """0, the power of no rate at all."""
+        """Return 0, the power of a rate of zero."""
         return ufl.as_ufl(0)
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
-        """a:b."""
+        """Return a:b."""
         return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[Cone]:
-        """None of them bounds a stress."""
+        """Return no cones."""
         return ()
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """Return all of it."""
+        """Return the whole rate."""
         return rate
 
 
 def axial_cone(bound: Expr, alpha: Expr | float, size: int) -> Cone:
-    """‖dev s‖ ≤ bound − αp about the hydrostatic axis, p being the mean of the normal stresses.
+    """Return the cone ‖dev s‖ ≤ bound − αp about the hydrostatic axis; p is the mean stress.
 
     Args:
         bound: γ > 0 (stress).
         alpha: α ≥ 0.
-        size: m.
+        size: The number of Mandel components m.
     """
     return Cone(bound, spherical(ufl.as_ufl(alpha) / 3, size), deviators(size))
 
 
 def deviators(size: int) -> Expr:
-    """Orthonormal deviators as rows, shape (m − 1, m): their product with s has the size of dev s.
+    """Return orthonormal deviators as rows, shape (m − 1, m).
+
+    Their product with s has the norm of dev s.
 
     Args:
-        size: m.
+        size: The number of Mandel components m.
     """
     a, b = 1 / math.sqrt(2), 1 / math.sqrt(6)
     shears = [[float(i == j) for j in range(size)] for i in range(3, size)]

@@ -1,4 +1,4 @@
-"""Meshes with named volumes and surfaces."""
+"""Create and read meshes with named volumes and surfaces."""
 
 import lazy_loader
 

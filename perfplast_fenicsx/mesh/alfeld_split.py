@@ -1,9 +1,9 @@
-"""The barycentric split of a mesh: each cell into as many as it has facets, from its centre.
+"""Split a mesh barycentrically: each cell into as many parts as facets, from its centre.
 
-On tetrahedra that are split so, quadratic velocities can keep the volume everywhere, and linear
-stresses be in equilibrium everywhere (P. Alfeld, A trivariate Clough–Tocher scheme for tetrahedral
-data, Comput. Aided Geom. Des. 1 (1984), 169). Facets of the given mesh stay whole, so that surfaces
-that match still do.
+On such split tetrahedra, quadratic velocities can preserve the volume everywhere, and linear
+stresses can satisfy equilibrium everywhere (P. Alfeld, A trivariate Clough–Tocher scheme for
+tetrahedral data, Comput. Aided Geom. Des. 1 (1984), 169). Facets of the given mesh are not divided,
+so that matching surfaces still match.
 """
 
 from dataclasses import dataclass, field
@@ -25,17 +25,19 @@ from perfplast_fenicsx.mesh.tags_of_cells import cell_meshtags
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AlfeldSplit(TaggedMesh):
-    """A mesh whose cells are parts of those of another, with the same names.
+    """A mesh whose cells are parts of the cells of another mesh, with the same names.
 
     Attributes:
-        parents: For each local cell the local index of the cell that it is a part of.
+        parents: Local index of the parent cell of each local cell.
     """
 
     parents: Ints = field(kw_only=True)
 
 
 def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
-    """Split each cell from its centre; its parts stay on its rank. Collective.
+    """Return the mesh with each cell split from its centre; its parts remain on its rank.
+
+    Collective.
 
     Args:
         tagged_mesh: Triangles or tetrahedra with straight sides, without ghost cells.
@@ -46,8 +48,8 @@ def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
     mesh = tagged_mesh.mesh
     if has_curved_cells(mesh):
         raise InputError(
-            "cells are curved, and only straight ones can be split; save the mesh with first-order"
-            " elements."
+            "cells are curved, but only straight ones can be split; save the mesh with "
+            "first-order elements."
         )
     comm, topology = mesh.comm, mesh.topology
     tdim = topology.dim

@@ -1,10 +1,10 @@
-"""Simplices cut at the midpoints of marked edges, as arrays.
+"""Cut simplices at the midpoints of marked edges, as arrays.
 
-A simplex is cut at its marked edge that comes last in a given order, its two parts at those marked
-edges that they still have, and so on. A face of two simplices is cut alike in both, for its edges
-come in the same order. So the parts fit whatever edges are marked, in the plane and in space. Where
-edges are ordered by length, and the longest of every cut triangle is marked, this is the refinement
-by the skeleton of Plaza and Carey, doi:10.1016/S0168-9274(99)00022-7.
+The algorithm cuts a simplex at its marked edge with the highest order, then its two parts at their
+remaining marked edges, and so on. A face shared by two simplices is cut in the same way in both,
+since its edges have the same order. So the parts conform whatever edges are marked, in the plane
+and in space. If edges are ordered by length, and the longest edge of every cut triangle is marked,
+this is the skeleton-based refinement of Plaza and Carey, doi:10.1016/S0168-9274(99)00022-7.
 """
 
 from collections.abc import Sequence
@@ -21,13 +21,13 @@ SIMPLEX = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
 
 @dataclass(frozen=True)
 class Parts:
-    """The parts into which simplices were cut.
+    """The parts of cut simplices.
 
     Attributes:
         cells: Their vertices, shape (num_parts, dim + 1).
-        facets: Tags of their facets, that opposite vertex k in column k, shape
+        facets: Tags of their facets, with the facet opposite vertex k in column k, shape
             (num_parts, dim + 1).
-        parents: The simplex that each is a part of, shape (num_parts,).
+        parents: The simplex of each part, shape (num_parts,).
     """
 
     cells: Longs
@@ -36,7 +36,7 @@ class Parts:
 
 
 def edges_of_simplex(dim: int) -> Longs:
-    """Local vertices of the edges of a simplex in DOLFINx's order, shape (num_edges, 2)."""
+    """Return local vertices of a simplex's edges in DOLFINx's order, shape (num_edges, 2)."""
     return np.array(basix.topology(SIMPLEX[dim])[1])
 
 
@@ -48,15 +48,15 @@ def edges_of_faces(dim: int) -> Longs:
 
 
 def cut(cells: Longs, facets: Ints, middles: Longs, order: Longs, inner: int) -> Parts:
-    """Cut simplices at the marked edges.
+    """Return the parts of simplices cut at the marked edges.
 
     Args:
         cells: Vertices of each simplex, shape (n, dim + 1).
         facets: Tags of its facets, shape (n, dim + 1).
-        middles: Number of the vertex on each of its edges, −1 where it is not marked; shape
-            (n, num_edges).
-        order: Numbers that say which edge is cut first, the largest; different in a simplex and the
-            same in all simplices that have the edge; shape (n, num_edges).
+        middles: Index of the vertex on each of its edges, −1 for unmarked edges; shape (n,
+            num_edges).
+        order: Order of the edges, of which the largest is cut first; distinct in a simplex and
+            equal in all simplices that share the edge; shape (n, num_edges).
         inner: The tag of facets between parts of one simplex.
     """
     size = cells.shape[1]
@@ -83,12 +83,12 @@ def cut(cells: Longs, facets: Ints, middles: Longs, order: Longs, inner: int) ->
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Simplices with what is still to be cut of them.
+    """Simplices with their remaining cuts.
 
     Attributes:
-        cells: As for :class:`Parts`, and so are ``facets`` and ``parents``.
+        cells: As for :class:`Parts`, also ``facets`` and ``parents``.
         middle: The vertex between two vertices, −1 for none, shape (n, dim + 1, dim + 1).
-        rank: Which edge is cut first, the largest; of the same shape.
+        rank: Order of the edges, of which the largest is cut first; same shape.
     """
 
     cells: Longs
@@ -98,11 +98,14 @@ class _Pieces:
     rank: Longs
 
     def rows(self, which: npt.NDArray[np.bool_]) -> "_Pieces":
-        """Return some of them."""
+        """Return some of the simplices."""
         return _Pieces(*(getattr(self, name)[which] for name in _NAMES))
 
     def half(self, kept: Longs, moved: Longs, inner: int) -> "_Pieces":
-        """Return the half of each that keeps one end of an edge; the other moves to the middle."""
+        """Return the half of each simplex that keeps one end of an edge.
+
+        The other end moves to the middle.
+        """
         row = np.arange(len(self.cells))
         half = _Pieces(*(getattr(self, name).copy() for name in _NAMES))
         half.cells[row, moved] = self.middle[row, kept, moved]

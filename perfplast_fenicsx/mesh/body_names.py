@@ -1,4 +1,4 @@
-"""Names of bodies: that of their volume, and their place if a volume has several bodies."""
+"""Name bodies by their volume, with their position if a volume has several bodies."""
 
 from collections import Counter
 
@@ -12,16 +12,16 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def body_names(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, bodies: Bodies) -> list[str]:
-    """Return words for each body, alike on every rank. Collective.
+    """Return a name for each body, the same on every rank. Collective.
 
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        bodies: Its bodies.
+        bodies: The bodies of the mesh.
 
     Returns:
-        "'pin'"; "'bolts' about (0.5, 2.5)", with its middle, where several bodies have that name;
-        all names where bodies of several names are one.
+        Such as "'pin'"; "'bolts' about (0.5, 2.5)" with its middle, if several bodies share a name;
+        all names if volumes with several names form one body.
     """
     topology, tags = tagged_mesh.mesh.topology, tagged_mesh.cell_tags
     owned = tags.indices < topology.index_map(topology.dim).size_local

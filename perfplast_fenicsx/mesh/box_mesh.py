@@ -1,9 +1,9 @@
-"""Assemblies of boxes cut into cubes and tetrahedra, each rank making its own part of the input.
+"""Mesh assemblies of boxes with cubes and tetrahedra; each rank creates its own part.
 
-Every cube, with corners 1…8 = (000)(100)(110)(010)(001)(101)(111)(011), is cut into the tetrahedra
-1246 1456 4568 2346 3674 4678. The ends of each edge have exactly the coordinates given, and points
-between them are rounded once. So surfaces are found by exact comparison and the vertices of two
-touching surfaces coincide exactly.
+Every cube, with corners 1…8 = (000)(100)(110)(010)(001)(101)(111)(011), is divided into the
+tetrahedra 1246 1456 4568 2346 3674 4678. The ends of each edge have exactly the given coordinates,
+and points between them are rounded once. So surfaces are found by exact comparison and the vertices
+of two touching surfaces coincide exactly.
 """
 
 import math
@@ -44,8 +44,8 @@ class Box:
         lower: Its corner with the smallest coordinates, shape (3,).
         upper: The opposite corner, shape (3,).
         counts: Number of cubes along each axis.
-        keep: Which cubes to keep, by their numbers along the axes, shape (3, num_cubes); None
-            for all.
+        keep: Which cubes to keep, by their indices along the axes, shape (3, num_cubes); None for
+            all.
     """
 
     name: str
@@ -56,16 +56,16 @@ class Box:
 
     @property
     def num_cubes(self) -> int:
-        """Number of cubes, kept or not."""
+        """Return the number of cubes, kept or not."""
         return math.prod(self.counts)
 
     @property
     def num_vertices(self) -> int:
-        """Number of vertices of all cubes, kept or not."""
+        """Return the number of vertices of all cubes, kept or not."""
         return math.prod(count + 1 for count in self.counts)
 
     def points(self, vertices: Longs) -> Floats:
-        """Return coordinates of vertices by number, the x axis fastest, shape (num_vertices, 3)."""
+        """Return coordinates of vertices by index, the x axis fastest, shape (num_vertices, 3)."""
         shape = [count + 1 for count in self.counts]
         steps = np.stack(np.unravel_index(vertices, shape, order="F"), axis=1)
         lower, upper = np.array(self.lower), np.array(self.upper)
@@ -73,7 +73,7 @@ class Box:
         return np.where(steps == self.counts, upper, inner)
 
     def tetrahedra(self, cubes: Longs) -> Longs:
-        """Vertex numbers of the tetrahedra of those of ``cubes`` that are kept, shape (·, 4)."""
+        """Return vertex indices of the tetrahedra of the kept cubes, shape (·, 4)."""
         steps = np.stack(np.unravel_index(cubes, self.counts, order="F"))
         if self.keep is not None:
             steps = steps[:, self.keep(steps)]
@@ -84,12 +84,12 @@ class Box:
 
 @dataclass(frozen=True)
 class Surface:
-    """The exterior facets of some bodies whose vertices all lie where ``where`` says.
+    """The exterior facets of some bodies with all vertices where ``where`` is true.
 
     Attributes:
         name: Name of the surface.
         bodies: Names of the volumes.
-        where: Marks points, shape (3, num_points).
+        where: Function that marks points of shape (3, num_points).
     """
 
     name: str
@@ -103,17 +103,17 @@ def structured_mesh(
     surfaces: Sequence[Surface],
     rank_of: Callable[[Floats], Ints] | None = None,
 ) -> TaggedMesh:
-    """Mesh boxes that share no vertices, and name their surfaces. Collective.
+    """Return a mesh of boxes that share no vertices, with named surfaces. Collective.
 
-    Each rank makes an equal share of the cubes and of the vertices, whichever they are; DOLFINx
-    then distributes the cells. Vertices of cubes that are not kept do not get into the mesh.
+    Each rank creates an equal share of the cubes and of the vertices; DOLFINx then distributes the
+    cells. Vertices of cubes that are not kept are not part of the mesh.
 
     Args:
         comm: Communicator of the mesh, which gets no ghost cells.
         boxes: The bodies.
         surfaces: Their named surfaces, which must not overlap.
-        rank_of: Ranks of cells by their middles, shape (num_cells, 3); DOLFINx's partitioner
-            decides where there is none.
+        rank_of: Function that returns the ranks of cells from their middles, shape (num_cells, 3);
+            None for DOLFINx's partitioner.
 
     Raises:
         InputError: If the mesh would not fit into the memory of the machines.
@@ -164,21 +164,21 @@ def structured_mesh(
 
 
 def _check_size(comm: MPI.Intracomm, boxes: Sequence[Box]) -> None:
-    """Refuse meshes that are too large for memory, before allocating them. Collective."""
+    """Refuse meshes that are too large for memory, before they are allocated. Collective."""
     cubes = sum(box.num_cubes for box in boxes)
-    # Bytes that a tetrahedron needs at the very least, while the mesh is made.
+    # Least number of bytes for a tetrahedron while the mesh is created.
     least_memory = 200
     needed = cubes * len(TETRAHEDRA) * least_memory
     enough, _, available = has_memory(comm, needed / comm.size)
     if not enough:
         raise InputError(
-            f"{float(cubes * len(TETRAHEDRA)):.3g} tetrahedra need more than the"
-            f" {available / 2**30:.3g} GiB of memory there are; choose a smaller n"
+            f"{float(cubes * len(TETRAHEDRA)):.3g} tetrahedra need more than the available "
+            f"{available / 2**30:.3g} GiB of memory; choose a smaller n"
         )
 
 
 def _shares(comm: MPI.Intracomm, sizes: Sequence[int]) -> list[Longs]:
-    """This rank's part of consecutive ranges of these sizes, as local numbers in each range."""
+    """Return this rank's part of consecutive ranges of given sizes, as local indices."""
     total = sum(sizes)
     start, stop = total * comm.rank // comm.size, total * (comm.rank + 1) // comm.size
     firsts = np.cumsum([0, *sizes[:-1]])

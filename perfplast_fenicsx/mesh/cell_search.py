@@ -10,7 +10,7 @@ from perfplast_fenicsx.arrays import Floats, Longs
 
 
 class CellSearch:
-    """Cells by their places; those of about the same size are in one tree."""
+    """Search for cells by position; one tree for cells of about the same size."""
 
     def __init__(self, x: Floats) -> None:
         """Put cells into trees.
@@ -27,16 +27,16 @@ class CellSearch:
             self._trees.append((KDTree(centres[cells]), cells, float(radii[cells].max())))
 
     def near(self, points: Floats, within: Floats) -> Iterator[tuple[Longs, Longs]]:
-        """Yield pairs of a point and a cell no farther from it than ``within``, some that are, too.
+        """Yield pairs of a point and a cell within a distance, and some pairs farther apart.
 
         Args:
-            points: Shape (n, gdim).
-            within: Shape (n,).
+            points: Points, shape (n, gdim).
+            within: Largest distance of each point, shape (n,).
 
         Yields:
-            Numbers of points and of cells; each pair comes once.
+            Indices of points and of cells; each pair occurs once.
         """
-        # So many points are looked up together, which bounds the memory for pairs.
+        # Number of points in one search, which bounds the memory for pairs.
         at_once = 20_000
         for tree, cells, radius in self._trees:
             for first in range(0, len(points), at_once):

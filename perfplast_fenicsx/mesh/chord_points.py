@@ -1,8 +1,8 @@
-"""Points that lie on the chords of a plane surface, or beside them as those of a curve do.
+"""Find points on the chords of a plane surface, or next to them as on a curve.
 
-Two polygons that stand for one curve have their vertices on it, and part between them. A point is
-one of the curve beside a chord if it lies on the side that the surface bulges to, no farther than
-an arc may that turns as the chords do.
+Two polygons that approximate one curve have their vertices on it, and differ between them. A point
+counts as a point of the curve next to a chord if it lies on the bulging side, within the distance
+of an arc that turns as the chords do.
 """
 
 import numpy as np
@@ -12,17 +12,17 @@ from perfplast_fenicsx.arrays import Floats, Longs
 
 
 def bulges(ends: Floats, every: Floats) -> Floats:
-    """By how much chords turn into their neighbours, to either side.
+    """Return by how much chords turn into their neighbours, to either side.
 
     Args:
         ends: Ends of some chords, shape (n, 2, 2).
-        every: Of all chords of the surface, shape (m, 2, 2).
+        every: Ends of all chords of the surface, shape (m, 2, 2).
 
     Returns:
-        Sines of the larger angle that bends the surface away from the left of a chord, and from the
-        right; 0 where none does and beside corners. Shape (n, 2).
+        Sines of the larger angle by which the surface bends away from the left of a chord, and from
+        the right; 0 without a bend and next to corners. Shape (n, 2).
     """
-    corner = 0.6  # sine of an angle that is no approximation of a curve
+    corner = 0.6  # sine of an angle that does not approximate a curve
     found = np.zeros((len(ends), 2))
     if not len(every):
         return found
@@ -33,7 +33,7 @@ def bulges(ends: Floats, every: Floats) -> Floats:
     for end in (0, 1):
         here = ends[:, end]
         apart, which = tree.query(here, k=2)
-        # this chord and, but at an end of the surface, the next one
+        # this chord and, except at an end of the surface, the next one
         near = apart <= _off_by_rounding(lengths)[:, None]
         far = every[which // 2, 1 - which % 2] - here[:, None]
         reach = np.where(near, np.linalg.norm(far, axis=2), 1.0)
@@ -46,17 +46,17 @@ def bulges(ends: Floats, every: Floats) -> Floats:
 
 
 def chord_points(ends: Floats, bulging: Floats, points: Floats) -> tuple[Longs, Longs, Floats]:
-    """Return chords that points lie on or beside, and where between their ends.
+    """Return chords with points on or next to them, and the positions between their ends.
 
-    Points near the ends of a chord are left.
+    Points near the ends of a chord are ignored.
 
     Args:
         ends: Ends of the chords, shape (n, 2, 2).
-        bulging: Their :func:`bulges`, shape (n, 2); 0 for points on the chords alone.
-        points: Shape (m, 2).
+        bulging: Their :func:`bulges`, shape (n, 2); 0 for points exactly on the chords only.
+        points: Points, shape (m, 2).
 
     Returns:
-        Chords and points, and shares of the chord, in the order of chords and then of shares.
+        Chords, points and positions as shares of the chord, sorted by chord and position.
     """
     nothing = np.zeros(0, dtype=np.int64)
     if not len(ends) or not len(points):
@@ -70,10 +70,10 @@ def chord_points(ends: Floats, bulging: Floats, points: Floats) -> tuple[Longs, 
     e, length = along[chord] / lengths[chord, None], lengths[chord]
     at = np.einsum("ni,ni->n", offset, e) / length
     off = (offset[:, 1] * e[:, 0] - offset[:, 0] * e[:, 1]) / length
-    # Distance of a point from an end of a chord, relative to the chord, that makes it the end.
+    # Distance from an end of a chord, relative to the chord, at which a point equals the end.
     at_end = 1e-6
-    # What an arc that turns by a chord's angle at its ends is away, at most, over that: an eighth
-    # in the middle of it, or a quarter where its neighbour is far shorter.
+    # Largest distance of an arc that turns by a chord's angle at its ends, over that angle: an
+    # eighth at its middle, or a quarter if its neighbour is far shorter.
     most = 1.25 * at * (1 - at)
     left, right = bulging[chord].T * most + _off_by_rounding(np.ones(len(at)))
     good = (off <= left) & (off >= -right) & (at > at_end) & (at < 1 - at_end)
@@ -85,14 +85,14 @@ def chord_points(ends: Floats, bulging: Floats, points: Floats) -> tuple[Longs, 
 
 
 def farthest(every: Floats, points: Floats) -> float | None:
-    """Return how far points are from the chords of a surface (length); 0 where all lie on it.
+    """Return the distance of points from the chords of a surface (length); 0 if all lie on it.
 
     Args:
         every: Ends of all its chords, shape (n, 2, 2).
-        points: Shape (m, 2).
+        points: Points, shape (m, 2).
 
     Returns:
-        None where a point is neither on a chord nor beside one.
+        None if a point is neither on a chord nor next to one.
     """
     if not len(every) or not len(points):
         return None
@@ -112,5 +112,5 @@ def farthest(every: Floats, points: Floats) -> float | None:
 
 
 def _off_by_rounding(lengths: Floats) -> Floats:
-    """How far a point that lies on a chord, or at its end, may be off, by the chord's length."""
+    """Return the rounding error of a point on a chord, or at its end, by the chord's length."""
     return 1e-8 * lengths

@@ -1,4 +1,4 @@
-"""Bodies as connected sets of cells, and their rigid motions."""
+"""Find bodies as connected sets of cells, and their rigid motions."""
 
 from dataclasses import dataclass
 
@@ -20,8 +20,8 @@ class Bodies:
     """The connected components of a mesh.
 
     Attributes:
-        count: Number of bodies on all ranks together.
-        of_node: Body index of each local (owned and ghost) block dof, shape (num_nodes,).
+        count: Number of bodies on all ranks.
+        of_node: Index of the body of each local (owned and ghost) block dof, shape (num_nodes,).
         centre: Centre of the bodies, shape (3,).
         size: Diagonal of the box around the bodies (length).
         gdim: Geometric dimension.
@@ -37,11 +37,11 @@ class Bodies:
 
     @property
     def num_modes(self) -> int:
-        """Rigid motions a body has: 6 in space, 3 in plane strain, 1 in axisymmetry."""
+        """Return the number of rigid motions: 6 in space, 3 in plane strain, 1 in axisymmetry."""
         return len(self.kinematics.motions)
 
     def rigid_modes(self, x: Floats) -> Floats:
-        """Rigid motions at points: translations, then rotations about the centre, of unit size.
+        """Return unit rigid motions at points: translations, then rotations about the centre.
 
         Args:
             x: Points, shape (n, 3).
@@ -58,15 +58,15 @@ class Bodies:
         x: Floats,
         rows: Floats,
     ) -> Floats:
-        """Functionals ``rows``·u(x) as functionals of all bodies' rigid motions.
+        """Return functionals ``rows``·u(x) in terms of all bodies' rigid motions.
 
         Args:
-            body: The body whose displacement is meant, shape (n,).
+            body: The body of each displacement, shape (n,).
             x: Points, shape (n, 3).
             rows: Coefficients of the displacement, shape (n, gdim).
 
         Returns:
-            Shape (n, count * num_modes).
+            Functionals, shape (n, count * num_modes).
         """
         values = np.einsum("ni,nim->nm", rows, self.rigid_modes(x))
         columns = body[:, None] * self.num_modes + np.arange(self.num_modes)
@@ -76,7 +76,7 @@ class Bodies:
 
 
 def find_bodies(V: fem.FunctionSpace, kinematics: Kinematics) -> Bodies:
-    """Label the bodies of V's mesh and measure them. Collective."""
+    """Return the bodies of V's mesh. Collective."""
     comm = V.mesh.comm
     count, of_node = components(comm, V.dofmap.index_map, V.dofmap.list)
     x = V.tabulate_dof_coordinates()
@@ -86,18 +86,18 @@ def find_bodies(V: fem.FunctionSpace, kinematics: Kinematics) -> Bodies:
 
 
 def components(comm: MPI.Intracomm, index_map: IndexMap, cells: Ints) -> tuple[int, Ints]:
-    """Which things of cells hang together: the number of pieces, and that of each. Collective.
+    """Return the number of connected components, and the component of each entity. Collective.
 
-    Each rank finds its own pieces. A ghost ties the piece it lies in here to the piece it lies in
-    on its owner: only these few ties are shared by all ranks.
+    Each rank finds its own components. A ghost connects its component on this rank to its component
+    on the owner; only these few connections are shared by all ranks.
 
     Args:
         comm: The ranks.
-        index_map: Index map of the things: nodes, or facets.
-        cells: Local numbers of those that each local cell joins, shape (num_cells, n).
+        index_map: Index map of the entities: nodes, or facets.
+        cells: Local indices of the entities that each local cell joins, shape (num_cells, n).
 
     Returns:
-        The number of pieces, and the piece of each local thing, ghosts too.
+        The number of components, and the component of each local entity, including ghosts.
     """
     num_nodes = index_map.size_local + index_map.num_ghosts
     rows = np.repeat(cells[:, 0], cells.shape[1])

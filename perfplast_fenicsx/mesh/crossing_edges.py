@@ -1,8 +1,8 @@
-"""Inner vertices of a plane mesh at which two straight lines nearly cross.
+"""Move inner vertices of a plane mesh at which two straight lines nearly cross.
 
-Where four triangles meet whose edges are two straight lines, one condition on a stress that is
-linear in each of them follows from the others. Where the lines are nearly straight, by rounding of
-what a mesh generator has written, it nearly does, and no factorisation resolves what is left of it.
+Where four triangles meet whose edges form two straight lines, one condition on a stress that is
+linear in each of them follows from the others. If the lines are straight up to the rounding of a
+mesh generator, this holds approximately, and no factorisation resolves the remaining part.
 """
 
 import numpy as np
@@ -16,16 +16,17 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None = None) -> int:
-    """Move such vertices a little, in the mesh itself. Collective.
+    """Move such vertices slightly, in the given mesh. Collective.
 
-    Surfaces and the shapes of bodies stay: what is on one of them is not moved.
+    Surfaces and the shapes of bodies do not change: vertices on them are not moved.
 
     Args:
         tagged_mesh: Mesh of straight triangles.
-        stays: Which local vertices are not moved, as lines that loads depend on run through them.
+        stays: Local vertices that are not moved, because lines on which loads depend run through
+            them.
 
     Returns:
-        How many were moved, on all ranks together.
+        Number of moved vertices on all ranks.
     """
     mesh = tagged_mesh.mesh
     topology, comm = mesh.topology, mesh.comm
@@ -60,12 +61,12 @@ def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None 
     sums.scatter_forward()
     cells = table[:, 3]
     alike = np.abs(cells * table[:, 5] - table[:, 4] ** 2) < 0.5
-    bend = np.linalg.norm(table[:, :2], axis=1) / 2  # each edge is one of two triangles
-    # Sum of the four unit vectors along lines that do cross, at most: rounding.
+    bend = np.linalg.norm(table[:, :2], axis=1) / 2  # each edge belongs to two triangles
+    # Largest sum of the four unit vectors of exactly crossing lines: rounding.
     rounding = 1e-13
-    clear = 1e-3  # the same sum where edges are no lines for the computer either, at least
+    clear = 1e-3  # smallest sum at which edges are numerically no lines
     nearly = (cells == 4) & alike & (table[:, 6] == 0) & (rounding < bend) & (bend < clear)
-    shifted = 0.05  # way of a vertex, over the harmonic mean of the lengths of its edges
+    shifted = 0.05  # displacement of a vertex, relative to the harmonic mean length of its edges
     nearly &= True if stays is None else ~stays
     # No triangle folds: the sum of the inverse heights is at least that of the least height.
     within = 0.3
@@ -74,7 +75,7 @@ def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None 
     )
     step = np.where(nearly, far, 0.0)
     nodes = entity_nodes(mesh, 0, np.arange(count, dtype=np.int32)).reshape(-1)
-    # Direction of the way; whichever it is, it bends one of the lines.
+    # Direction of the displacement; any direction bends one of the lines.
     way = np.array([0.8, 0.6])
     mesh.geometry.x[nodes, :2] += step[:, None] * way
     moved: int = comm.allreduce(int(nearly[: index_map.size_local].sum()))

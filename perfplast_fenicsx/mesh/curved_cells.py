@@ -1,4 +1,4 @@
-"""Is the geometry of a mesh that of its vertices?"""
+"""Check whether the geometry of a mesh is that of its vertices."""
 
 from mpi4py import MPI
 
@@ -9,7 +9,7 @@ from perfplast_fenicsx.compat import coordinate_map, geometry_dofmap
 
 
 def has_curved_cells(mesh: Mesh) -> bool:
-    """Return whether a cell's geometry is not that of its vertices. Collective."""
+    """Return whether any cell is curved. Collective."""
     cmap, tdim = coordinate_map(mesh), mesh.topology.dim
     if cmap.degree == 1:
         return False
@@ -18,7 +18,7 @@ def has_curved_cells(mesh: Mesh) -> bool:
     layout = cmap.create_dof_layout()
     size = np.ptp(vertices, axis=1).max(axis=1)
     curved = False
-    # Distance of a midside node from the middle that is rounding, relative to the cell.
+    # Distance of a midside node from the middle that counts as rounding, relative to the cell.
     rounding = 1e-10
     for edge in range(3 if tdim == 2 else 6):
         ends = [d for d in layout.entity_closure_dofs(1, edge) if d <= tdim]

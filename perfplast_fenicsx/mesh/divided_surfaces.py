@@ -1,7 +1,7 @@
-"""Cells of plane bodies divided at a surface, where the nodes of another one lie on it.
+"""Divide cells of plane bodies at a surface where nodes of another surface lie on it.
 
-A cell is divided from the vertex opposite, so that the rest of the mesh stays as it is. Where that
-is done on both sides of an interface their facets match.
+A cell is divided from its opposite vertex, so that the rest of the mesh does not change. After a
+division on both sides of an interface, their facets match.
 """
 
 import basix.ufl
@@ -21,10 +21,10 @@ from perfplast_fenicsx.mesh.tags_of_cells import cell_meshtags
 
 
 def surface_ends(tagged_mesh: TaggedMesh, surface: str) -> Floats:
-    """Return ends of the outer facets of a plane surface, those of all ranks. Collective.
+    """Return the ends of the outer facets of a plane surface on all ranks. Collective.
 
     Returns:
-        Shape (num_facets, 2, 2), known to each rank.
+        Ends, shape (num_facets, 2, 2), the same on each rank.
     """
     outer = outer_facets(tagged_mesh.mesh)
     ends, _ = _facets(tagged_mesh, outer, surface)
@@ -34,22 +34,23 @@ def surface_ends(tagged_mesh: TaggedMesh, surface: str) -> Floats:
 def divided(
     tagged_mesh: TaggedMesh, surface: str, points: Floats, every: Floats | None = None
 ) -> TaggedMesh:
-    """The mesh with cells divided where points lie inside of facets of a surface. Collective.
+    """Return the mesh with cells divided where points lie inside facets of a surface. Collective.
 
-    A cell that has two facets of the surface is left, and so are points near the ends of a facet.
+    A cell with two facets of the surface is not divided, and points near the ends of a facet are
+    ignored.
 
     Args:
         tagged_mesh: Plane bodies of straight cells, without ghost cells.
         surface: The surface.
         points: The same on each rank, shape (num_points, 2).
-        every: Ends of all facets of the surface, shape (num_facets, 2, 2), if points that lie
-            beside them as on a curve are to be vertices too (:mod:`chord_points`).
+        every: Ends of all facets of the surface, shape (num_facets, 2, 2), if points next to them,
+            as on a curve, become vertices too (:mod:`chord_points`).
 
     Returns:
-        The mesh, cells on the same ranks; itself where nothing is to be divided.
+        The mesh, with cells on the same ranks; the given mesh if nothing is divided.
 
     Raises:
-        InputError: If a cell is thinner than its facet is bent.
+        InputError: If a cell is thinner than the bend of its facet.
     """
     mesh = tagged_mesh.mesh
     comm, topology = mesh.comm, mesh.topology
@@ -118,14 +119,14 @@ def divided(
 
 
 def _snapped(places: Floats, points: Floats) -> Floats:
-    """Return places with those at a point moved onto it, so that both sides have one number.
+    """Return positions moved onto coinciding points, so that both sides have one number.
 
-    Surfaces that are meshed apart differ by the rounding of their file: 3e-12 was seen. Beside
-    pressures a hundred times the strength no stress keeps its balance over such a step.
+    Surfaces that are meshed apart differ by the rounding of their file, such as 3e-12. With
+    pressures of a hundred times the strength, no stress satisfies equilibrium over such a step.
 
     Args:
-        places: Shape (n, 2).
-        points: Shape (num_points, 2), at least one.
+        places: Positions, shape (n, 2).
+        points: Points, shape (num_points, 2), at least one.
     """
     same = 1e-9 * float(np.ptp(points, axis=0).max())
     apart, nearest = cKDTree(points).query(places, distance_upper_bound=same)
@@ -136,7 +137,7 @@ def _snapped(places: Floats, points: Floats) -> Floats:
 
 
 def _facets(tagged_mesh: TaggedMesh, outer: OuterFacets, surface: str) -> tuple[Floats, Longs]:
-    """Ends of the owned outer facets of a surface, shape (n, 2, 2), and which of ``outer``."""
+    """Return ends of a surface's owned outer facets, shape (n, 2, 2), and indices in ``outer``."""
     topology = tagged_mesh.mesh.topology
     owned = outer.facets < topology.index_map(1).size_local
     chosen = np.flatnonzero(owned & np.isin(outer.facets, tagged_mesh.facets(surface)))
@@ -151,7 +152,7 @@ def _ends(cells: Ints | Longs, places: Ints) -> Longs:
 
 
 def _folded(surface: str, ends: Floats, new: Floats, opposite: Floats) -> str | None:
-    """A fault where a new vertex is not on the same side of the opposite one as its facet."""
+    """Return a message if a new vertex lies on the wrong side of the opposite vertex, else None."""
 
     def turn(a: Floats, b: Floats) -> Floats:
         one, other = a - opposite, b - opposite
@@ -167,13 +168,13 @@ def _folded(surface: str, ends: Floats, new: Floats, opposite: Floats) -> str | 
 
 
 def _chains(cells: Longs, places: Ints, counts: Longs, first: int) -> Longs:
-    """Return parts of cells: the ends of their facet, and the vertex opposite.
+    """Return parts of cells: the ends of their facet, and the opposite vertex.
 
     Args:
-        cells: Numbers of their vertices, shape (n, 3).
-        places: Places of the vertex opposite the facet that is divided.
-        counts: New vertices on that, at least 1.
-        first: Number of the first of them.
+        cells: Vertices of the cells, shape (n, 3).
+        places: Index of the vertex opposite the divided facet.
+        counts: Number of new vertices on it, at least 1.
+        first: Index of the first new vertex.
     """
     ends = _ends(cells, places)
     opposite = np.take_along_axis(cells, places[:, None].astype(np.int64), axis=1)[:, 0]

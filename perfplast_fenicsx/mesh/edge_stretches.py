@@ -1,7 +1,7 @@
-"""How much longer edges count than they are, where a field changes along them.
+"""Lengthen edges of a mesh virtually where a field changes along them.
 
-Bands of slip are thin: across them cells have to be small, and along them they need not be. So
-edges along which fields change are cut first, and those along which they are the same later.
+Slip bands are thin: cells must be small across them, but not along them. So edges along which
+fields change are cut first, and others later.
 """
 
 import numpy as np
@@ -14,11 +14,11 @@ from perfplast_fenicsx.mesh.straight_geometry import corners
 
 
 def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
-    """Factors of the lengths of local edges, the same on all ranks that have them. Collective.
+    """Return factors of the lengths of local edges, the same on all ranks. Collective.
 
-    They are 1/2 and the change along the edge in parts of the most that there could be for the size
-    of the gradients, a mean over the cells around. So cells become up to about three times as long
-    as wide.
+    A factor is 1/2 plus the change along the edge relative to its largest possible value for the
+    size of the gradients, averaged over the surrounding cells. So cells become up to about three
+    times as long as they are wide.
 
     Args:
         mesh: Mesh of tetrahedra with straight sides.
@@ -26,7 +26,7 @@ def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
             (num_cells, 3, m).
 
     Returns:
-        Shape (num_edges,), 0.5 to 1.5.
+        Factors, shape (num_edges,), 0.5 to 1.5.
     """
     topology = mesh.topology
     topology.create_entities(1)
@@ -48,6 +48,6 @@ def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     share = np.divide(table[:, 0], table[:, 1], out=np.zeros(len(table)), where=table[:, 1] > 0)
-    digits = 3  # so that edges that are alike stay so, whatever was added up first
+    digits = 3  # rounded, so that equal edges have equal factors in any order of summation
     stretches: Floats = 0.5 + np.round(share, digits)
     return stretches

@@ -1,4 +1,4 @@
-"""How large the elements of a mesh are."""
+"""Measure the size of the elements of a mesh."""
 
 from mpi4py import MPI
 

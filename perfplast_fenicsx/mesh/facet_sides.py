@@ -1,4 +1,4 @@
-"""Cells on both sides of facets: a mesh that is folded over itself has two on one side."""
+"""Count cells on both sides of facets: a folded mesh has two cells on one side."""
 
 from dataclasses import dataclass
 
@@ -16,12 +16,13 @@ from perfplast_fenicsx.mesh.straight_geometry import corners
 
 @dataclass(frozen=True)
 class Sides:
-    """How many cells a facet has, and on which of its sides.
+    """The number of cells of each facet, and their sides.
 
     Attributes:
-        of_cell: Local facets of each owned cell, facet i opposite vertex i, shape (n, tdim + 1).
-        count: Cells of each local facet, those of all ranks, shape (num_facets,).
-        signs: Sum over them of 1 for the one side and −1 for the other, shape (num_facets,).
+        of_cell: Local facets of each owned cell, with facet i opposite vertex i, shape (n, tdim +
+            1).
+        count: Number of cells of each local facet on all ranks, shape (num_facets,).
+        signs: Sum over these cells of 1 for one side and −1 for the other, shape (num_facets,).
     """
 
     of_cell: Ints
@@ -30,7 +31,7 @@ class Sides:
 
 
 def sides_of_facets(mesh: Mesh) -> Sides:
-    """Count the cells on each side of all facets; which one is which is arbitrary. Collective."""
+    """Return the cells on each side of all facets; the order of sides is arbitrary. Collective."""
     topology, tdim = mesh.topology, mesh.topology.dim
     for pair in ((tdim - 1, tdim), (tdim, tdim - 1), (tdim - 1, 0)):
         topology.create_connectivity(*pair)
@@ -43,7 +44,7 @@ def sides_of_facets(mesh: Mesh) -> Sides:
     seen[:] = 0
     for place in range(tdim + 1):
         others = np.delete(np.arange(tdim + 1), place)
-        # all ranks and both cells see the facet's vertices in the order of their global numbers
+        # all ranks and both cells use the order of the facet's global vertex numbers
         order = np.argsort(number[:, others], axis=1)
         corner = np.take_along_axis(cells[:, others], order, axis=1)
         edges = np.concatenate([x[corner[:, 1:]], x[cells[:, [place]]]], axis=1) - x[corner[:, :1]]
@@ -55,7 +56,7 @@ def sides_of_facets(mesh: Mesh) -> Sides:
 
 
 def check_sides(mesh: Mesh) -> None:
-    """Refuse cells that lie on the same side of a facet, and curved cells that fold. Collective.
+    """Refuse cells on the same side of a facet, and curved cells that fold. Collective.
 
     Raises:
         InputError: With the number of such places, and one of them.
@@ -73,21 +74,24 @@ def check_sides(mesh: Mesh) -> None:
 def _refuse(
     mesh: Mesh, x: Floats, wrong: npt.NDArray[np.bool_], what: str, numbers: Ints | None = None
 ) -> None:
-    """Collective; ``wrong`` has a row for each cell, and ``numbers`` say what is the same."""
+    """Collective.
+
+    ``wrong`` has a row for each cell, and equal ``numbers`` identify the same fault.
+    """
     count = len(np.unique(numbers[wrong])) if numbers is not None else int(wrong.sum())
     total, message = mesh.comm.allreduce(count), None
     if count:
         cell = x[np.argmax(wrong.any(axis=1))]
         place = place_of(cell.mean(axis=0))
         message = (
-            f"the mesh is folded over itself: {total} {what}, one of them at a cell about"
-            f" {place}; mesh the bodies again"
+            f"the mesh is folded over itself: {total} {what}, one of them at a cell around "
+            f"{place}; mesh the bodies again"
         )
     raise_together(mesh.comm, message)
 
 
 def _inside_out(mesh: Mesh) -> npt.NDArray[np.bool_]:
-    """Owned cells in which the volume element changes its sign, seen at points of a lattice."""
+    """Return owned cells whose Jacobian changes sign, tested at points of a lattice."""
     cmap, tdim = coordinate_map(mesh), mesh.topology.dim
     owned = mesh.topology.index_map(tdim).size_local
     if cmap.degree == 1:
@@ -96,7 +100,7 @@ def _inside_out(mesh: Mesh) -> npt.NDArray[np.bool_]:
     element = basix.create_element(
         basix.ElementFamily.P, kind, cmap.degree, basix.LagrangeVariant.equispaced
     )
-    # of degree tdim (degree - 1) at most, which so many points determine
+    # a polynomial of degree tdim (degree - 1), which so many points determine
     points = basix.create_lattice(
         kind, tdim * (cmap.degree - 1), basix.LatticeType.equispaced, True
     )
@@ -105,6 +109,6 @@ def _inside_out(mesh: Mesh) -> npt.NDArray[np.bool_]:
     x = x[geometry_dofmap(mesh)[:owned], : mesh.geometry.dim]
     size = np.linalg.det(np.einsum("jpn,cni->cpij", slopes, x))
     size *= np.where(size.sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    # A curved cell is folded where its volume element is below this share of its largest one.
+    # A curved cell is folded if its Jacobian is somewhere below this share of its largest value.
     folded = 1e-9
     return np.asarray(size.min(axis=1) <= folded * size.max(axis=1))

@@ -1,4 +1,4 @@
-"""Bodies that are glued where their vertices lie on each other, as one body of the same cells."""
+"""Merge glued bodies with coinciding vertices into one body with the same cells."""
 
 from collections.abc import Collection
 
@@ -17,17 +17,19 @@ from perfplast_fenicsx.mesh.tags_of_cells import cell_meshtags
 
 
 def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> TaggedMesh | None:
-    """Return the mesh with one vertex in place of each pair of vertices. Collective.
+    """Return the mesh with one vertex instead of each pair of vertices. Collective.
 
-    Cells stay on their ranks, and names stay; but the glued surfaces have no facets any more.
+    Cells remain on their ranks, and names do not change; but the glued surfaces have no facets any
+    more.
 
     Args:
         tagged_mesh: Bodies of straight cells, without ghost cells.
-        pairs: Global numbers of vertices that lie on each other, on any rank, shape (num_pairs, 2).
-        surfaces: Names of those that are glued.
+        pairs: Global numbers of coinciding vertices, on any rank, shape (num_pairs, 2).
+        surfaces: Names of the glued surfaces.
 
     Returns:
-        The mesh; None if a facet of these surfaces has none opposite, so that they are not one.
+        The mesh; None if a facet of these surfaces has no opposite facet, so that they do not
+        match.
     """
     mesh = tagged_mesh.mesh
     comm, topology = mesh.comm, mesh.topology
@@ -74,7 +76,7 @@ def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> Ta
 
 
 def _merged(pairs: Longs) -> Longs:
-    """Numbers in pairs and the least one that each is joined with, columns, sorted by the first."""
+    """Return numbers in pairs, sorted, and the least number of each one's group, as columns."""
     numbers, at = np.unique(pairs, return_inverse=True)
     one, other = at.reshape(-1, 2).T
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(numbers),) * 2)
@@ -85,7 +87,7 @@ def _merged(pairs: Longs) -> Longs:
 
 
 def _renumbered(numbers: Longs, merged: Longs) -> Longs:
-    """Return numbers with those of pairs replaced, renumbered without those that are gone."""
+    """Return numbers with pairs merged, renumbered without gaps."""
     found: Longs = numbers.copy()
     chosen = np.isin(numbers, merged[:, 0])
     found[chosen] = merged[np.searchsorted(merged[:, 0], numbers[chosen]), 1]

@@ -1,7 +1,7 @@
-"""The edges of a mesh of bodies that share no node, with those that lie on each other as one.
+"""Identify coinciding edges of a mesh of bodies that share no node.
 
-Where bodies are in contact their surfaces have the same edges twice. What is decided for one of
-them has to hold for the other, or the nodes of the surfaces do not match any more.
+Where bodies are in contact, their surfaces have the same edges twice. A decision for one of them
+must hold for the other, so that the nodes of the surfaces still match.
 """
 
 from mpi4py import MPI
@@ -17,16 +17,16 @@ from perfplast_fenicsx.parallel import Exchange, fetch_rows, send_rows
 
 
 class GluedEdges:
-    """Local edges of a straight mesh, in an order that all ranks and both sides agree on.
+    """Local edges of a straight mesh, in an order on which all ranks and both sides agree.
 
     Attributes:
         of_cell: Local edges of each owned cell, shape (num_cells, edges_per_cell).
         vertices: Local vertices of each local edge, shape (num_edges, 2).
         middles: Midpoints, shape (num_edges, gdim).
-        order: A number for each local edge, larger for longer ones and different for all edges of a
-            cell. Of two edges of a cell the same is the larger on every rank, and on the other
-            side of a contact.
-        length: What ``order`` is the order of, shape (num_edges,).
+        order: A number for each local edge, larger for longer edges and distinct in a cell. The
+            order of two edges of a cell is the same on every rank, and on the other side of a
+            contact.
+        length: Length that defines ``order``, shape (num_edges,).
     """
 
     def __init__(
@@ -36,15 +36,15 @@ class GluedEdges:
         metric: Floats | None = None,
         stretches: Floats | None = None,
     ) -> None:
-        """Find which edges lie on each other. Collective.
+        """Find coinciding edges. Collective.
 
         Args:
             mesh: Triangles or tetrahedra of first order.
-            opposite: Pairs of vertices that lie on each other, by their global numbers, any of them
-                on any rank, shape (num_pairs, 2).
-            metric: Metric of each owned cell the matrix M of the length √(e·Me) of an edge e, of
-                which the mean over its cells counts, shape (num_cells, gdim, gdim); 1 by default.
-            stretches: Factors of the lengths of local edges, for their order; 1 by default.
+            opposite: Pairs of coinciding vertices by global numbers, any of them on any rank, shape
+                (num_pairs, 2).
+            metric: Metric M of each owned cell, shape (num_cells, gdim, gdim), for the length
+                √(e·Me) of an edge e, averaged over its cells; the default is the identity.
+            stretches: Factors of the lengths of local edges for their order; 1 by default.
         """
         topology, comm, tdim = mesh.topology, mesh.comm, mesh.topology.dim
         topology.create_entities(1)
@@ -75,7 +75,7 @@ class GluedEdges:
         self.order[np.lexsort((number, place, length))] = np.arange(num_edges)
 
     def anywhere(self, marks: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Return edges that are marked on any rank or any side. Collective.
+        """Return edges that are marked on any rank or on either side. Collective.
 
         Args:
             marks: Marks of the local edges, shape (num_edges,).
@@ -87,11 +87,11 @@ class GluedEdges:
         return found
 
     def new_numbers(self, marks: npt.NDArray[np.bool_], first: int) -> Longs:
-        """Return numbers of a new vertex on each marked edge, −1 on the others. Collective.
+        """Return the indices of new vertices on marked edges, −1 on the others. Collective.
 
         Args:
-            marks: The result of :meth:`anywhere`.
-            first: The first number that this rank gives away.
+            marks: Result of :meth:`anywhere`.
+            first: The first index on this rank.
         """
         mine = marks[: self._owned]
         vector = la.vector(self._map, 1, dtype=np.int64)
@@ -100,15 +100,15 @@ class GluedEdges:
         return vector.array.copy()
 
     def new_points(self, marks: npt.NDArray[np.bool_]) -> Floats:
-        """Return the points of these numbers, in their order, shape (num_new, 3)."""
+        """Return the points with these indices, in their order, shape (num_new, 3)."""
         return self.middles[: self._owned][marks[: self._owned]]
 
     def _mean(self, along: Floats, metric: Floats) -> Floats:
-        """Lengths of owned edges, the mean of those by the metrics of their cells. Collective.
+        """Return lengths of owned edges, averaged over the metrics of their cells. Collective.
 
         Args:
-            along: From end to end of local edges, shape (num_edges, gdim).
-            metric: As of the constructor.
+            along: Vectors from end to end of local edges, shape (num_edges, gdim).
+            metric: See the constructor.
         """
         edges = along[self.of_cell]
         lengths = np.sqrt(np.einsum("cei,cij,cej->ce", edges, metric, edges))
@@ -120,7 +120,7 @@ class GluedEdges:
         return mean
 
     def _largest(self, values: Floats) -> Floats:
-        """Return values of owned edges made those of the local ones, the largest of both sides."""
+        """Return values of owned edges extended to local ones, the larger of both sides."""
         vector = la.vector(self._map, 1, dtype=np.float64)
         vector.array[: self._owned] = values
         vector.array[self._twins] = self._meeting.largest(values[self._twins])
@@ -129,20 +129,21 @@ class GluedEdges:
 
 
 def _place(middles: Floats) -> Floats:
-    """Return numbers that order edges of the same length, independent of the ranks."""
-    # A direction along which hardly any two edges of a mesh have their middles at the same place.
+    """Return numbers that order edges of equal length, independent of the ranks."""
+    # A direction along which hardly any two edges have middles at the same position.
     irrational = np.array([0.754877666, 0.569840291, 0.328125733])
     place: Floats = (middles * irrational[: middles.shape[1]]).sum(axis=1)
     return place
 
 
 def _labels(mesh: Mesh, opposite: Longs) -> tuple[Longs, PairFlags]:
-    """Return the smallest number among the vertices that lie on each other, for each local vertex.
+    """Return the smallest number among coinciding vertices, for each local vertex.
 
-    Several may, at edges where more than two bodies meet; so it is passed on until nothing changes.
+    Several vertices may coincide, at edges where more than two bodies meet; so the number is
+    propagated until nothing changes.
 
     Returns:
-        The numbers, and whether there is another vertex, shape (num_vertices,).
+        The numbers, and whether another vertex coincides, shape (num_vertices,).
     """
     comm, vertices = mesh.comm, mesh.topology.index_map(0)
     first, last = vertices.local_range
@@ -166,21 +167,21 @@ def _labels(mesh: Mesh, opposite: Longs) -> tuple[Longs, PairFlags]:
 
 
 class _Meeting:
-    """Rows of all ranks that have the same key, brought together on one rank."""
+    """Rows of all ranks with equal keys, brought together on one rank."""
 
     def __init__(self, comm: MPI.Intracomm, keys: Longs) -> None:
-        """Send the keys where they meet. Collective.
+        """Send the keys to their common ranks. Collective.
 
         Args:
             comm: The ranks.
-            keys: Shape (num_rows, 2).
+            keys: Keys, shape (num_rows, 2).
         """
         self._exchange = Exchange(comm, keys[:, 0] % comm.size)
         met, group = np.unique(self._exchange.forward(keys), axis=0, return_inverse=True)
         self._group, self._count = group.ravel(), len(met)
 
     def largest(self, values: Floats) -> Floats:
-        """For each row the largest value of those with its key. Collective."""
+        """Return for each row the largest value of the rows with its key. Collective."""
         top = np.full(self._count, -np.inf)
         np.maximum.at(top, self._group, self._exchange.forward(values))
         return self._exchange.back(top[self._group])

@@ -1,7 +1,7 @@
-"""A program of its own: gmsh reads a .msh file, and what is in it goes into an .npz file.
+"""Dump a .msh file, read by gmsh in a separate program, to an .npz file.
 
-Broken files make gmsh crash, or run or allocate without end. That ends this process, not the ranks.
-It imports nothing of this package, as that would start MPI.
+Broken files make gmsh crash, run forever or allocate without limit. This ends only this process,
+not the ranks. The program imports nothing of this package, since that would start MPI.
 
     python3 -P gmsh_dump.py FILE.msh TARGET.npz
 """
@@ -18,12 +18,12 @@ import numpy as np
 
 def limit(size: int) -> None:
     """Limit the memory and time of this process, for a file of ``size`` bytes."""
-    # Processor time that gmsh may take; good files need less than a tenth.
+    # Processor time for gmsh; good files need less than a tenth.
     least_seconds, seconds_per_mb = 30, 5
     seconds = least_seconds + seconds_per_mb * (size >> 20)
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    least_memory, memory_per_byte = 8 << 30, 100  # address space that it may take
+    least_memory, memory_per_byte = 8 << 30, 100  # address space for gmsh
     memory, most = least_memory + memory_per_byte * size, resource.getrlimit(resource.RLIMIT_AS)[1]
     if most == resource.RLIM_INFINITY or memory < most:
         resource.setrlimit(resource.RLIMIT_AS, (memory, most))
@@ -37,7 +37,7 @@ def dump(source: str, target: str) -> None:
     fault = None
     try:
         gmsh.merge(source)
-    except Exception as error:  # gmsh raises nothing more specific
+    except Exception as error:  # gmsh raises no more specific exception
         fault = str(error)
     faults = [line for line in gmsh.logger.get() if line.startswith("Error")]
     if faults and fault is None:
@@ -61,7 +61,7 @@ def dump(source: str, target: str) -> None:
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
         arrays |= {"tags": tags, "coordinates": coordinates.reshape(-1, 3)}
     about = {"fault": fault, "blocks": blocks, "groups": groups, "types": types}
-    with open(target, "wb") as file:  # after an error gmsh may not live to its end
+    with open(target, "wb") as file:  # after an error gmsh may crash at its end
         np.savez(file, about=json.dumps(about), **arrays)
 
 

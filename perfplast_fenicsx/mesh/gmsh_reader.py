@@ -1,4 +1,7 @@
-"""Gmsh on one process: a quiet session, and a .msh file as checked arrays. No MPI."""
+"""Use gmsh on one process: a quiet session, and a .msh file as checked arrays.
+
+This module does not use MPI.
+"""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,7 +16,7 @@ from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.errors import LARGEST, InputError, place_of
 from perfplast_fenicsx.mesh.gmsh_subprocess import NO_GMSH, Block, Content, read_content
 
-# Gmsh element type -> polynomial degree, by dimension.
+# Gmsh element type to polynomial degree, by dimension.
 SIMPLICES = {1: {1: 1, 8: 2}, 2: {2: 1, 9: 2}, 3: {4: 1, 11: 2}}
 _ENTITY = ("point", "curve", "surface", "volume")
 _SIMPLEX = ("points", "lines", "triangles", "tetrahedra")
@@ -28,15 +31,15 @@ class GmshMesh:
         degree: Degree of the geometry, 1 or 2.
         points: Node coordinates, shape (num_nodes, 3).
         cells: Nodes of each cell in gmsh's order, shape (num_cells, nodes_per_cell).
-        cell_values: Tag of each cell's name, shape (num_cells,); 0 where it has none.
+        cell_values: Tag of each cell's name, shape (num_cells,); 0 without a name.
         facets: Nodes of each named facet, shape (num_facets, nodes_per_facet).
-        facet_values: Tag of each named facet, shape (num_facets,): of its physical group, or of
-            its own kind where it is in several groups.
-        facet_count: Number of named facets in the file, whether they belong to cells or not.
+        facet_values: Tag of each named facet, shape (num_facets,): of its physical group, or a
+            separate tag if it is in several groups.
+        facet_count: Number of named facets in the file, including those that belong to no cell.
         volumes: Name to tag of the cells.
-        surfaces: Name to tag of the facets, or to several tags where some are in other groups
-            too. A group without a name is called by its number.
-        remarks: Remarks on what of the file is left out, a sentence each.
+        surfaces: Name to tag of the facets, or to several tags if some facets are in other groups
+            too. A group without a name is named by its number.
+        remarks: Remarks on omitted parts of the file, one sentence each.
     """
 
     gdim: int
@@ -52,14 +55,14 @@ class GmshMesh:
     remarks: tuple[str, ...] = ()
 
     def without_arrays(self) -> "GmshMesh":
-        """Return the same with arrays of no rows: what the ranks that read nothing contribute."""
+        """Return the same mesh with empty arrays, for ranks that read nothing."""
         arrays = ("points", "cells", "cell_values", "facets", "facet_values")
         return replace(self, **{name: getattr(self, name)[:0] for name in arrays})
 
 
 @contextmanager
 def gmsh_session() -> Iterator[ModuleType]:
-    """Gmsh, quiet, in an empty model of its own; a gmsh already in use is left as it was.
+    """Open a quiet gmsh session with an empty model; a gmsh already in use is not changed.
 
     Raises:
         InputError: If gmsh's Python module is not installed.
@@ -92,12 +95,11 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
 
     Args:
         path: A .msh file with physical groups: tetrahedra, or triangles in a plane z = const.
-        gdim: 3 or 2, if only such a mesh will do.
+        gdim: 3 or 2, if only such a mesh is accepted.
 
     Raises:
         InputError: If the file is missing, is not gmsh's, has no simplices of that dimension or
-            others beside them, no physical group of bodies, names that are there twice, or a
-            body in two groups.
+            other elements, no physical group of bodies, repeated names, or a body in two groups.
     """
     content = read_content(Path(path))
     gdim = _dimension(content, path, gdim)
@@ -116,14 +118,17 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     tags, coordinates = content.tags, content.coordinates
     named = facet_values > 0
     facets, facet_values = _once(facets[named], facet_values[named])
-    # Nodes of geometry points, unnamed surfaces, … are left out.
+    # Nodes of geometry points, unnamed surfaces and so on are omitted.
     used = np.unique(cells)
     order = np.argsort(tags)
     if not np.isin(used, tags).all():
-        raise InputError(f"elements of '{path}' have nodes that it has not; save the whole mesh")
+        raise InputError(
+            f"elements of '{path}' refer to nodes that the file does not contain; "
+            "save the whole mesh"
+        )
     points = coordinates[order[np.searchsorted(tags[order], used)]]
     if gdim == 2 and np.ptp(points[:, 2]) > 1e-12 * np.ptp(points):
-        raise InputError(f"'{path}' is read as a plane mesh but its nodes have different z")
+        raise InputError(f"'{path}' is read as a plane mesh, but its nodes have different z")
     cells = np.searchsorted(used, cells)
     _check_cells(path, points, cells, gdim)
     _check_facets(path, points, cells, gdim)
@@ -131,8 +136,8 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     doubled = len(corners) - len(np.unique(corners, axis=0))
     if doubled:
         raise InputError(
-            f"{doubled} of the {len(facets)} named surface elements of '{path}' are there twice,"
-            " in different surfaces; mesh the model again"
+            f"{doubled} of the {len(facets)} named surface elements of '{path}' occur "
+            "twice, in different surfaces; mesh the model again"
         )
     on_cells = np.isin(facets, used).all(axis=1)
     return GmshMesh(
@@ -151,8 +156,8 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
 
 
 def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> None:
-    """Refuse nodes that are nowhere and cells without volume."""
-    wrong = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))  # NaN is not either
+    """Refuse nodes without finite coordinates, and cells without volume."""
+    wrong = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))  # includes NaN
     if wrong.size:
         raise InputError(
             f"'{path}' has {wrong.size} nodes with coordinates such as"
@@ -162,8 +167,8 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
     edges = points[cells[:, 1 : gdim + 1], :gdim] - first[:, None]
     longest = np.abs(edges).max(axis=(1, 2), initial=0)
     if (longest > 0).all():
-        # Cells are flat whose volume is less than this share of that
-        # of a cube of their longest edge.
+        # Cells are flat if their volume is below this share of that of a cube on their longest
+        # edge.
         least_volume = 1e-12
         flat = np.abs(np.linalg.det(edges / longest[:, None, None])) < least_volume
     else:
@@ -177,10 +182,10 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
 
 
 def _check_facets(path: str | Path, points: Floats, cells: Longs, gdim: int) -> None:
-    """Refuse facets of more than two cells, over which DOLFINx breaks down."""
+    """Refuse facets of more than two cells, on which DOLFINx fails."""
     places = [np.delete(np.arange(gdim + 1), place) for place in range(gdim + 1)]
     facets = np.sort(np.concatenate([cells[:, place] for place in places]), axis=1)
-    if float(len(points)) ** gdim < 2.0**63:  # rows as numbers, which are sorted much faster
+    if float(len(points)) ** gdim < 2.0**63:  # rows as single numbers, which sort much faster
         numbers = facets @ len(points) ** np.arange(gdim, dtype=np.int64)
         _, first, counts = np.unique(numbers, return_index=True, return_counts=True)
     else:
@@ -189,27 +194,29 @@ def _check_facets(path: str | Path, points: Floats, cells: Longs, gdim: int) -> 
         middle = points[facets[first[np.argmax(counts)]], :gdim].mean(axis=0)
         at = place_of(middle)
         raise InputError(
-            f"{np.count_nonzero(counts > 2)} facets of '{path}' belong to more than two cells, one"
-            f" at {at}: cells are there twice or lie in each other; mesh the bodies again"
+            f"{np.count_nonzero(counts > 2)} facets of '{path}' belong to more than two "
+            f"cells, one at {at}: cells are repeated or overlap; mesh the bodies again"
         )
 
 
 def _dimension(content: Content, path: str | Path, gdim: int | None) -> int:
-    """Return the dimension of the mesh, which is to be ``gdim`` if that is given."""
+    """Return the dimension of the mesh, which must be ``gdim`` if that is given."""
     dims = [block.dim for block in content.blocks]
     if not dims:
         raise InputError(f"'{path}' has no elements; mesh the model in gmsh before saving")
     if max(dims) < 2 or gdim not in (None, max(dims)):
         needed = _SIMPLEX[gdim] if gdim else "triangles or tetrahedra"
-        raise InputError(f"'{path}' is a mesh of {_SIMPLEX[max(dims)]} where {needed} are needed")
+        raise InputError(f"'{path}' is a mesh of {_SIMPLEX[max(dims)]}, but {needed} are needed")
     return max(dims)
 
 
 def _names(content: Content, path: str | Path, dim: int) -> dict[str, int]:
-    """Return name to tag of the physical groups of a dimension; the tag is the name where none is.
+    """Return name to tag of the physical groups of a dimension.
+
+    Unnamed groups have their tag as name.
 
     Raises:
-        InputError: If two groups have the same name.
+        InputError: If two groups share a name.
     """
     names: dict[str, int] = {}
     for tag, name in [(tag, name or str(tag)) for of, tag, name in content.groups if of == dim]:
@@ -244,17 +251,17 @@ def _values(blocks: Sequence[Block], tags: Sequence[int]) -> Ints:
 
 
 def _body_of(block: Block, content: Content, path: str | Path) -> int:
-    """Return the physical group of cells, 0 where they are in none.
+    """Return the physical group of cells, 0 without one.
 
     Raises:
-        InputError: If they are in several.
+        InputError: If they are in several groups.
     """
     if len(block.groups) > 1:
         known = {tag: name or str(tag) for of, tag, name in content.groups if of == block.dim}
         names = " and ".join(f"'{known[tag]}'" for tag in block.groups)
         raise InputError(
-            f"{_ENTITY[block.dim]} {block.entity} of '{path}' is in the physical groups {names}; "
-            "a body can have one name only"
+            f"{_ENTITY[block.dim]} {block.entity} of '{path}' is in the physical groups "
+            f"{names}; a body can have only one name"
         )
     return block.groups[0] if block.groups else 0
 
@@ -262,9 +269,9 @@ def _body_of(block: Block, content: Content, path: str | Path) -> int:
 def _surface_tags(
     names: dict[str, int], blocks: Sequence[Block]
 ) -> tuple[dict[str, int | tuple[int, ...]], list[int]]:
-    """Return the tags of each surface and the tag of each block, 0 where it is in no group.
+    """Return the tags of each surface, and the tag of each block, 0 without a group.
 
-    Blocks that are in the same several groups have a tag of their own.
+    Blocks that are in the same several groups share a separate tag.
 
     Args:
         names: Name to tag of the physical groups.
@@ -287,7 +294,7 @@ def _surface_tags(
 
 
 def _once(facets: Longs, values: Ints) -> tuple[Longs, Ints]:
-    """Return facets and their tags, each once: older files repeat them for each of their groups."""
+    """Return facets and tags without repetition: older files repeat them for each group."""
     rows = np.column_stack([np.sort(facets, axis=1), values])
     first = np.sort(np.unique(rows, axis=0, return_index=True)[1])
     return facets[first], values[first]
@@ -296,7 +303,7 @@ def _once(facets: Longs, values: Ints) -> tuple[Longs, Ints]:
 def _left_out(
     content: Content, path: str | Path, gdim: int, surfaces: set[str], cell_values: Ints
 ) -> Iterator[str]:
-    """Yield a sentence on the physical groups of each dimension that name nothing here."""
+    """Yield a sentence on the physical groups of each dimension that name nothing in the mesh."""
     for dim in range(gdim + 1):
         names = {name or str(tag): tag for of, tag, name in content.groups if of == dim}
         if dim == gdim:

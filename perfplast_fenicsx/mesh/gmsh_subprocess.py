@@ -1,4 +1,4 @@
-"""Read a .msh file as arrays. Gmsh runs in its own process, because it may crash."""
+"""Read a .msh file as arrays. Gmsh runs in a separate process, because it may crash."""
 
 import json
 import signal
@@ -22,7 +22,7 @@ NO_GMSH = (
 
 
 CONVERT = "convert it by meshio, as docs/howto/mesh.md shows under 'Other formats'"
-MODEL = "turn it into a mesh and a case by perfplast mesh"
+MODEL = "convert it to a mesh and a case by perfplast mesh"
 
 REMEDIES = {
     **dict.fromkeys((".e", ".exo"), CONVERT),
@@ -30,11 +30,11 @@ REMEDIES = {
     **dict.fromkeys((".xdmf", ".h5"), "convert it by meshes/from_xdmf.py (docs/howto/mesh.md)"),
     **dict.fromkeys(
         (".step", ".stp", ".brep", ".iges", ".igs", ".geo"),
-        "give it as file of a [geometry] in place of [mesh], or mesh it by perfplast mesh",
+        "give it as file of a [geometry] instead of a [mesh], or mesh it by perfplast mesh",
     ),
-    ".py": "it is a program, which is never run here; run it, and give the mesh that it writes",
+    ".py": "it is a program, which perfplast never runs; run it, and give the mesh that it writes",
 }
-"""Remedies for files of other kinds, by the ends of their names."""
+"""Remedies for files of other kinds, by suffix."""
 
 
 @dataclass(frozen=True)
@@ -68,16 +68,17 @@ class Content:
 
 
 def read_content(path: Path) -> Content:
-    """Let gmsh read a file in a process of its own.
+    """Let gmsh read a file in a separate process.
 
     Raises:
-        InputError: If the file is missing or not gmsh's, or gmsh is not installed, finds a fault or
-            does not survive the file.
+        InputError: If the file is missing or not gmsh's, or if gmsh is not installed, finds a fault
+            or crashes.
     """
     _check_header(path)
     program = Path(__file__).with_name("gmsh_dump.py")
     with tempfile.TemporaryDirectory() as folder:
-        # Gmsh goes by a file's name, and runs the options of a script FILE.msh.opt beside it.
+        # Gmsh selects the format by the file's name, and runs the options of a script FILE.msh.opt
+        # next to it.
         alone, target = Path(folder) / "mesh.msh", Path(folder) / "mesh.npz"
         alone.symlink_to(path.absolute())
         command = [sys.executable, "-P", str(program), str(alone), str(target)]
@@ -92,7 +93,7 @@ def read_content(path: Path) -> Content:
             )
         except OSError as error:
             raise InputError(f"gmsh cannot be started to read '{path}': {error}") from error
-        if b"    import gmsh" in done.stderr:  # the line at which it ended
+        if b"    import gmsh" in done.stderr:  # the line at which it crashed
             raise InputError(NO_GMSH)
         if not target.exists() or done.returncode:
             end = f"exit status {done.returncode}"
@@ -117,15 +118,18 @@ def read_content(path: Path) -> Content:
 
 
 def windows_path(path: Path) -> str:
-    """Return the remedy where a file of this name is not there."""
+    """Return the remedy for a missing file of this name."""
     name = str(path)
-    if not name.isprintable():  # "C:\temp\new.msh" has a tab and a new line in it
-        return "in double quotes \\ is an escape: write / in the path, or put it in single quotes"
+    if not name.isprintable():  # "C:\temp\new.msh" contains a tab and a new line
+        return (
+            "in double quotes \\ is an escape: write / in the path, or put the path in "
+            "single quotes"
+        )
     return "write / for \\ in the path" if "\\" in name else "check the path"
 
 
 def _check_header(path: Path) -> None:
-    # Gmsh itself would run any other text file as a script, and wait at a FIFO.
+    # Gmsh would run any other text file as a script, and wait at a FIFO.
     try:
         mode = path.stat().st_mode
         if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
@@ -134,7 +138,7 @@ def _check_header(path: Path) -> None:
             head = file.read(11)
     except FileNotFoundError as error:
         raise InputError(f"mesh file '{path}' does not exist; {windows_path(path)}") from error
-    except (OSError, ValueError) as error:  # the latter for a name that no file can have
+    except (OSError, ValueError) as error:  # ValueError occurs for names that no file can have
         if isinstance(error, InputError):
             raise
         reason = getattr(error, "strerror", None) or str(error)

@@ -1,11 +1,11 @@
-"""The meaning of mesh coordinates: space, plane strain, plane stress or a section of revolution.
+"""Define the meaning of mesh coordinates: space, plane strain, plane stress or axisymmetry.
 
-Only this module defines what depends on it: the strain of a displacement, the measure of integrals,
-and the rigid motions.
+Only this module defines what depends on this meaning: the strain of a displacement, the measure of
+integrals, and the rigid motions.
 
 In axisymmetry the mesh's x is the radius r ≥ 0, its y the axis z, and the out-of-plane component of
-strains and stresses is the hoop: ε = (u_r,r, u_z,z, u_r/r, √2 ε_rz). Integrals are over the full
-turn, 2πr dr dz and 2πr ds, and so are all forces and works.
+strains and stresses is the hoop component: ε = (u_r,r, u_z,z, u_r/r, √2 ε_rz). Integrals are over
+the full turn, 2πr dr dz and 2πr ds, and so are all forces and works.
 """
 
 import math
@@ -20,24 +20,24 @@ from ufl.domain import extract_unique_domain
 from perfplast_fenicsx.arrays import Floats
 
 ON_AXIS = 1e-10
-"""Points whose radius is below this share of the size of the bodies are on the axis."""
+"""Points with a radius below this share of the size of the bodies are on the axis."""
 
 
 class Kinematics(Protocol):
     """The meaning of the coordinates of a mesh.
 
-    :meth:`measure`, :meth:`around`, :meth:`carried` and :meth:`held` are here as Cartesian
-    coordinates have them.
+    This class defines :meth:`measure`, :meth:`around`, :meth:`carried` and :meth:`held` for
+    Cartesian coordinates.
 
     Attributes:
-        name: As ``kind`` of ``[model]`` has it.
-        axes: Letters of the components of forces in results.
-        whole: Whether bodies have an end in all directions; plane strain has forces and works for
-            each unit of depth, and its out-of-plane stress is in no equation of equilibrium.
-        forces: What forces and works are of, in words; empty where nothing has to be said.
+        name: The ``kind`` in ``[model]``.
+        axes: Letters of the force components in results.
+        whole: Whether bodies are finite in all directions. In plane strain forces and works are per
+            unit of depth, and the out-of-plane stress is in no equation of equilibrium.
+        forces: Reference of forces and works in words; empty if it is obvious.
         motions: The rigid motions in words.
-        thickness: Over which forces are spread that are given of a whole surface (length); 1 but
-            in plane stress.
+        thickness: Thickness over which forces on whole surfaces are spread (length); 1 except in
+            plane stress.
     """
 
     thickness: float = 1.0
@@ -48,37 +48,37 @@ class Kinematics(Protocol):
     motions: tuple[str, ...]
 
     def strain(self, u: Any) -> Any:
-        """Small strain ε(u) as a Mandel vector, shape (6,), or (4,) of meshes in the plane; UFL."""
+        """Return the small strain ε(u) in UFL, a Mandel vector, shape (6,), in the plane (4,)."""
         ...
 
     def measure(self, measure: ufl.Measure) -> Any:
-        """The measure of the bodies, from that of their mesh; a function times it is a form."""
+        """Return the measure of the bodies from that of the mesh; a function times it is a form."""
         return measure
 
     def around(self, x: Floats) -> Floats:
-        """Return the measure of a point out of the mesh's plane: its ring 2πr (length), or 1.
+        """Return the out-of-plane measure of a point: its ring 2πr (length), or 1.
 
         Args:
             x: Points, shape (..., gdim).
 
         Returns:
-            Shape (...,).
+            Measure, shape (...,).
         """
         return np.ones(x.shape[:-1])
 
     def carried(self, x: Floats) -> Floats:
-        """Return the unknown displacements at points for a unit displacement of these.
+        """Return the unknowns at points for a unit displacement of these points.
 
         Args:
             x: Points, shape (..., gdim).
 
         Returns:
-            Shape (...,).
+            Unknowns, shape (...,).
         """
         return np.ones(x.shape[:-1])
 
     def rigid_modes(self, r: Floats) -> Floats:
-        """Rigid motions at points: translations, then rotations about the origin.
+        """Return rigid motions at points: translations, then rotations about the origin.
 
         Args:
             r: Points, shape (n, 3).
@@ -89,20 +89,20 @@ class Kinematics(Protocol):
         ...
 
     def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
-        """Return components that are zero at points whatever holds them: u_r on the axis.
+        """Return components that are always zero at points: u_r on the axis.
 
         Args:
             x: Points, shape (n, 3).
             size: Size of the bodies (length).
 
         Returns:
-            Shape (n, gdim).
+            Flags, shape (n, gdim).
         """
         return np.zeros((len(x), len(self.axes)), dtype=np.bool_)
 
 
 def divergence(kinematics: Kinematics, v: Any) -> Any:
-    """Return the change of volume, tr ε(v); UFL."""
+    """Return the volume change tr ε(v) in UFL."""
     e = kinematics.strain(v)
     return e[0] + e[1] + e[2]
 
@@ -120,43 +120,43 @@ class Space(Kinematics):
     )
 
     def strain(self, u: Any) -> Any:
-        """See :meth:`Kinematics.strain`."""
+        """Return the strain, see :meth:`Kinematics.strain`."""
         grad = ufl.grad(u)
         pairs = ((1, 2), (0, 2), (0, 1))
         shears = [(grad[i, j] + grad[j, i]) / math.sqrt(2) for i, j in pairs]
         return ufl.as_vector([*(grad[i, i] for i in range(3)), *shears])
 
     def rigid_modes(self, r: Floats) -> Floats:
-        """See :meth:`Kinematics.rigid_modes`."""
+        """Return the rigid motions, see :meth:`Kinematics.rigid_modes`."""
         return _rigid_modes(r, 3, ((1, 2), (2, 0), (0, 1)))
 
 
 class PlaneStrain(Kinematics):
-    """Triangles that are sections of bodies without an end along z, where nothing moves along z."""
+    """Triangles that are sections of infinite bodies along z, in which no point moves along z."""
 
     name: str = "plane-strain"
     axes: str = "xy"
     whole: bool = False
-    forces: str = "for each unit of depth"
+    forces: str = "per unit of depth"
     motions: tuple[str, ...] = ("translation in x", "translation in y", "rotation")
 
     def strain(self, u: Any) -> Any:
-        """See :meth:`Kinematics.strain`."""
+        """Return the strain, see :meth:`Kinematics.strain`."""
         return _in_plane(ufl.grad(u), 0)
 
     def rigid_modes(self, r: Floats) -> Floats:
-        """See :meth:`Kinematics.rigid_modes`."""
+        """Return the rigid motions, see :meth:`Kinematics.rigid_modes`."""
         return _rigid_modes(r, 2, ((0, 1),))
 
 
 class PlaneStress(PlaneStrain):
-    """Triangles that are sheets, free to grow thicker or thinner: no stress acts across them.
+    """Triangles that are sheets with a free thickness: no stress acts across them.
 
-    The strain across is reported as zero, and no law looks at it.
+    The strain across the sheet is reported as zero, and no law uses it.
     """
 
     name: str = "plane-stress"
-    forces: str = "for each unit of thickness"
+    forces: str = "per unit of thickness"
 
     def __init__(self, thickness: float = 1.0) -> None:
         """Set the thickness (length)."""
@@ -173,26 +173,26 @@ class Axisymmetric(Kinematics):
     motions: tuple[str, ...] = ("translation along the axis",)
 
     def strain(self, u: Any) -> Any:
-        """See :meth:`Kinematics.strain`."""
+        """Return the strain, see :meth:`Kinematics.strain`."""
         return _in_plane(ufl.grad(u), u[0] / _radius(extract_unique_domain(u)))
 
     def measure(self, measure: ufl.Measure) -> Any:
-        """See :meth:`Kinematics.measure`."""
+        """Return the measure, see :meth:`Kinematics.measure`."""
         return AroundAxis(measure)
 
     def around(self, x: Floats) -> Floats:
-        """See :meth:`Kinematics.around`."""
+        """Return the measure of points, see :meth:`Kinematics.around`."""
         ring: Floats = 2 * math.pi * x[..., 0]
         return ring
 
     def rigid_modes(self, r: Floats) -> Floats:
-        """See :meth:`Kinematics.rigid_modes`."""
+        """Return the rigid motions, see :meth:`Kinematics.rigid_modes`."""
         modes = np.zeros((len(r), 2, 1))
         modes[:, 1] = 1
         return modes
 
     def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
-        """See :meth:`Kinematics.held`."""
+        """Return the held components, see :meth:`Kinematics.held`."""
         held = np.zeros((len(x), 2), dtype=np.bool_)
         held[:, 0] = np.abs(x[:, 0]) <= ON_AXIS * size
         return held
@@ -200,11 +200,11 @@ class Axisymmetric(Kinematics):
 
 @dataclass(frozen=True)
 class RingFlux(Axisymmetric):
-    """The same bodies by v = ru in the place of the displacement u, zero on the axis.
+    """The same bodies in terms of v = ru instead of the displacement u, zero on the axis.
 
-    The volume is kept where v has no divergence in the plane of the section: what is polynomial can
-    do that everywhere, with any flow through a ring. Strains and measures are such that works are
-    those of u: rε and 2π dμ.
+    The volume is preserved if v has no divergence in the plane of the section. Polynomials can
+    satisfy this everywhere, for any flow through a ring. Strains and measures are scaled so that
+    works are those of u: rε and 2π dμ.
 
     Attributes:
         shift: Radius of the bodies' centre over their size (:class:`connected_bodies.Bodies`).
@@ -213,32 +213,35 @@ class RingFlux(Axisymmetric):
     shift: float = 0.0
 
     def strain(self, u: Any) -> Any:
-        """Rε of v."""
+        """Return rε of v."""
         grad, r = ufl.grad(u), _radius(extract_unique_domain(u))
         shear = (grad[0, 1] + grad[1, 0] - u[1] / r) / math.sqrt(2)
         return ufl.as_vector([grad[0, 0] - u[0] / r, grad[1, 1], u[0] / r, shear])
 
     def measure(self, measure: ufl.Measure) -> Any:
-        """See :meth:`Kinematics.measure`."""
+        """Return the measure, see :meth:`Kinematics.measure`."""
         return AroundAxis(measure, weighed=False)
 
     def around(self, x: Floats) -> Floats:
-        """See :meth:`Kinematics.around`."""
+        """Return the measure of points, see :meth:`Kinematics.around`."""
         return np.full(x.shape[:-1], 2 * math.pi)
 
     def carried(self, x: Floats) -> Floats:
-        """See :meth:`Kinematics.carried`."""
+        """Return the unknowns, see :meth:`Kinematics.carried`."""
         radius: Floats = x[..., 0]
         return radius
 
     def rigid_modes(self, r: Floats) -> Floats:
-        """See :meth:`Kinematics.rigid_modes`; r is measured from the bodies' centre."""
+        """Return the rigid motions, see :meth:`Kinematics.rigid_modes`.
+
+        R is measured from the bodies' centre.
+        """
         modes = np.zeros((len(r), 2, 1))
         modes[:, 1, 0] = r[:, 0] + self.shift
         return modes
 
     def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
-        """See :meth:`Kinematics.held`."""
+        """Return the held components, see :meth:`Kinematics.held`."""
         radius = super().held(x, size)[:, :1]
         return np.repeat(radius, 2, axis=1)
 
@@ -248,20 +251,20 @@ class AroundAxis:
     """The measure 2πr dμ of the full turn, for a measure dμ of the section.
 
     Attributes:
-        section: The latter.
-        weighed: Whether r is in it; else 2π dμ.
+        section: Measure dμ of the section.
+        weighed: Whether the measure contains r; otherwise it is 2π dμ.
     """
 
     section: ufl.Measure
     weighed: bool = True
 
     def __rmul__(self, integrand: Any) -> ufl.Form:
-        """∫ of a function over the full turn."""
+        """Return the integral of a function over the full turn."""
         radius = _radius(self.ufl_domain()) if self.weighed else 1.0
         return (2 * math.pi * radius * integrand) * self.section
 
     def __call__(self, *args: Any, **arguments: Any) -> "AroundAxis":
-        """Return the same over a part of the section, as of a :class:`ufl.Measure`."""
+        """Return the measure of a part of the section, as a :class:`ufl.Measure` does."""
         return replace(self, section=self.section(*args, **arguments))
 
     def ufl_domain(self) -> Any:

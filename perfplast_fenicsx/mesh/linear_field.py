@@ -1,4 +1,4 @@
-"""A function that is linear in each cell of a mesh of straight cells."""
+"""Store a function that is linear in each cell of a mesh of straight cells."""
 
 import numpy as np
 
@@ -11,27 +11,27 @@ from perfplast_fenicsx.mesh.straight_geometry import gradients
 class LinearField:
     """Values at the vertices of cells, linear between them.
 
-    Each cell has values of its own, so that the function may jump between cells.
+    Each cell has its own values, so that the function may jump between cells.
     """
 
     def __init__(self, corners: Floats, values: Floats) -> None:
-        """Keep the function.
+        """Store the function.
 
         Args:
             corners: Vertices of the cells, shape (num_cells, d + 1, d).
-            values: At the vertices, shape (num_cells, d + 1).
+            values: Values at the vertices, shape (num_cells, d + 1).
         """
         self._corners, self._values = corners, values
         self._search: CellSearch | None = None
 
     def at_corners(self, corners: Floats) -> Floats:
-        """Return the values at the vertices of cells that lie in cells of the field.
+        """Return the values at the vertices of cells that lie inside cells of the field.
 
         Args:
             corners: Vertices of the cells, shape (n, d + 1, d).
 
         Returns:
-            Shape (n, d + 1).
+            Values, shape (n, d + 1).
 
         Raises:
             InputError: If the middle of a cell lies in no cell of the field.
@@ -42,21 +42,21 @@ class LinearField:
         return found
 
     def _cells_at(self, points: Floats) -> Longs:
-        """Return the cell in which each point lies."""
+        """Return the cell that contains each point."""
         self._search = self._search or CellSearch(self._corners)
         best, where = np.full(len(points), -np.inf), np.zeros(len(points), dtype=np.int64)
         for point, cell in self._search.near(points, np.zeros(len(points))):
             least = _shares(self._corners[cell], points[point][:, None])[:, 0].min(axis=1)
-            order = np.argsort(least)  # of several values at one place the last one stays
+            order = np.argsort(least)  # of several values at one point the last one is kept
             point, cell, least = point[order], cell[order], least[order]
             better = least > best[point]
             where[point[better]] = cell[better]
             np.maximum.at(best, point, least)
-        outside = 1e-9  # share of a vertex below which a point is outside of a cell
+        outside = 1e-9  # barycentric coordinate below which a point is outside a cell
         if (best < -outside).any():
             at = place_of(points[np.argmax(best < -outside)])
             raise InputError(
-                f"the field has no value at {at}; give one that covers the whole body."
+                f"the field has no value at {at}; give a field that covers the whole body."
             )
         return where
 
@@ -69,7 +69,7 @@ def _shares(cells: Floats, points: Floats) -> Floats:
         points: Shape (n, k, d).
 
     Returns:
-        Shape (n, k, d + 1).
+        Barycentric coordinates, shape (n, k, d + 1).
     """
     offsets = points - cells[:, :1]
     found: Floats = np.einsum("nki,nai->nka", offsets, gradients(cells)[0])

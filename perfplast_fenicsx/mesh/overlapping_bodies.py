@@ -1,8 +1,8 @@
-"""Cells that lie in each other, and bodies that are cut inside: faults that no facet shows.
+"""Find overlapping cells, and bodies that are cut inside: faults that facets do not show.
 
-Bodies that overlap have a cell at the surface of one that overlaps a cell of the other; so has a
-body that overlaps itself. Where facets stand for curved surfaces they may enter each other by their
-sagitta, which is allowed.
+Overlapping bodies have a cell at the surface of one that overlaps a cell of the other; the same
+holds for a body that overlaps itself. Facets that approximate curved surfaces may overlap by their
+sagitta.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from perfplast_fenicsx.parallel import bounding_box
 
 @dataclass(frozen=True)
 class _Cells:
-    """Cells of this rank as rows that travel, and points just outside of outer facets."""
+    """Cells of this rank as rows that travel, and points just outside outer facets."""
 
     rows: npt.NDArray
     outside: npt.NDArray
@@ -38,13 +38,13 @@ def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
 
     Args:
         tagged_mesh: The bodies.
-        overlaps: Whether different ones may, as in a press fit.
+        overlaps: Whether different bodies may overlap, as in a press fit.
 
     Returns:
-        What is to be said of bodies that touch and have no surface there by a name.
+        Remarks on bodies that touch without named surfaces.
 
     Raises:
-        InputError: Naming the bodies and a place.
+        InputError: Naming the bodies and the place.
     """
     comm, gdim = tagged_mesh.mesh.comm, tagged_mesh.mesh.geometry.dim
     cells = _cells(tagged_mesh)
@@ -65,14 +65,14 @@ def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
         place = place_of(cut["point"][number])
         if one == other:
             raise InputError(
-                f"the body '{names[one]}' is cut inside: {count} of its outer facets have cells on"
-                f" their other side that do not share their nodes, one at {place}; glue them (in"
-                " gmsh: Coherence, or remove duplicate nodes), or give the facets of a cut that is"
-                " meant a name"
+                f"the body '{names[one]}' is cut inside: {count} of its outer facets have "
+                f"cells on their other side that do not share their nodes, one at {place}; "
+                "glue them (in gmsh: Coherence, or remove duplicate nodes), or name the "
+                "facets of an intended cut"
             )
         told.append(
-            f"'{names[one]}' touches '{names[other]}' at {count} facets without a name, one at"
-            f" {place}: nothing keeps them from entering each other there"
+            f"'{names[one]}' touches '{names[other]}' at {count} facets without a name, "
+            f"one at {place}: nothing prevents them from penetrating each other there"
         )
     return told
 
@@ -112,7 +112,7 @@ def _cells(tagged_mesh: TaggedMesh) -> _Cells:
     plain = ~named[sides.of_cell[at, place]]
     outside = np.zeros(int(plain.sum()), dtype=[("point", "f8", (gdim,)), ("body", "i8")])
     normal = area / np.linalg.norm(area, axis=1, keepdims=True)
-    # So far outside of a facet, relative to its size, it is looked whether there is another cell.
+    # Distance outside a facet, relative to its size, at which another cell is sought.
     margin = 1e-4
     beyond = corner.mean(axis=1) + margin * length[:, None] * normal
     outside["point"], outside["body"] = beyond[plain], rows["body"][at[plain]]
@@ -120,7 +120,7 @@ def _cells(tagged_mesh: TaggedMesh) -> _Cells:
 
 
 def _area_vectors(corner: Floats) -> Floats:
-    """Return normals of facets, of the size of their area, shape (n, gdim)."""
+    """Return normals of facets with the length of their area, shape (n, gdim)."""
     edges = corner[:, 1:] - corner[:, :1]
     if edges.shape[1] == 1:
         return np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
@@ -130,9 +130,10 @@ def _area_vectors(corner: Floats) -> Floats:
 def _sagittas(
     comm: MPI.Intracomm, vertices: IndexMap, ends: npt.NDArray, area: Floats, length: Floats
 ) -> Floats:
-    """Return how far facets at each local vertex may be from the curved surface they stand for.
+    """Return the possible distance of facets at each local vertex from the curved surface.
 
-    Collective. Where all are in a plane this is zero; of several facets it is about the largest.
+    Collective. The distance is zero if all facets are in a plane; with several facets it is about
+    the largest.
     """
     sums = la.vector(vertices, area.shape[1], dtype=np.float64)
     mean = sums.array.reshape(-1, area.shape[1])
@@ -143,14 +144,14 @@ def _sagittas(
     across = np.einsum("nki,ni->nk", mean[ends], area)
     sizes = np.linalg.norm(mean[ends], axis=2) * np.linalg.norm(area, axis=1)[:, None]
     cosine = np.clip(across / np.maximum(sizes, np.finfo(float).tiny), -1, 1)
-    # Facets that are aslant to the mean normal at a vertex by less belong to one curved surface
-    # there: contact takes facets for one surface up to 40°, of which either has half.
+    # Facets at a vertex belong to one curved surface if their angle to the mean normal is smaller:
+    # contact treats facets as one surface up to 40°, of which each has half.
     least_cosine = np.cos(np.deg2rad(25.0))
     aslant = np.where(cosine > least_cosine, np.arccos(cosine), 0.0)
-    caution = 2.0  # sagittas count so many times, as mean normals are known roughly alone
+    caution = 2.0  # factor of sagittas, since mean normals are only approximate
     sagitta = caution * length * np.tan(aslant.max(axis=1, initial=0) / 2) / 2
     longest = comm.allreduce(float(length.max(initial=0)), MPI.MAX) or 1.0
-    powers = la.vector(vertices, 1, dtype=np.float64)  # whose sum is about the largest one's
+    powers = la.vector(vertices, 1, dtype=np.float64)  # whose sum is about that of the largest
     powers.array[:] = 0.0
     np.add.at(powers.array, ends.ravel(), np.repeat((sagitta / longest) ** 8, ends.shape[1]))
     powers.scatter_reverse(la.InsertMode.add)
@@ -169,16 +170,16 @@ def _deepest(
     radii = np.linalg.norm(x[outer] - centres[:, None], axis=2).max(axis=1, initial=0)
     low, high = x.min(axis=1), x.max(axis=1)
     worst, said = 0.0, None
-    # Overlaps below this share of a cell's longest edge do not count: nodes are known no better.
+    # Overlaps below this share of a cell's longest edge are ignored, as nodes are no more accurate.
     rounding = 1e-3
-    # Overlaps below this share of the size of all bodies do not count: surfaces touch within it.
+    # Overlaps below this share of the size of all bodies are ignored: surfaces touch within it.
     contact_depth = 1e-6
     for one, other in search.near(centres, radii):
         one = outer[one]
         apart = rows["body"][one] != rows["body"][other]
         asked = one != other
         asked &= ~(overlaps & apart)
-        asked &= ~(rows["outer"][other] & (other < one))  # the pair comes twice
+        asked &= ~(rows["outer"][other] & (other < one))  # the pair occurs twice
         one, other = one[asked], other[asked]
         least = rounding * np.maximum(edge[one], edge[other]) + contact_depth * extent
         least += rows["allowed"][one] + rows["allowed"][other]
@@ -198,15 +199,15 @@ def _deepest(
         if len(bodies) == 2:
             who = f"the bodies '{bodies[0]}' and '{bodies[1]}' overlap"
         said = (
-            f"{who}: cells about {place_of(x[one[at]].mean(axis=0))} overlap by"
-            f" {worst:.3g}; mesh the bodies so that they touch at most, or give their contact"
-            " interference = true"
+            f"{who}: cells around {place_of(x[one[at]].mean(axis=0))} overlap by "
+            f"{worst:.3g}; mesh the bodies so that they only touch, or give their contact "
+            "interference = true"
         )
     return said
 
 
 def _covered(rows: npt.NDArray, outside: npt.NDArray, search: CellSearch) -> npt.NDArray:
-    """Points outside of one body that lie in a cell, of the same or of another one."""
+    """Return which points outside a body lie in a cell, of the same or of another body."""
     found = [np.zeros(0, dtype=[("one", "i8"), ("other", "i8"), ("point", outside.dtype["point"])])]
     points = outside["point"]
     low, high = rows["x"].min(axis=1), rows["x"].max(axis=1)

@@ -1,7 +1,7 @@
-"""Finer meshes of the same bodies, with their names and with surfaces that still match.
+"""Refine meshes of the same bodies, preserving names and matching surfaces.
 
-Cells are cut at midpoints of edges (:mod:`bisection`): where the error is, to keep their shape, and
-into fans around points where the stress depends on the direction alone.
+Cells are cut at midpoints of edges (:mod:`bisection`): where the error is, with their shape
+preserved, or into fans around points where the stress depends only on the direction.
 """
 
 from dataclasses import dataclass
@@ -38,9 +38,9 @@ class Refined:
     """A finer mesh.
 
     Attributes:
-        tagged_mesh: The mesh, distributed again, without ghost cells.
-        parents: Number in the coarser mesh, through all ranks, of the cell that each owned cell is
-            a part of; shape (num_cells,).
+        tagged_mesh: The mesh, newly distributed, without ghost cells.
+        parents: Global index in the coarser mesh of the parent of each owned cell; shape
+            (num_cells,).
     """
 
     tagged_mesh: TaggedMesh
@@ -48,15 +48,15 @@ class Refined:
 
 
 def check_refinable(tagged_mesh: TaggedMesh) -> None:
-    """Make sure that the cells are straight. Collective.
+    """Refuse curved cells. Collective.
 
     Raises:
         InputError: If they are not.
     """
     if has_curved_cells(tagged_mesh.mesh):
         raise InputError(
-            "cells are curved, and only straight ones can be refined; save the mesh with elements"
-            " of first order (Mesh.ElementOrder = 1 in gmsh)."
+            "cells are curved, but only straight ones can be refined; save the mesh with "
+            "elements of first order (Mesh.ElementOrder = 1 in gmsh)."
         )
 
 
@@ -67,22 +67,24 @@ def refine(
     metric: Floats | None = None,
     gradients: Floats | None = None,
 ) -> Refined:
-    """Cut marked cells at all their edges, and others so that the mesh fits. Collective.
+    """Return the mesh with marked cells cut at all their edges, and others so that it conforms.
 
-    In every triangle that has a cut edge the longest edge is cut first, so that angles stay
-    bounded however often this is done. In a metric edges are longest in that, marked cells are cut
-    at those that are at least half as long, and it is by it that angles stay bounded. Where
-    gradients are given, edges count as longer along them (:mod:`edge_stretches`), and of the edges
-    of marked cells only the longest one of each side is cut.
+    Collective.
+
+    In every triangle with a cut edge, the longest edge is cut first, so that angles remain bounded
+    under repeated refinement. With a metric, the longest edges are those of the metric. Marked
+    cells are cut at edges of at least half the longest length, and angles remain bounded in the
+    metric. With gradients, edges along them count as longer (:mod:`edge_stretches`), and of the
+    edges of marked cells only the longest one of each side is cut.
 
     Args:
-        tagged_mesh: Bodies of straight cells; midside nodes do not get into the finer mesh.
-        marked: Of the cells that this rank owns, shape (num_cells,).
-        opposite: Pairs of vertices that lie on each other where bodies are in contact, by their
-            global numbers, on any rank, shape (num_pairs, 2). They lie on each other afterwards
-            too, and so do the new ones on the edges between them.
-        metric: Metric of the cells that this rank owns (:class:`glued_edges.GluedEdges`).
-        gradients: Gradients of what changes in each of these cells, in space, shape (num_cells, 3,
+        tagged_mesh: Bodies of straight cells; midside nodes are not part of the finer mesh.
+        marked: Marks of the owned cells, shape (num_cells,).
+        opposite: Pairs of coinciding vertices where bodies are in contact, by global numbers, on
+            any rank, shape (num_pairs, 2). They still coincide afterwards, and so do the new
+            vertices on the edges between them.
+        metric: Metric of the owned cells (:class:`glued_edges.GluedEdges`).
+        gradients: Gradients of changing fields in each owned cell, in space, shape (num_cells, 3,
             m).
 
     Raises:
@@ -95,7 +97,9 @@ def refine(
     marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
     faces = edges.of_cell[:, edges_of_faces(mesh.topology.dim)]
     if stretches is None:
-        shortest = 0.0 if metric is None else 0.5  # of edges to be cut, in the longest of the cell
+        shortest = (
+            0.0 if metric is None else 0.5
+        )  # least length of cut edges, relative to the longest of the cell
         lengths = edges.length[edges.of_cell]
         long = lengths >= shortest * lengths.max(axis=1, keepdims=True)
         marks[edges.of_cell[long & marked[:, None]]] = True
@@ -112,16 +116,16 @@ def spread(
     centres: npt.NDArray[np.bool_],
     opposite: Longs | None = None,
 ) -> Refined:
-    """Cut cells of a plane mesh in two at some of their corners, which keeps them long. Collective.
+    """Return a plane mesh with cells cut in two at some corners, which keeps them long. Collective.
 
-    The edges opposite are cut. Cells beyond keep their shape as by :func:`refine`; others at a
-    centre are cut in two as well where an edge opposite it has to be, and no edge to it is.
+    The opposite edges are cut. Cells beyond keep their shape as in :func:`refine`. Other cells at a
+    centre are cut in two as well if the edge opposite it must be cut, and no edge to it is cut.
 
     Args:
-        tagged_mesh: As for :func:`refine`, plane.
-        corners_to_cut: Of the cells that this rank owns, shape (num_cells, 3).
-        centres: Corners at which cells are to stay long, of the same shape.
-        opposite: As for :func:`refine`.
+        tagged_mesh: Plane mesh, see :func:`refine`.
+        corners_to_cut: Corners of the owned cells, shape (num_cells, 3).
+        centres: Corners at which cells remain long, same shape.
+        opposite: See :func:`refine`.
     """
     check_refinable(tagged_mesh)
     edges = GluedEdges(tagged_mesh.mesh, _pairs(opposite))
@@ -139,14 +143,16 @@ def _with_longest(
     marks: npt.NDArray[np.bool_],
     left: npt.NDArray[np.bool_] | None = None,
 ) -> npt.NDArray[np.bool_]:
-    """Marked edges with the longest one of each triangle that has a marked edge. Collective.
+    """Return marked edges together with the longest edge of each triangle that has a marked one.
+
+    Collective.
 
     Args:
         comm: The ranks.
         edges: Edges of the mesh.
         faces: Edges of each triangle, shape (num_triangles, 3).
         marks: Marks of the local edges.
-        left: Edges of triangles that ask for no longest one, of the shape of ``faces``.
+        left: Edges of triangles that need no longest edge, same shape as ``faces``.
     """
     longest = faces[np.arange(len(faces)), edges.order[faces].argmax(axis=1)]
     more = True
@@ -160,15 +166,17 @@ def _with_longest(
 
 
 def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) -> Refined:
-    """Cut the cells around points of a plane mesh in two, at the edges opposite. Collective.
+    """Return a plane mesh with the cells around points cut in two, at the opposite edges.
+
+    Collective.
 
     Args:
-        tagged_mesh: As for :func:`refine`, plane.
-        points: Local vertices; each has to be given on all ranks that have it.
-        opposite: As for :func:`refine`.
+        tagged_mesh: Plane mesh, see :func:`refine`.
+        points: Local vertices; each must be given on all ranks that have it.
+        opposite: See :func:`refine`.
 
     Raises:
-        InputError: If cells are curved, or no triangles.
+        InputError: If cells are curved, or are not triangles.
     """
     check_refinable(tagged_mesh)
     topology = tagged_mesh.mesh.topology
@@ -180,7 +188,7 @@ def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) ->
     marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
     marks[edges.of_cell[here]] = True
     marks = edges.anywhere(marks)
-    # any order in a cell will do in the plane, where cells share no more than edges
+    # in the plane any order in a cell is valid, since cells share at most edges
     first = edges.order[edges.of_cell] + here * len(edges.order)
     return _cut(tagged_mesh, edges, marks, first)
 
@@ -188,15 +196,15 @@ def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) ->
 def fan_around(
     tagged_mesh: TaggedMesh, edges: npt.NDArray[np.bool_], opposite: Longs | None = None
 ) -> Refined:
-    """Cut tetrahedra in two through one of their edges. Collective.
+    """Return a mesh with tetrahedra cut in two through one of their edges. Collective.
 
-    They are cut at the edge opposite, and so are the other cells that have it.
+    They are cut at the opposite edge, together with the other cells that share it.
 
     Args:
-        tagged_mesh: As for :func:`refine`, of tetrahedra.
-        edges: Edges of each owned cell around which to cut it, in DOLFINx's order, shape
+        tagged_mesh: Mesh of tetrahedra, see :func:`refine`.
+        edges: Edges of each owned cell around which it is cut, in DOLFINx's order, shape
             (num_cells, 6).
-        opposite: As for :func:`refine`.
+        opposite: See :func:`refine`.
 
     Raises:
         InputError: If cells are curved.
@@ -216,7 +224,7 @@ def _pairs(opposite: Longs | None) -> Longs:
 def _cut(
     tagged_mesh: TaggedMesh, edges: GluedEdges, marks: npt.NDArray[np.bool_], order: Longs
 ) -> Refined:
-    """Cut the owned cells at marked edges, and distribute the new cells. Collective."""
+    """Return the owned cells cut at marked edges, in a new distribution. Collective."""
     mesh = tagged_mesh.mesh
     topology, comm = mesh.topology, mesh.comm
     dim, owned = topology.dim, len(edges.of_cell)
@@ -258,9 +266,11 @@ def _cut(
 
 
 def _in_order(mesh: Mesh, rows: Longs, parents: Longs) -> Longs:
-    """Rows of parts of owned cells in the order of the file's cells, on whatever ranks. Collective.
+    """Return rows of parts of owned cells, in the order of the file's cells, on any rank.
 
-    So cells are numbered alike on any number of ranks.
+    Collective.
+
+    So cells have the same numbers on any number of ranks.
     """
     topology, comm = mesh.topology, mesh.comm
     owned = topology.index_map(topology.dim)

@@ -1,7 +1,7 @@
-"""Quadratic functions on sections of bodies of revolution, by their Bernstein coefficients.
+"""Represent quadratics on sections of bodies of revolution by Bernstein coefficients.
 
-The coefficients of a cell are those at its vertices and then at its edges. Bernstein's polynomials
-B_i are not negative and add up to 1. NumPy only.
+The coefficients of a cell are those at its vertices, then those at its edges. The Bernstein
+polynomials B_i are non-negative and sum to 1. This module uses only NumPy.
 """
 
 import math
@@ -14,21 +14,22 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.mesh.straight_geometry import gradients
 
 EDGES = ((1, 2), (0, 2), (0, 1))
-"""Ends of the edge of each coefficient after those of vertices: edge a is the facet opposite a."""
+"""Ends of the edges, in the order of their coefficients after those of vertices: edge a is the
+facet opposite a."""
 
 COEFFICIENTS = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-"""Number of the coefficient of each pair of vertices."""
+"""Index of the coefficient for each pair of vertices."""
 
 
 @lru_cache
 def means() -> Floats:
-    """Return means of products of Bernstein's polynomials with linear ones, shape (6, 3)."""
+    """Return means of products of Bernstein polynomials with linear ones, shape (6, 3)."""
     found: Floats = np.concatenate([1 + 2 * np.eye(3), 2 - np.eye(3)]) / 30
     return found
 
 
 def polynomials(places: Floats) -> Floats:
-    """Return the values of Bernstein's polynomials, shape (num_places, 6).
+    """Return the values of Bernstein polynomials, shape (num_places, 6).
 
     Args:
         places: Barycentric coordinates, shape (num_places, 3).
@@ -41,7 +42,7 @@ def coefficients_of_radius(x: Floats) -> Floats:
     """Return the coefficients of r, shape (num_cells, 6).
 
     Args:
-        x: Vertices of cells, r and z, shape (num_cells, 3, 2).
+        x: Vertices (r, z) of cells, shape (num_cells, 3, 2).
     """
     radii = x[..., 0]
     ends = np.array(EDGES)
@@ -49,11 +50,11 @@ def coefficients_of_radius(x: Floats) -> Floats:
 
 
 def coefficients_of_product(radii: Floats, values: Floats) -> Floats:
-    """Return the coefficients of r times what is linear in a cell, shape (num_cells, 6, k).
+    """Return the coefficients of r times linear functions in cells, shape (num_cells, 6, k).
 
     Args:
-        radii: At the vertices, shape (num_cells, 3).
-        values: The same, shape (num_cells, 3, k).
+        radii: Radii at the vertices, shape (num_cells, 3).
+        values: Values at the vertices, shape (num_cells, 3, k).
     """
     a, b = np.array(EDGES).T
     between = radii[:, a, None] * values[:, b] + radii[:, b, None] * values[:, a]
@@ -64,8 +65,9 @@ def of_parts(stress: Floats, corners: Floats) -> Floats:
     """Return coefficients of the same polynomials on parts of cells.
 
     Args:
-        stress: Coefficients on the cell of each part, shape (num_parts, 6, m).
-        corners: Barycentric coordinates of each part's vertices in it, shape (num_parts, 3, 3).
+        stress: Coefficients on the parent cell of each part, shape (num_parts, 6, m).
+        corners: Barycentric coordinates of each part's vertices in its parent, shape (num_parts, 3,
+            3).
     """
     whole = stress[:, COEFFICIENTS]
     polar = np.einsum("pua,pvb,pabm->puvm", corners, corners, whole, optimize=True)
@@ -74,11 +76,11 @@ def of_parts(stress: Floats, corners: Floats) -> Floats:
 
 
 def ring_rates(x: Floats, v: Floats) -> Floats:
-    """Return coefficients of r²ε, Mandel vectors, shape (num_cells, 6, 4).
+    """Return coefficients of r²ε as Mandel vectors, shape (num_cells, 6, 4).
 
     Args:
         x: Vertices of cells, shape (num_cells, 3, 2).
-        v: At vertices and between, in the order of :data:`EDGES`, (num_cells, 6, 2).
+        v: Values at vertices and midpoints, in the order of :data:`EDGES`, shape (num_cells, 6, 2).
     """
     ends = np.array(EDGES)
     bernstein = v.copy()
@@ -100,14 +102,14 @@ def ring_rates(x: Floats, v: Floats) -> Floats:
 
 
 def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
-    """∫ B_i/r over triangles, from above, and 0 where q_i is zero on the axis.
+    """Return upper bounds of ∫ B_i/r over triangles, 0 for coefficients that are zero on the axis.
 
     Args:
         radii: At their vertices, shape (n, 3).
-        areas: Shape (n,).
+        areas: Areas, shape (n,).
 
     Returns:
-        Shape (n, 6).
+        Bounds, shape (n, 6).
     """
     on_axis = radii == 0
     inverse = np.divide(1.0, radii, out=np.zeros_like(radii), where=~on_axis)

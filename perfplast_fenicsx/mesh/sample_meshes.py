@@ -1,7 +1,7 @@
-"""Structured assemblies by name: ``two_blocks``, ``punch``, ``l_plate`` and ``stacked_blocks``.
+"""Build structured assemblies by name: ``two_blocks``, ``punch``, ``l_plate``, ``stacked_blocks``.
 
-:mod:`perfplast_fenicsx.mesh.box_mesh` describes how they are cut into tetrahedra, and what is exact
-about it.
+:mod:`perfplast_fenicsx.mesh.box_mesh` describes their division into tetrahedra, and which
+coordinates are exact.
 """
 
 import inspect
@@ -20,17 +20,19 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 def two_blocks(comm: MPI.Intracomm, n: int) -> TaggedMesh:
-    """Blocks (0,3)×(0,1)×(0,1) and the same on top, ``n`` cubes per unit length. Collective.
+    """Return blocks (0,3)×(0,1)×(0,1) and the same on top, with ``n`` cubes per unit length.
+
+    Collective.
 
     Volumes ``lower`` and ``upper``; surfaces ``left`` (x = 0, both), ``top`` (z = 2 and x ≥ 1.5;
-    for odd n only the whole cubes of it), ``upper_bottom`` and ``lower_top`` (z = 1).
+    for odd n only its whole cubes), ``upper_bottom`` and ``lower_top`` (z = 1).
 
     Args:
         comm: Communicator of the mesh.
         n: Cubes per unit length, at least 1.
 
     Raises:
-        InputError: If ``n`` is not a positive whole number.
+        InputError: If ``n`` is not a positive integer.
     """
     _check_n("two_blocks", n)
     counts = (3 * n, n, n)
@@ -85,7 +87,7 @@ def punch(comm: MPI.Intracomm, n: int) -> TaggedMesh:
 
 
 def l_plate(comm: MPI.Intracomm, n: int) -> TaggedMesh:
-    """Return an L-shaped plate, (0,10)²×(0,1) without (0,5)²×(0,1), in plane strain. Collective.
+    """Return an L-shaped plate in plane strain: (0,10)²×(0,1) without (0,5)²×(0,1). Collective.
 
     Volume ``plate``; surfaces ``x0``, ``y0``, ``z0``, ``z1`` and ``top`` (y = 10).
 
@@ -94,7 +96,7 @@ def l_plate(comm: MPI.Intracomm, n: int) -> TaggedMesh:
         n: Cubes per unit length: 2^level for the level of the published meshes.
 
     Raises:
-        InputError: If ``n`` is not a positive whole number.
+        InputError: If ``n`` is not a positive integer.
     """
     _check_n("l_plate", n)
 
@@ -128,7 +130,7 @@ def stacked_blocks(
         heights: Heights of the lower and the upper block, from 1e-6 to 1e6.
 
     Raises:
-        InputError: If ``n`` is not a positive whole number or a height out of its range.
+        InputError: If ``n`` is not a positive integer, or if a height is out of its range.
     """
     _check_n("stacked_blocks", n)
     if not (
@@ -161,7 +163,7 @@ def stacked_blocks(
 BUILDERS: dict[str, Callable[..., TaggedMesh]] = {
     builder.__name__: builder for builder in (two_blocks, punch, l_plate, stacked_blocks)
 }
-"""The builders by the names that case files know."""
+"""The builders by their names in case files."""
 
 
 def build(comm: MPI.Intracomm, name: str, **arguments: object) -> TaggedMesh:
@@ -170,11 +172,11 @@ def build(comm: MPI.Intracomm, name: str, **arguments: object) -> TaggedMesh:
     Args:
         comm: Communicator of the mesh.
         name: One of :data:`BUILDERS`.
-        arguments: What that builder takes beside ``comm``.
+        arguments: Arguments of the builder besides ``comm``.
 
     Raises:
-        InputError: For an unknown builder, an unknown or missing argument, and what the builder
-            itself refuses.
+        InputError: For an unknown builder, an unknown or missing argument, or an error of the
+            builder itself.
     """
     if name not in BUILDERS:
         raise InputError(f"there is no builder '{name}'; {nearest(name, BUILDERS)}")
@@ -187,7 +189,7 @@ def build(comm: MPI.Intracomm, name: str, **arguments: object) -> TaggedMesh:
             )
     for key, parameter in parameters.items():
         if parameter.default is inspect.Parameter.empty and key not in arguments:
-            raise InputError(f"builder '{name}' has no '{key}'; give it, e.g. {key} = 4")
+            raise InputError(f"builder '{name}' needs '{key}'; give it, e.g. {key} = 4")
     return BUILDERS[name](comm, **arguments)
 
 

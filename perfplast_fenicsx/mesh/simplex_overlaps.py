@@ -1,7 +1,8 @@
-"""How deep simplices lie in each other, by the theorem of separating axes.
+"""Measure how deep simplices overlap, by the separating axis theorem.
 
 S. Gottschalk, M. C. Lin, D. Manocha, OBBTree, SIGGRAPH 1996, for boxes: two convex polytopes are
-apart if and only if they are along a normal of a face of one, or along a product of two edges.
+separate if and only if they are separate along a normal of a face of one, or along a cross product
+of two edges.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,19 +17,19 @@ AxisOf = Callable[[Floats, Floats], tuple[Floats, Floats]]
 
 
 def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
-    """Return how far one simplex of each pair would have to be moved to be apart from the other.
+    """Return the distance by which one simplex of each pair must move to separate them.
 
     Args:
-        one: Vertices, shape (n, gdim + 1, gdim).
-        other: The same of the other one.
-        least: Depths up to this do not count, shape (n,).
+        one: Vertices of one simplex, shape (n, gdim + 1, gdim).
+        other: Vertices of the other one, same shape.
+        least: Depths up to this are ignored, shape (n,).
 
     Returns:
-        Shape (n,), length; 0 where they are apart.
+        Depths, shape (n,), length; 0 for separate simplices.
     """
     depth = np.full(len(one), np.inf)
     left = np.arange(len(one))
-    parallel = 1e-9  # sine of the angle of two edges below which they have no product
+    parallel = 1e-9  # sine of the angle of two edges below which their product is ignored
     for axis_of in _axes(one.shape[2]):
         axis, size = axis_of(one[left], other[left])
         length = np.linalg.norm(axis, axis=1)
@@ -45,7 +46,7 @@ def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
 
 
 def _axes(gdim: int) -> Iterator[AxisOf]:
-    """Yield makers of axes, with the size that they would have if nothing were parallel."""
+    """Yield functions that create axes, with the length of an axis if nothing were parallel."""
     for which in (0, 1):
         for place in range(gdim + 1):
             yield partial(_face_normal, which, place)

@@ -1,4 +1,4 @@
-"""Slabs of space, one a rank: what lies in one place is brought together on one rank."""
+"""Divide space into slabs, one for each rank, to bring nearby data together on one rank."""
 
 from mpi4py import MPI
 
@@ -10,19 +10,19 @@ from perfplast_fenicsx.parallel import bounding_box, send_rows
 
 
 class Slabs:
-    """Divides space across its longest extent, with about as many places in each slab."""
+    """Divides space along its longest extent, with about equally many points in each slab."""
 
     def __init__(self, comm: MPI.Intracomm, places: Floats) -> None:
-        """Choose where slabs end. Collective.
+        """Choose the limits of the slabs. Collective.
 
         Args:
             comm: The ranks.
-            places: Places of this rank, shape (n, gdim).
+            places: Points of this rank, shape (n, gdim).
         """
         low, high = bounding_box(comm, places)
         self._comm, self.axis = comm, int(np.argmax(high - low))
         along = np.sort(places[:, self.axis])
-        # Places that a rank contributes, at most, from which it is seen where the slabs are to end.
+        # Largest number of points from each rank that determine the limits of the slabs.
         samples = 200
         some = along[np.linspace(0, len(along) - 1, min(samples, len(along)), dtype=np.int64)]
         weights = np.full(len(some), len(along) / max(len(some), 1))
@@ -33,12 +33,12 @@ class Slabs:
         self._ends = every[order][np.searchsorted(before, shares)]
 
     def send(self, rows: npt.NDArray, low: Floats, high: Floats) -> npt.NDArray:
-        """Send rows to all ranks whose slabs they reach into. Collective.
+        """Send rows to all ranks whose slabs they intersect. Collective.
 
         Args:
-            rows: Shape (n,), of a structured type.
-            low: Where they begin along ``axis``, shape (n,).
-            high: Where they end.
+            rows: Rows of a structured type, shape (n,).
+            low: Their lower ends along ``axis``, shape (n,).
+            high: Their upper ends.
         """
         if self._comm.size == 1:
             return rows

@@ -1,8 +1,8 @@
-"""From one conforming gmsh mesh to bodies that share no node, with matching contact surfaces.
+"""Split one conforming gmsh mesh into bodies that share no node, with matching contact surfaces.
 
 Bodies cut from one geometry by ``gmsh.model.occ.fragment`` are meshed together and share the nodes
-of their interfaces. :func:`write_split` numbers the nodes of each body apart. The two sides of an
-interface then have the same nodes twice, whatever the geometry, and contact pairs match exactly.
+of their interfaces. :func:`write_split` numbers the nodes of each body separately. The two sides of
+an interface then have the same nodes twice, for any geometry, and contact pairs match exactly.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class _Part:
 
     Attributes:
         dim: Dimension of the elements.
-        body: Tag of the physical volume that they belong to.
+        body: Tag of the physical volume of the body.
         names: Physical names to write.
         elements: Gmsh element type and node tags, shape (num_elements, nodes_per_element).
     """
@@ -36,19 +36,20 @@ class _Part:
 def write_split(path: str | Path) -> None:
     """Write gmsh's current mesh as a .msh file (version 4.1) whose bodies share no node.
 
-    Each physical volume of the model is a body (physical surface in a plane model). Of the physical
-    surfaces (curves), the parts that bound one body keep their name; the parts between two bodies
-    are written once for each side, as ``BODY_NAME``: the interface ``seam`` of ``lower`` and
-    ``upper`` becomes ``lower_seam`` and ``upper_seam``. A surface may have several names; groups
-    without a name are called by their number. The bodies come apart along interfaces
-    without a name too. First and second order, any kind of element; not collective, on one process.
+    Each physical volume of the model is a body (in a plane model each physical surface). Parts of
+    physical surfaces (curves) that bound one body keep their name. Parts between two bodies are
+    written once for each side, as ``BODY_NAME``: the interface ``seam`` of ``lower`` and ``upper``
+    becomes ``lower_seam`` and ``upper_seam``. A surface may have several names; groups without a
+    name are named by their number. Bodies are also separated along interfaces without a name. The
+    function supports first and second order and any kind of element. It is not collective and runs
+    on one process.
 
     Args:
         path: The file to write.
 
     Raises:
-        InputError: If the model has no physical volumes, a volume that is in none of them or in
-            two, or a named surface on no body.
+        InputError: If the model has no physical volumes, if a volume is in none of them or in two,
+            or if a named surface bounds no body.
     """
     dim = gmsh.model.getDimension()
     bodies = _groups(dim)
@@ -77,12 +78,12 @@ def write_split(path: str | Path) -> None:
 
 
 def on_plane(dim: int, axis: int, value: float) -> list[int]:
-    """Return tags of the entities of dimension ``dim`` that lie in the plane x_axis = value.
+    """Return tags of the entities of dimension ``dim`` in the plane x_axis = value.
 
     Args:
         dim: Dimension of the entities.
         axis: 0, 1 or 2.
-        value: Position of the plane, found within 1e-6 of the model's units.
+        value: Position of the plane, with a tolerance of 1e-6 in the model's units.
     """
     lower, upper = np.full(3, -1e9), np.full(3, 1e9)
     lower[axis], upper[axis] = value - 1e-6, value + 1e-6
@@ -100,7 +101,7 @@ def _groups(dim: int) -> dict[int, tuple[int, ...]]:
 
 
 def _name(dim: int, group: int) -> str:
-    """Return the name of a physical group, or its number where it has no name."""
+    """Return the name of a physical group, or its number without a name."""
     return str(gmsh.model.getPhysicalName(dim, group)) or str(group)
 
 
@@ -120,7 +121,7 @@ def _write(
     tags: npt.NDArray[np.uint64],
     coordinates: Floats,
 ) -> None:
-    """Write the parts as discrete entities of a model of their own."""
+    """Write the parts as discrete entities of a new model."""
     model = gmsh.model.getCurrent()
     version = gmsh.option.getNumber("Mesh.MshFileVersion")
     gmsh.model.add("split")

@@ -1,4 +1,4 @@
-"""Vertices of straight cells, their shapes and their outer facets, as arrays."""
+"""Return vertices of straight cells, their shapes and their outer facets, as arrays."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from perfplast_fenicsx.compat import entity_nodes
 
 
 def corners(mesh: Mesh) -> tuple[Ints, Floats]:
-    """Return vertices of the cells of this rank. Not collective but for connectivities.
+    """Return the vertices of this rank's cells. Not collective, except for the connectivities.
 
     Returns:
         Local vertices of each owned cell, shape (num_cells, tdim + 1), and coordinates of all local
@@ -30,12 +30,12 @@ def corners(mesh: Mesh) -> tuple[Ints, Floats]:
 
 @dataclass(frozen=True)
 class OuterFacets:
-    """Facets of one cell, which this rank owns.
+    """Facets of only one cell that this rank owns.
 
     Attributes:
         facets: Local indices, sorted.
         cells: Their cells.
-        places: Their place in it: facet i of a simplex is opposite vertex i.
+        places: Their index in the cell: facet i of a simplex is opposite vertex i.
         normals: Outward unit normals, shape (num_facets, gdim).
     """
 
@@ -52,7 +52,7 @@ def gradients(x: Floats) -> tuple[Floats, Floats]:
         x: Vertices, shape (..., d + 1, d).
 
     Returns:
-        Shapes (..., d + 1, d) and (...).
+        Gradients, shape (..., d + 1, d), and volumes, shape (...).
     """
     tdim = x.shape[-1]
     edges = x[..., 1:, :] - x[..., :1, :]

@@ -1,4 +1,4 @@
-"""Bodies in one mesh, with names, and how to read them from a gmsh file on any number of ranks."""
+"""Store bodies in one mesh with names, and read them from a gmsh file on any number of ranks."""
 
 import math
 import re
@@ -25,7 +25,7 @@ from perfplast_fenicsx.mesh.kinematics import KINDS, ON_AXIS, Axisymmetric, Kine
 from perfplast_fenicsx.parallel import bounding_box
 
 Tags = int | tuple[int, ...]
-"""The tag of a surface; several where it has facets in common with others, or consists of them."""
+"""The tag of a surface; several tags if it shares facets with others or consists of several."""
 
 _CELLS = {1: CellType.interval, 2: CellType.triangle, 3: CellType.tetrahedron}
 
@@ -73,21 +73,21 @@ class TaggedMesh:
         volumes: Mapping[str, int],
         surfaces: Mapping[str, Tags],
     ) -> "TaggedMesh":
-        """Return a mesh of DOLFINx with names for its tags. Collective.
+        """Return a DOLFINx mesh with names for its tags. Collective.
 
-        Facets whose tag has no name are listed in ``remarks``, in a sentence.
+        The sentence in ``remarks`` lists facets whose tag has no name.
 
         Args:
             mesh: Triangles in the plane, or tetrahedra.
-            cell_tags: A tag of each cell; one rank that has the cell is enough.
-            facet_tags: Tags of facets, at least those that get names; likewise.
+            cell_tags: A tag for each cell; it is enough if one rank with the cell has it.
+            facet_tags: Tags of facets, at least of the named ones; one rank is enough as well.
             volumes: The tag of each body.
-            surfaces: The tag of each surface; several tags of one that consists of parts.
+            surfaces: The tag of each surface; several tags for a surface of several parts.
 
         Raises:
-            InputError: On every rank alike, if cells or tags are of another kind or dimension, a
-                tag is no integer, two volumes have the same tag, no cell or facet has the tag of a
-                name, or cells belong to no volume.
+            InputError: On every rank, if cells or tags have another type or dimension, a tag is not
+                an integer, two volumes share a tag, no cell or facet has the tag of a name, or
+                cells belong to no volume.
         """
         dim = mesh.topology.dim
         if mesh.geometry.dim != dim:
@@ -113,7 +113,7 @@ class TaggedMesh:
         _check_found(mesh, ("surface", "facet"), facet_tags, several)
         named = [tag for tags in several.values() for tag in tags]
         unnamed = [tag for tag in _tags_in(mesh, facet_tags) if tag not in named]
-        left = f"facets with the tags {str(unnamed)[1:-1]} have no name, and nothing refers to them"
+        left = f"facets with the tags {str(unnamed)[1:-1]} have no name and are not used"
         tagged_mesh = cls(
             mesh=mesh,
             cell_tags=_on_all_ranks(mesh, cell_tags),
@@ -137,40 +137,40 @@ class TaggedMesh:
 
     @property
     def kinematics(self) -> Kinematics:
-        """The meaning of the coordinates."""
+        """Return the meaning of the coordinates."""
         return KINDS["space"] if self.mesh.geometry.dim == 3 else self.section
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether the plane of the mesh is half a section of bodies of revolution."""
+        """Return whether the mesh is half a section of bodies of revolution."""
         return isinstance(self.section, Axisymmetric)
 
     @property
     def is_thin(self) -> bool:
-        """Whether bodies are sheets in plane stress."""
+        """Return whether bodies are sheets in plane stress."""
         return isinstance(self.kinematics, PlaneStress)
 
     def turned(self) -> "TaggedMesh":
         """Return the same mesh as half a section of bodies of revolution: x is r, y the axis z.
 
-        Vertices next to the axis are put on it. Collective.
+        Vertices close to the axis are moved onto it. Collective.
 
         Raises:
-            InputError: If the mesh is one of tetrahedra, or reaches to where r < 0.
+            InputError: If the mesh has tetrahedra, or reaches negative radii.
         """
         if self.mesh.geometry.dim == 3:
             raise InputError(
-                "axisymmetric bodies need a mesh of triangles, half their section with x as radius"
-                " and y along the axis, but this one has tetrahedra; give such a mesh, or leave"
-                " kind out."
+                "axisymmetric bodies need a mesh of triangles, half their section with x "
+                "as radius and y along the axis, but this one has tetrahedra; give such a "
+                "mesh, or remove kind."
             )
         radii = self.mesh.geometry.x[:, 0]
         low, high = bounding_box(self.mesh.comm, self.mesh.geometry.x.astype(np.float64))
         axis = ON_AXIS * float(np.linalg.norm(high - low))
         if low[0] < -axis:
             raise InputError(
-                f"the mesh reaches to x = {low[0]:.4g}, but x is the radius in axisymmetry; give"
-                " half the section, where x >= 0."
+                f"the mesh reaches x = {low[0]:.4g}, but x is the radius in axisymmetry; "
+                "give half the section, where x >= 0."
             )
         radii[np.abs(radii) <= axis] = 0.0
         return replace(self, section=KINDS["axisymmetric"], drawn={})  # which are lengths
@@ -179,43 +179,44 @@ class TaggedMesh:
         """Return the same mesh as sheets in plane stress.
 
         Args:
-            thickness: Over which forces are spread that are given of a whole surface (length).
+            thickness: Thickness over which forces on whole surfaces are spread (length).
 
         Raises:
-            InputError: If the mesh is one of tetrahedra, or the thickness is not positive.
+            InputError: If the mesh has tetrahedra, or if the thickness is not positive.
         """
         if self.mesh.geometry.dim == 3:
             raise InputError(
-                "plane stress needs a mesh of triangles, but this one has"
-                " tetrahedra, which are in space; give a mesh of their middle plane, or leave kind"
-                " out."
+                "plane stress needs a mesh of triangles, but this one has tetrahedra; "
+                "give a mesh of the middle plane, or remove kind."
             )
         if not (thickness > 0 and math.isfinite(thickness)):
-            raise InputError(f"thickness = {thickness} is not a positive length; give one.")
+            raise InputError(
+                f"thickness = {thickness} is not a positive length; give a positive one."
+            )
         return replace(self, section=PlaneStress(thickness))
 
     def cells(self, name: str) -> Ints:
-        """Local indices of the cells of a volume, sorted; empty on ranks without any.
+        """Return local indices of a volume's cells, sorted; empty on ranks without any.
 
         Raises:
-            InputError: If there is no such volume, on every rank alike.
+            InputError: If the volume does not exist, on every rank.
         """
         return self.cell_tags.find(_tag("volume", name, self.volumes, self.surfaces))
 
     def facets(self, name: str) -> Ints:
-        """Local indices of the facets of a surface, sorted; empty on ranks without any.
+        """Return local indices of a surface's facets, sorted; empty on ranks without any.
 
         Raises:
-            InputError: If there is no such surface, on every rank alike.
+            InputError: If the surface does not exist, on every rank.
         """
         tags = _tag("surface", name, self.surfaces, self.volumes)
         return self.facet_tags.indices[np.isin(self.facet_tags.values, tags)]
 
     def tags_of(self, names: Iterable[str]) -> tuple[int, ...]:
-        """Return the tags of surfaces together, sorted, each once.
+        """Return the tags of several surfaces, sorted, each once.
 
         Raises:
-            InputError: If there is no such surface, on every rank alike.
+            InputError: If a surface does not exist, on every rank.
         """
         tags = [_tag("surface", name, self.surfaces, self.volumes) for name in names]
         return tuple(int(tag) for tag in np.unique(np.concatenate([[], *map(np.atleast_1d, tags)])))
@@ -226,12 +227,12 @@ class TaggedMesh:
         """Return the glued pairs that contacts and ties do not name, without cracks.
 
         Args:
-            named: The surfaces of contacts and ties; names that are not there are left out.
+            named: The surfaces of contacts and ties; unknown names are ignored.
             cracks: Surfaces that are not glued.
 
         Returns:
-            The mesh, with the names ``A_rest`` and ``B_rest`` for what cracks leave of a pair A and
-            B; and the pairs.
+            The mesh, with the names ``A_rest`` and ``B_rest`` for the parts of a pair A and B
+            outside cracks; and the pairs.
 
         Raises:
             InputError: If a contact or tie names a part of a pair.
@@ -244,9 +245,10 @@ class TaggedMesh:
             taken = [tags & used for tags in own]
             if any(taken) and taken != own:
                 raise InputError(
-                    f"a contact or tie names a part of '{pair[0]}' or '{pair[1]}', and the rest is"
-                    " glued, so that the nodes between both would be in two; name all of both"
-                    " sides, or give crack = true in the [[line]] of an open crack."
+                    f"a contact or tie names a part of '{pair[0]}' or '{pair[1]}', and the "
+                    "rest is glued, so that the nodes between both would belong to both; "
+                    "name both sides completely, or give crack = true in the [[line]] of "
+                    "an open crack."
                 )
             if any(taken) or not all(own):
                 continue
@@ -259,16 +261,16 @@ class TaggedMesh:
         return replace(self, surfaces=surfaces), pairs
 
     def check_tagged(self) -> None:
-        """Make sure that cells are simplices, each of a named volume. Collective.
+        """Check that cells are simplices, each of a named volume. Collective.
 
         Raises:
-            InputError: With the kind of the cells, or the number of those that are in no volume.
+            InputError: Naming the kind of the cells, or the number of cells outside volumes.
         """
         kind = self.mesh.topology.cell_name()
         if kind not in ("triangle", "tetrahedron"):
             raise InputError(
-                f"the mesh has cells of the kind {kind}, but only triangles and tetrahedra are"
-                " computed with; divide them, for instance by CellType.triangle of DOLFINx."
+                f"the mesh has cells of the kind {kind}, but only triangles and tetrahedra "
+                "are supported; divide them, for instance by CellType.triangle of DOLFINx."
             )
         tags = list(self.volumes.values())
         named = self.cell_tags.indices[np.isin(self.cell_tags.values, tags)]
@@ -277,7 +279,9 @@ class TaggedMesh:
         if missing:
             wrong = np.setdiff1d(self.cell_tags.values, tags)
             found = np.unique(np.concatenate(self.mesh.comm.allgather(wrong))).tolist()
-            told = f" (there are the tags {str(found)[1:-1]}, which no volume has)" if found else ""
+            told = (
+                f" (the mesh has the tags {str(found)[1:-1]}, which no volume has)" if found else ""
+            )
             raise InputError(f"{missing} cells belong to no named volume{told}; name every body")
 
 
@@ -285,14 +289,14 @@ def _numbers(kind: str, names: Mapping[str, Tags]) -> dict[str, tuple[int, ...]]
     """Return the tags of each name.
 
     Raises:
-        InputError: If one is no integer, or a name has no tag.
+        InputError: If one is not an integer, or if a name has no tag.
     """
     found = {}
     for name, given in names.items():
         tags = np.unique(np.ravel(given))
         if not len(tags) or tags.dtype.kind not in "iu":
             raise InputError(
-                f"the {kind} '{name}' has the tag {given!r}; give a whole number as the tag."
+                f"the {kind} '{name}' has the tag {given!r}; give an integer as the tag."
             )
         found[name] = tuple(int(tag) for tag in tags)
     return found
@@ -305,14 +309,16 @@ def _check_found(
 
     Args:
         mesh: The mesh.
-        what: What has the names, and what has the tags: ("volume", "cell").
-        tags: Those that there are.
+        what: Kinds of the named and of the tagged objects: ("volume", "cell").
+        tags: Tags in the mesh.
         names: The tags of each name.
     """
     there = _tags_in(mesh, tags)
     for name, wanted in names.items():
         if missing := [tag for tag in wanted if tag not in there]:
-            known = f"the {what[1]}s have {str(there)[1:-1]}" if there else "there are no tags"
+            known = (
+                f"the {what[1]}s have the tags {str(there)[1:-1]}" if there else "there are no tags"
+            )
             raise InputError(
                 f"the {what[0]} '{name}' has the tag {missing[0]}, which no {what[1]} of the mesh"
                 f" has; {known}."
@@ -326,7 +332,7 @@ def _tags_in(mesh: Mesh, tags: MeshTags) -> list[int]:
 
 
 def _on_all_ranks(mesh: Mesh, tags: MeshTags) -> MeshTags:
-    """Return tags that each rank with an entity knows, if one of them does. Collective."""
+    """Return tags known to every rank with the entity, if any rank knows them. Collective."""
     mesh.topology.create_entities(tags.dim)
     mesh.topology.create_connectivity(tags.dim, mesh.topology.dim)
     vector = la.vector(mesh.topology.index_map(tags.dim), 2, dtype=np.int64)
@@ -346,7 +352,7 @@ def _tag(kind: str, name: str, tags: Mapping[str, Tags], others: Mapping[str, Ta
         if name in others:
             other = "surface" if kind == "volume" else "volume"
             raise InputError(
-                f"'{name}' is a {other} of this mesh, but a {kind} belongs here: {known}"
+                f"'{name}' is a {other} of this mesh, but a {kind} is needed here: {known}"
             )
         raise InputError(
             f"'{name}' is not a {kind} of this mesh; it has {known}{_hint(name, tags)}"
@@ -355,19 +361,20 @@ def _tag(kind: str, name: str, tags: Mapping[str, Tags], others: Mapping[str, Ta
 
 
 def _hint(name: str, tags: Mapping[str, Tags]) -> str:
-    """Return the remedy for a name of several faces or of a part of a side; else nothing."""
+    """Return the remedy for a name of several faces or of a part of a side; empty otherwise."""
     if several := re.fullmatch(r"(.+)_face_(\d+)_*", name):
         for kind in ("plane", "cylinder"):
             whole = f"{several[1]}_{kind}_{several[2]}"
             if whole in tags:
                 return (
-                    f". Several faces lie in one {kind} there: '{whole}' is all of them, and"
-                    " perfplast mesh lists the name of each"
+                    f". Several faces lie in one {kind} there: '{whole}' contains all of "
+                    "them, and perfplast mesh lists the name of each"
                 )
     if side := re.fullmatch(r"(.+)_([xyz])_(low|high)", name):
         return (
-            f". Faces of that side of '{side[1]}' have names of their own; [[geometry.face]] with"
-            f' plane = {{{side[2]} = ...}} and body = "{side[1]}" names the whole side'
+            f". Faces on that side of '{side[1]}' have their own names; [[geometry.face]] "
+            f'with plane = {{{side[2]} = ...}} and body = "{side[1]}" names the whole '
+            "side"
         )
     return ""
 
@@ -375,21 +382,20 @@ def _hint(name: str, tags: Mapping[str, Tags]) -> str:
 def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) -> TaggedMesh:
     """Read a .msh file whose physical groups name the bodies and surfaces. Collective.
 
-    A group without a name is called by its number. Surfaces may overlap, as groups of gmsh do.
+    A group without a name is named by its number. Surfaces may overlap, as gmsh's groups may.
 
     Rank 0 reads; the mesh is then distributed over ``comm`` without ghost cells. Second-order
-    geometry stays second-order. Surfaces inside a body may be named too.
+    geometry is preserved. Surfaces inside a body may be named too.
 
     Args:
         comm: Communicator of the mesh.
         path: The file.
-        gdim: 3 if only tetrahedra will do, 2 if only triangles in a plane z = const; None for what
-            the file has.
+        gdim: 3 if only tetrahedra are accepted, 2 if only triangles in a plane z = const; None for
+            either.
 
     Raises:
-        InputError: On every rank, for what :func:`gmsh_reader.read_msh` refuses,
-            cells without a name, named facets that are not facets of cells, and a mesh that is
-            folded over itself.
+        InputError: On every rank, for errors of :func:`gmsh_reader.read_msh`, cells without a name,
+            named facets that are not facets of cells, and a mesh that is folded over itself.
     """
     data: GmshMesh | None = on_rank0(comm, lambda: read_msh(path, gdim))
     without_arrays = comm.bcast(data.without_arrays() if data else None)
@@ -420,8 +426,9 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
     found = comm.allreduce(np.count_nonzero(tagged_mesh.facet_tags.indices < owned))
     if found != data.facet_count:
         raise InputError(
-            f"{data.facet_count - found} of the {data.facet_count} named surface elements of "
-            f"'{path}' are no facets of cells, or named twice; save the whole of one mesh"
+            f"{data.facet_count - found} of the {data.facet_count} named surface elements "
+            f"of '{path}' are not facets of cells, or are named twice; save the whole of "
+            "one mesh"
         )
     check_sides(mesh)
     return tagged_mesh

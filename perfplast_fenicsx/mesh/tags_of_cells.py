@@ -1,4 +1,4 @@
-"""Tags of cells and of their facets as arrays, a row for each cell, and back."""
+"""Convert tags of cells and of their facets to arrays with a row for each cell, and back."""
 
 import numpy as np
 from dolfinx.mesh import Mesh, MeshTags, meshtags
@@ -10,14 +10,17 @@ UNNAMED = np.iinfo(np.int32).min
 
 
 def values_of(tags: MeshTags, count: int) -> Ints:
-    """Return the tag of each of the first local entities; ``UNNAMED`` of those without."""
+    """Return the tag of each of the first local entities; ``UNNAMED`` without a tag."""
     values = np.full(max(count, tags.indices.max(initial=-1) + 1), UNNAMED, dtype=np.int32)
     values[tags.indices] = tags.values
     return values[:count]
 
 
 def facet_tags_of(tagged_mesh: TaggedMesh, owned: int) -> Ints:
-    """Return tags of the facets of the first cells, shape (owned, dim + 1). Collective at first."""
+    """Return tags of the facets of the first cells, shape (owned, dim + 1).
+
+    The first call is collective.
+    """
     topology = tagged_mesh.mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim, dim - 1)
@@ -33,7 +36,7 @@ def cell_meshtags(mesh: Mesh, values: Ints) -> MeshTags:
 
 
 def facet_meshtags(mesh: Mesh, of_cell: Ints) -> MeshTags:
-    """Return tags of facets given cell by cell, as of :func:`facet_tags_of`. Collective."""
+    """Return tags of facets given by cell, as from :func:`facet_tags_of`. Collective."""
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim, dim - 1)
     mesh.topology.create_connectivity(dim - 1, dim)

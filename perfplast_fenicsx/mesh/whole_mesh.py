@@ -1,4 +1,4 @@
-"""The whole of a mesh that ranks share, on each of them: for what each does by itself."""
+"""Copy a distributed mesh as a whole to each rank, for independent computations."""
 
 from dataclasses import dataclass, field
 
@@ -23,20 +23,20 @@ from perfplast_fenicsx.mesh.tags_of_cells import (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WholeMesh(TaggedMesh):
-    """A mesh of this rank alone, with all cells of one that ranks share.
+    """A mesh on this rank alone, with all cells of a shared mesh.
 
     Attributes:
-        numbers: Numbers of each cell in the shared mesh, through all ranks, shape (num_cells,).
+        numbers: Global index of each cell in the shared mesh, shape (num_cells,).
     """
 
     numbers: Longs = field(kw_only=True)
 
 
 def whole_mesh(shared: TaggedMesh) -> WholeMesh:
-    """Return a copy on each rank, whose cells have their vertices in the same order. Collective.
+    """Return a copy on each rank, with the vertices of each cell in the same order. Collective.
 
     Args:
-        shared: Straight cells, without ghosts.
+        shared: Mesh of straight cells, without ghosts.
     """
     mesh = shared.mesh
     comm, topology = mesh.comm, mesh.topology
@@ -73,12 +73,12 @@ def to_owners(
 
     Args:
         shared: The mesh that ranks share.
-        copy: That of this rank.
-        root: The rank that has found it.
-        rows: Arrays with a row for each cell of its copy; those of other ranks do not matter.
+        copy: The copy on this rank.
+        root: The rank with the results.
+        rows: Arrays with a row for each cell of its copy; other ranks' arrays are ignored.
 
     Returns:
-        The same with a row for each owned cell.
+        Arrays with a row for each owned cell.
     """
     topology = shared.mesh.topology
     comm, count = shared.mesh.comm, topology.index_map(topology.dim).size_local
@@ -94,6 +94,6 @@ def to_owners(
 
 
 def _of_all(comm: MPI.Intracomm, rows: npt.NDArray) -> npt.NDArray:
-    """Return rows of all ranks, one rank after the other. Collective."""
+    """Return the rows of all ranks, one rank after another. Collective."""
     found: npt.NDArray = np.concatenate(comm.allgather(rows))
     return found

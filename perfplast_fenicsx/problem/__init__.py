@@ -1,4 +1,4 @@
-"""The discrete problem, its states and their checks."""
+"""Define the discrete problem, its states and the checks of its states."""
 
 import lazy_loader
 

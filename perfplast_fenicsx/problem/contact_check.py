@@ -1,4 +1,4 @@
-"""Whether bodies of a drawing can be in contact as their first case says."""
+"""Check whether the bodies of a drawing can be in contact as their first case declares."""
 
 import tomllib
 from pathlib import Path
@@ -14,24 +14,26 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def refused_contact(case: str, mesh: Path) -> str | None:
-    """Why the contacts of a case would be refused; None where they are not. On one rank.
+    """Return why ``perfplast run`` would refuse the contacts of a case; None if it accepts them.
 
-    A user would hear of it otherwise when all is filled in.
+    Not collective.
+
+    Without this check, the user would see the refusal only after completing the case.
 
     Args:
-        case: Its text; supports and loads may be missing.
-        mesh: Its mesh.
+        case: Text of the case; supports and loads may be missing.
+        mesh: Mesh of the case.
     """
     pairs = tomllib.loads(case).get("contact", [])
     if not pairs:
         return None
     contacts = [Contact(**pair) for pair in pairs]
     bodies = read_gmsh(MPI.COMM_SELF, mesh)
-    some = Elastic(young=1.0, poisson=0.3)  # conditions are the same of any law
+    some = Elastic(young=1.0, poisson=0.3)  # the checks of contact are the same for any law
     try:
         Problem(bodies, dict.fromkeys(bodies.volumes, some), [], [], contacts, degree=2)
     except TooManyConditions as refusal:
         return f"perfplast run would refuse these contacts: {str(refusal).rstrip('.')}"
-    except InputError:  # of what is to be filled in
+    except InputError:  # placeholders that the user is to replace
         return None
     return None

@@ -1,4 +1,4 @@
-"""The same problem with elements of half the size."""
+"""Put the same problem on a mesh with elements of half the size."""
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from perfplast_fenicsx.problem.problem import Problem
 def halved(problem: Problem) -> Problem:
     """Return the problem on a mesh all of whose edges are cut in half. Collective.
 
-    Vertices that lie on each other where bodies touch do so afterwards, and the bodies are the
-    same: polygons that stand for circles stay what they are.
+    Coinciding vertices of bodies in contact coincide afterwards, and the bodies do not change:
+    polygons that approximate circles remain polygons.
 
     Raises:
         InputError: If cells are curved.

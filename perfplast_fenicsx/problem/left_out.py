@@ -1,4 +1,4 @@
-"""Nodes of contact surfaces that have no contact or no friction for want of unknowns, in words."""
+"""Find nodes of contact surfaces without contact or friction because their unknowns are taken."""
 
 import numpy as np
 
@@ -9,11 +9,13 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def left_out(problem: Problem) -> list[str]:
-    """Return a sentence on each obstacle or friction that acts only in part. Collective.
+    """Return a sentence on each obstacle or friction that acts on only a part of its surface.
 
-    Of an obstacle these are the nodes that supports leave free along its normal and that host no
-    row, since they follow a tie or a rigid surface. Friction is missing where faces meet at an
-    edge, or where supports or ties hold a node in all directions along the surface.
+    Collective.
+
+    A node of an obstacle is affected if supports leave it free along its normal, but it follows a
+    tie or a rigid surface and so hosts no row. Friction is missing where faces meet at an edge, or
+    where supports or ties hold a node in all directions along the surface.
     """
     given, constraints, comm = problem.given, problem.constraints, problem.comm
     told = []
@@ -21,8 +23,9 @@ def left_out(problem: Problem) -> list[str]:
         count = comm.allreduce(_unseen(problem, obstacle))
         if count:
             told.append(
-                f"the obstacle at '{obstacle.on}' does not see {count} of its nodes, which follow a"
-                " tie or a rigid surface; let the other body of the tie follow (hosts)"
+                f"the obstacle at '{obstacle.on}' does not act on {count} of its nodes, "
+                "which follow a tie or a rigid surface; let the other body of the tie "
+                "follow (hosts)"
             )
     rows = rows_that_rub(comm, constraints)
     smooth = np.setdiff1d(rows, problem.friction.pair)
@@ -31,15 +34,15 @@ def left_out(problem: Problem) -> list[str]:
         counts = comm.allreduce(np.array([of_this[smooth].sum(), of_this[rows].sum()]))
         if counts[0]:
             told.append(
-                f"{counts[0]} of the {counts[1]} nodes that rub at '{source.on}' have no"
-                " friction: they are at an edge of two faces, or supports or ties hold them along"
-                " the surface"
+                f"{counts[0]} of the {counts[1]} nodes with friction at '{source.on}' have "
+                "no friction: they are at an edge of two faces, or supports or ties hold "
+                "them along the surface"
             )
     return told
 
 
 def _unseen(problem: Problem, obstacle: Obstacle) -> int:
-    """Return nodes of this rank that could host a row and do not."""
+    """Return the number of nodes on this rank that could host a row but do not."""
     nodes = surface_nodes(problem.V, problem.tagged_mesh, obstacle.on, problem.fixed)
     nodes = nodes[np.unique(nodes["node"], return_index=True)[1]]
     _, into = obstacle.towards(nodes["x"][:, : problem.bodies.gdim])

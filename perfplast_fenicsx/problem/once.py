@@ -1,4 +1,4 @@
-"""Facts that follow from a problem, derived once for as long as it lives."""
+"""Cache values that follow from a problem for the lifetime of the problem."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -11,13 +11,14 @@ T = TypeVar("T")
 
 
 def once_a_problem(derive: Callable[[Problem], T]) -> Callable[[Problem], T]:
-    """Let a function of a problem be called once for each.
+    """Return a function of a problem that is evaluated once for each problem.
 
-    A problem's mesh, its declaration and its contact never change. Whoever asks gets the same
-    arrays, which nobody writes to.
+    A problem's mesh, its declaration and its contact never change. All callers receive the same
+    arrays, which no caller may write to.
 
     Args:
-        derive: Arrays that do not refer to the problem, which would live on with them.
+        derive: Function of a problem. Its arrays must not refer to the problem, which they would
+            keep alive.
     """
     known: WeakKeyDictionary[Problem, T] = WeakKeyDictionary()
 

@@ -1,4 +1,6 @@
-"""The discrete problem: spaces, supports, loads, contact and forms. It declares, never solves.
+"""Define the discrete problem: spaces, supports, loads, contact and forms.
+
+This module declares the problem and solves nothing.
 
 (P)_ζ   minimise J_ζ(v) = Ψ(ε(v)) − L₀(v) − ζL₁(v) over K_h: v = u_D at supports,
         (v_a − v_b)·n ≤ g at contact nodes
@@ -63,39 +65,44 @@ class Problem:
 
     Attributes:
         tagged_mesh: The mesh and its names.
-        given: What was declared on it.
-        degree: 1 or 2, that of the displacements.
-        V: Continuous displacements, one vector a node.
-        S: Mandel vectors at the quadrature points (:class:`spaces.Spaces`); ``Q``: scalars there.
-        dx: Integrates over these points; around the axis in axisymmetry.
-        cells: All local cells, ghosts too, for `interpolate`, which otherwise makes such an array
-            each time.
+        given: The declaration.
+        degree: Degree of the displacements, 1 or 2.
+        V: Continuous displacements, one vector per node.
+        S: Mandel vectors at the quadrature points (:class:`spaces.Spaces`); ``Q`` has scalars
+            there.
+        dx: Measure that integrates over these points; in axisymmetry around the axis.
+        cells: All local cells including ghosts, for `interpolate`, which otherwise creates such an
+            array at each call.
         bodies: Connected components and their rigid motions.
         laws: The material laws, each on the cells of its bodies.
-        initial_strain: e₀, which the laws do not see of ε(u); None for none.
+        initial_strain: e₀, which is subtracted from ε(u) before the laws; None without initial
+            strain.
         shanks: Shanks of bolts, which strain the bodies where they are tightened.
-        bcs: Supports, homogeneous as those of increments are.
-        fixed: Supported components of each local node, ghosts too, shape (num_nodes, gdim).
-        support_names: Supports and moved rigid surfaces as results name them, each once.
-        held_by: Which of them holds a component, −1 where none does; shape as of ``fixed``.
-        motion: What supports and obstacles do at any ζ; stages put theirs in its place.
-        prescribed: u_D, the displacement of these components (length), 0 elsewhere, as it is at the
-            ζ of :meth:`move_to`, at first 0.
-        moved_to: That ζ; levels are steps of a history where ``in_stages``.
+        bcs: Conditions of supports, homogeneous as for increments.
+        fixed: Supported components of each local node including ghosts, shape (num_nodes, gdim).
+        support_names: Names of supports and moved rigid surfaces in results, each once.
+        held_by: The support or surface that holds a component, −1 if it is free; shape of
+            ``fixed``.
+        motion: Motion of supports and obstacles at any ζ; stages replace it.
+        prescribed: u_D, the displacement of these components (length), 0 elsewhere, at the ζ of
+            :meth:`move_to`, initially 0.
+        moved_to: The ζ of the last :meth:`move_to`; with ``in_stages`` levels are steps of a
+            history.
         contact_tags: Tags of the surfaces of contacts and obstacles.
-        num_pairs: Contact pairs on all ranks together; ``num_tied``: the same of ``ties``.
+        num_pairs: Number of contact pairs on all ranks; ``num_tied`` is the number of ``ties``.
         ties: The equations B u = 0 of ties, rigid surfaces and, last, guides, as rows of contact.
-        guides: Supports that hold what is normal to their surface.
-        has_gaps: Whether any pair is open at first; it ``interferes`` where negative at ζ = 0.
+        guides: Supports along the normal of their surface.
+        has_gaps: Whether any pair is open initially; ``interferes`` is whether any gap is negative
+            at ζ = 0.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
-        sliding: The rows of jumps along surfaces that rub.
-        friction: What resists these.
-        free: Rigid motions that nothing resists, and where they are held.
-        first_active: Pairs that an active set begins with, so that no body is free to move.
-        basis: Basis in which contact is a bound. What u_D and moving obstacles close of a gap, at
-            that ζ, is taken from it.
+        sliding: The rows of tangential jumps along surfaces with friction.
+        friction: The friction of these rows.
+        free: Rigid motions that nothing resists, and the nodes at which they are fixed.
+        first_active: Initial active set of pairs, with which no body is free to move.
+        basis: Basis in which contact is a bound constraint. The gaps of the basis are reduced by
+            what u_D and moving obstacles close at that ζ.
         loads: L₀ and L₁.
-        declared: The same, as they were declared.
+        declared: The declared loads.
     """
 
     def __init__(
@@ -111,13 +118,13 @@ class Problem:
         ties: Sequence[Tie] = (),
         rigid: Sequence[RigidSurface] = (),
     ) -> None:
-        """Declare the problem. Collective.
+        """Create the problem. Collective.
 
         Args:
             tagged_mesh: Mesh with named volumes and surfaces.
-            materials: Materials of each volume, anything that is a :class:`Material`.
-            supports: Where the displacement is known.
-            loads: What L₁(v) is the work of and, of those that are constant, L₀(v).
+            materials: Materials of each volume, any objects with the protocol :class:`Material`.
+            supports: Supports with prescribed displacement.
+            loads: Loads, whose work is L₁(v), and L₀(v) for constant loads.
             contacts: Pairs of surfaces that cannot penetrate each other.
             obstacles: Rigid bodies that surfaces cannot penetrate.
             degree: 1 for linear displacements, as in the paper, or 2 for quadratic ones, which do
@@ -186,40 +193,49 @@ class Problem:
         return notebook_table("Problem", rows)
 
     def on(self, tagged_mesh: TaggedMesh) -> "Problem":
-        """The same problem on another mesh of bodies and surfaces with these names. Collective.
+        """Return the same problem on another mesh with the same names of bodies and surfaces.
+
+        Collective.
 
         Raises:
-            InputError: As for a new problem, or if its ``loads`` are not those that were declared.
+            InputError: As for a new problem, or if ``loads`` are not the declared loads.
         """
         if not self.as_declared:
             raise InputError(
-                "the problem's loads were replaced after it was declared, so that it cannot be put"
-                " on another mesh; give loads as Pressure, Traction, BodyForce or PorePressure."
+                "the problem's loads were replaced after its declaration, so that it "
+                "cannot be put on another mesh; give loads as Pressure, Traction, "
+                "BodyForce or PorePressure."
             )
         return Problem(tagged_mesh, **vars(self.given))
 
     @property
     def comm(self) -> MPI.Intracomm:
-        """Return the ranks that share the mesh, as a communicator that outlives it."""
+        """Return the communicator of the mesh's ranks.
+
+        It remains valid after the mesh is destroyed.
+        """
         return lasting(self.tagged_mesh.mesh.comm)
 
     @property
     def kinematics(self) -> Kinematics:
-        """The meaning of the coordinates of the mesh."""
+        """Return the meaning of the coordinates of the mesh."""
         return self.tagged_mesh.kinematics
 
     @property
     def as_declared(self) -> bool:
-        """Whether ``loads`` are those that were declared, and not others put in their place."""
+        """Return whether ``loads`` are the declared ones and have not been replaced."""
         return self.loads is self.declared
 
     @property
     def num_dofs(self) -> int:
-        """Displacement unknowns on all ranks together, supported ones included."""
+        """Return the number of displacement unknowns on all ranks, including supported ones."""
         return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
 
     def space_at_points(self, shape: tuple[int, ...]) -> fem.FunctionSpace:
-        """Functions of a shape at the quadrature points; Q or S if they are that. Collective."""
+        """Return functions of a shape at the quadrature points; Q or S for their shapes.
+
+        Collective.
+        """
         for space in (self.Q, self.S):
             if space.value_shape == shape:
                 return space
@@ -227,19 +243,19 @@ class Problem:
 
     @property
     def history(self) -> dict[str, fem.Function]:
-        """The internal variables of all laws by name, at the points; {} for Hencky's laws.
+        """Return the internal variables of all laws by name, at the points; {} for Hencky's laws.
 
-        The laws read them as they were after the level before (:meth:`remember`).
+        The laws read their values at the end of the previous level (:meth:`remember`).
         """
         return {name: function for on in self.laws for name, function in on.old.items()}
 
     def remember(self, history: Mapping[str, fem.Function]) -> None:
-        """Let the laws start from a state's history; from none at all, from zero."""
+        """Set the history of the laws to that of a state; zero if it is empty."""
         for name, function in self.history.items():
             function.x.array[:] = history[name].x.array if history else 0.0
 
     def move_to(self, zeta: float) -> None:
-        """Move supports and obstacles to their positions at ζ, and update dependent data."""
+        """Move supports and obstacles to their positions at ζ and update dependent data."""
         self.moved_to = zeta
         if self.motion.moves_supports or self.motion.driven:
             self.prescribed = self.motion.displacement_at(zeta)
@@ -247,12 +263,15 @@ class Problem:
         self.friction.origin[:] = self.motion.slide_at(zeta)
 
     def loaded_at_zero(self) -> bool:
-        """Return whether anything but ζ loads or moves the bodies. Collective."""
+        """Return whether the bodies are loaded or moved at ζ = 0. Collective."""
         moves = self.motion.moves_supports or self.motion.driven or self.interferes
         return moves or self.initial_strain is not None or self.loads.has_dead()
 
     def is_elastic_at_first(self) -> bool:
-        """Return whether the bodies begin with multiples of one state, but for gaps. Collective."""
+        """Return whether the first elastic states are multiples of one state, apart from gaps.
+
+        Collective.
+        """
         return not self.loaded_at_zero() and not self.friction.count
 
     def create_vector(self) -> PETSc.Vec:
@@ -262,13 +281,13 @@ class Problem:
         return vector
 
     def internal_form(self, stress: fem.Function) -> ufl.Form:
-        """⟨σ, ε(v)⟩."""
+        """Return the form ⟨σ, ε(v)⟩."""
         return ufl.dot(stress, self.kinematics.strain(ufl.TestFunction(self.V))) * self.dx
 
     def _supports(
         self, supports: Sequence[Support | RigidSurface]
     ) -> tuple[list[fem.DirichletBC], Floats]:
-        """Return conditions of increments, and u_D, constant and times ζ."""
+        """Return the conditions of increments, and u_D: the constant part and the part times ζ."""
         self.fixed, displacement, holder = known_displacements(self.V, self.tagged_mesh, supports)
         self.support_names = tuple(dict.fromkeys(name_of(support) for support in supports))
         numbers = [self.support_names.index(name_of(support)) for support in supports]
@@ -277,7 +296,10 @@ class Problem:
 
     @cached_property
     def glued_basis(self) -> JumpBasis:
-        """A basis whose last unknowns on each rank are the jumps of ties. Collective at first."""
+        """Return a basis whose last unknowns on each rank are the jumps of ties.
+
+        The first call is collective.
+        """
         rows = stacked(self.V, [self.constraints, self.sliding, self.ties])
         return make_basis(self.V, rows, self.fixed)
 
@@ -288,7 +310,7 @@ class Problem:
         obstacles: Sequence[Obstacle],
         taken: npt.NDArray[np.bool_],
     ) -> JumpBasis:
-        """Find the rows, and a basis in which they are bounds. Collective."""
+        """Return a basis in which the contact rows are bound constraints. Collective."""
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
         rows = find_constraints(V, tagged_mesh, contacts, obstacles, taken)
         self.constraints: Constraints = named(self.comm, rows)

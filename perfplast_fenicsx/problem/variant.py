@@ -1,4 +1,4 @@
-"""Other data on the same bodies: other materials, loads, rows of contact or points."""
+"""Create a problem on the same bodies with other materials, loads, contact rows or points."""
 
 import copy
 from collections.abc import Mapping, Sequence
@@ -36,21 +36,22 @@ def variant(
 ) -> Problem:
     """Return the same bodies with other data; None keeps data as it was. Collective.
 
-    It shares mesh, displacements, supports and the search for contact with the given problem, but
-    nothing that levels change. Supports, obstacles and slip move for each by itself. The history of
-    its laws starts again.
+    The variant shares mesh, displacements, supports and contact search with the given problem, but
+    no data that levels change. Supports, obstacles and slip are independent in each of them. The
+    history of its laws starts from zero.
 
     Args:
-        problem: What it is a variant of.
-        materials: Materials of each volume, as of a new problem.
+        problem: The original problem.
+        materials: Materials of each volume, as for a new problem.
         points: Spaces at other quadrature points, with the displacements of the problem.
         constraints: The contact inequalities.
-        sliding: The rows of jumps along surfaces that rub.
-        basis: The basis in which they are bounds; rows that are no pairs in it are glued.
-        friction: What resists slip, with rows as of the problem's.
-        loads: What acts, as of a new problem.
-        rubbing: Contacts and obstacles, with other friction than the problem's wherever that has
-            any, and in all else the same.
+        sliding: The rows of tangential jumps along surfaces with friction.
+        basis: The basis in which the inequalities are bounds; its rows that are not pairs are
+            glued.
+        friction: The resistance to slip, with the rows of the problem.
+        loads: Loads, as for a new problem.
+        rubbing: Contacts and obstacles that differ from the problem's only in the friction, where
+            the problem has friction.
 
     Raises:
         InputError: If materials or loads do not fit.
@@ -84,7 +85,7 @@ def variant(
 
 
 def _load(problem: Problem, loads: Sequence[Load]) -> None:
-    """Put other loads in the place of a problem's. Collective."""
+    """Replace the loads of a problem. Collective."""
     tagged_mesh, rigid = problem.tagged_mesh, problem.given.rigid
     found = on_this_mesh(tagged_mesh, loads, rigid)
     problem.given = replace(problem.given, loads=found)
@@ -96,7 +97,7 @@ def _load(problem: Problem, loads: Sequence[Load]) -> None:
 
 
 def _rub(problem: Problem, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
-    """Put other friction in the place of a problem's. Not collective."""
+    """Replace the friction of a problem. Not collective."""
     problem.given = replace(problem.given, contacts=contacts, obstacles=obstacles)
     sources = tuple(
         replace(source, tresca=it.tresca, coulomb=it.coulomb)

@@ -1,4 +1,4 @@
-"""Proofs of bounds on file, checked by NumPy and h5py alone; nothing of the program is used."""
+"""Check proofs of bounds on file, using only NumPy and h5py and no other part of the program."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
-"""Check files: ``python3 -m perfplast_fenicsx.proof FILE ...``; status 1 where one fails.
+"""Check files: ``python3 -m perfplast_fenicsx.proof FILE ...``; status 1 if a file fails.
 
-``--pair stands.h5 falls.h5`` checks both files of a factor of safety, and that they are of the same
-bodies.
+``--pair stands.h5 falls.h5`` checks both files of a factor of safety, and that their bodies are the
+same.
 """
 
 import sys
@@ -11,11 +11,11 @@ from perfplast_fenicsx.proof.checker import check, check_pair
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 
 PAIR = "--pair"
-"""Before the two files of a factor of safety."""
+"""Option before the two files of a factor of safety."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Check files and say what they prove, and what is taken as written."""
+    """Check files, and print what they prove and which data are taken as written."""
     status = 0
     paths = [path for path in arguments if path != PAIR]
     found = []

@@ -1,19 +1,19 @@
-"""Cost of forces without balance: the size of a stress that balances them.
+"""Compute the cost of unbalanced forces: the size of a stress that balances them.
 
-A stress σ leaves some forces without balance. If τ balances them, σ + τ is in equilibrium. It keeps
-to a cone f(σ) ≤ c where f(σ) + f(τ) ≤ c, as f is convex and of first degree. So the size of τ in
-each cell is enough, and only that is computed, from above.
+A stress σ leaves some unbalanced forces. If τ balances them, σ + τ is in equilibrium. The sum lies
+in a cone f(σ) ≤ c if f(σ) + f(τ) ≤ c, since f is convex and homogeneous of degree 1. So the size of
+τ in each cell is enough, and the module computes only an upper bound of it.
 
-1. Supports and contact exert further forces, so that each piece of cells that facets join is in
-   equilibrium as a whole (``_reactions``). Contact has to press by more than these.
-2. The cells of a piece are a tree. Through one facet each cell passes on all that lies beyond: the
-   force F and the moment M, by the traction F/A + θ × (x − c) with Iθ = M. So each cell by itself
-   is in equilibrium.
-3. Consider tractions that are linear on each facet of a simplex, in equilibrium with a uniform
-   force. They are those of a stress that is linear in each of the d + 1 parts into which the centre
-   divides it (C. Johnson, B. Mercier, doi:10.1007/BF01403910; in space M. Křížek,
+1. Supports and contact exert further forces. Each connected piece of cells is then in equilibrium
+   as a whole (``_reactions``). The contact pressure must exceed these forces.
+2. The cells of a piece form a tree. Each cell transfers the force F and the moment M of all cells
+   beyond it through one facet, by the traction F/A + θ × (x − c) with Iθ = M. So each cell is in
+   equilibrium on its own.
+3. Consider tractions that are linear on each facet of a simplex and in equilibrium with a uniform
+   force. They belong to a stress that is linear in each of the d + 1 parts into which the centre
+   divides the simplex (C. Johnson, B. Mercier, doi:10.1007/BF01403910; in space M. Křížek,
    doi:10.1090/S0025-5718-1983-0717689-3). On the regular simplex with edges 1 :data:`SIZE` bounds
-   it. The map x = By onto the cell gives τ = Bτ'Bᵀ and tractions times areas B⁻¹T/det B.
+   this stress. The map x = By onto the cell gives τ = Bτ'Bᵀ and tractions times areas B⁻¹T/det B.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,23 +30,24 @@ from perfplast_fenicsx.proof.remainder import Anchors, Remainder, Shapes
 from perfplast_fenicsx.proof.rigid import moments
 
 SIZE = {2: (2.78, 0.96), 3: (12.2, 3.26)}
-"""Bounds of the stress on a regular simplex, by dimension. The first is a factor of the largest
-traction times area, added up over the facets, the second one of the force. A test computes them."""
+"""Bounds of the stress on a regular simplex, by dimension. The first factor multiplies the largest
+traction times area, summed over the facets; the second multiplies the force. A test computes both.
+"""
 
 VOLUME = {2: 3**0.5 / 4, 3: 2**0.5 / 12}
 """Volume of the regular simplex with edges 1, by dimension."""
 
 MOST_NUMBERS = 40_000_000
-"""Numbers that the matrix of forces on pieces may have, for the memory it takes."""
+"""Largest number of entries of the matrix of forces on pieces, limited by memory."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """The cost of forces without balance.
+    """The cost of unbalanced forces.
 
     Attributes:
-        size: Size of τ, the largest in each cell, shape (num_cells,); ∞ where nothing is known.
-        reason: Why there is none, or None.
+        size: Size of τ, the largest in each cell, shape (num_cells,); ∞ if it is unknown.
+        reason: Why there is no τ, or None.
     """
 
     size: Floats
@@ -56,11 +57,11 @@ class Cost:
 def cost_of(
     body: Body, left: Remainder, shapes: Shapes, kinds: Sequence[tuple[float, Loads]]
 ) -> Cost:
-    """Return what a remainder costs.
+    """Return the cost of a remainder.
 
     Args:
         body: The bodies, of cells in the plane or in space.
-        left: What is without balance.
+        left: The unbalanced forces.
         shapes: Shapes of the cells.
         kinds: Loads of each kind, and their factors.
     """
@@ -86,18 +87,19 @@ def cost_of(
 
 
 class _Acting:
-    """Forces and moments on each cell that τ has to balance.
+    """Forces and moments on each cell that τ must balance.
 
-    A jump of tractions acts on the cell that bears more.
+    A jump of tractions acts on the stronger cell.
 
     Attributes:
-        volumes: From below.
-        on_sides: The largest traction times area of each side, added up, shape (num_cells,).
-        forces: Shape (num_cells, d).
-        moments: About ``middles``, shape (num_cells, 1 or 3).
+        volumes: Volumes, bounded from below.
+        on_sides: The largest traction times area of each side, summed over the sides, shape
+            (num_cells,).
+        forces: Forces, shape (num_cells, d).
+        moments: Moments about ``middles``, shape (num_cells, 1 or 3).
         errors: Errors of forces and of moments, shape (2, num_cells).
-        middles: A place in each cell.
-        extents: The largest distance of its vertices from that.
+        middles: A point in each cell.
+        extents: The largest distance of its vertices from that point.
         pieces: Number of the piece of each cell.
     """
 
@@ -125,7 +127,7 @@ class _Acting:
         self._put(body, at, vertices, left.inner)
 
     def push(self, body: Body, anchors: Anchors, forces: Floats) -> None:
-        """Let forces of anchors act."""
+        """Add the forces of anchors."""
         for facets, corners, sign in (
             (anchors.facets, anchors.corners, -1.0),
             (anchors.opposite, anchors.opposite_corners, 1.0),
@@ -143,7 +145,7 @@ class _Acting:
         at: tuple[Longs, Longs],
         wrenches: tuple[Floats, Floats],
     ) -> None:
-        """Let forces and moments about the middles of plates act through facets.
+        """Add forces and moments about the middles of plates, acting through facets.
 
         Args:
             body: The bodies.
@@ -172,13 +174,13 @@ class _Acting:
         )
 
     def through(self, body: Body, plates: Plates, facets: Longs, sizes: Floats) -> Floats:
-        """Return tractions times area by which facets pass on forces of plates, from above.
+        """Return upper bounds of tractions times area with which facets transfer plate forces.
 
         Args:
             body: The bodies.
             plates: Rigid surfaces.
-            facets: A facet for each force that plates exert besides, not −1.
-            sizes: Their sizes.
+            facets: A facet for each additional force of plates, not −1.
+            sizes: Sizes of the forces.
         """
         of, d = plates.plate, body.dim
         turns = plates.component >= d
@@ -206,7 +208,7 @@ class _Acting:
         return upwards(force + (turn + off[1] + force * reach) * bends * (1 + 1e-9))
 
     def _put(self, body: Body, sides: Longs, vertices: Longs, tractions: Balls) -> None:
-        """Let tractions act on sides, with the other sign."""
+        """Add tractions on sides, with the opposite sign."""
         d = body.dim
         cells = sides // (d + 1)
         np.add.at(self.on_sides, cells, tractions.norms().max(axis=1, initial=0.0))
@@ -226,12 +228,12 @@ class _Acting:
 
 
 def bends_of(dim: int, arms: Floats, area: Floats) -> Floats:
-    """Return tractions times area of a moment of 1 on facets.
+    """Return the tractions times area of a unit moment on facets.
 
     Args:
-        dim: Of the bodies.
+        dim: Dimension of the bodies.
         arms: Distances of the vertices from the middles, shape (n, dim).
-        area: From below.
+        area: Areas, bounded from below.
     """
     if dim == 2:
         return np.asarray(6 / area)
@@ -239,7 +241,7 @@ def bends_of(dim: int, arms: Floats, area: Floats) -> Floats:
 
 
 def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
-    """Return ‖B‖²‖B⁻¹‖/det B of cells, from above."""
+    """Return an upper bound of ‖B‖²‖B⁻¹‖/det B of cells."""
     largest, inverse = stretches_of(body, shapes, volumes)
     with np.errstate(divide="ignore", over="ignore"):
         found = largest**2 * inverse / (volumes / VOLUME[body.dim])
@@ -247,12 +249,12 @@ def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
 
 
 def stretches_of(body: Body, shapes: Shapes, volumes: Floats) -> tuple[Floats, Floats]:
-    """Return ‖B‖ and ‖B⁻¹‖ of the maps from the regular simplex, from above.
+    """Return upper bounds of ‖B‖ and ‖B⁻¹‖ of the maps from the regular simplex.
 
     Args:
         body: The bodies.
-        shapes: Of the cells.
-        volumes: From below.
+        shapes: Shapes of the cells.
+        volumes: Volumes, bounded from below.
     """
     d = body.dim
     regular = np.zeros((d + 1, d))
@@ -268,13 +270,13 @@ def stretches_of(body: Body, shapes: Shapes, volumes: Floats) -> tuple[Floats, F
     inverse = np.linalg.norm(turned, ord=2, axis=(1, 2)) + np.linalg.norm(
         shapes.areas.rad, axis=(1, 2)
     )
-    rounding = 1e-12  # of norms of small matrices, relative
+    rounding = 1e-12  # relative error of norms of small matrices
     with np.errstate(divide="ignore", over="ignore"):
         return largest * (1 + rounding), inverse / volumes * (1 + rounding)
 
 
 def across_of(body: Body) -> Longs:
-    """Return the side on the other side of each one, −1 of outer ones."""
+    """Return the opposite side of each side, −1 for outer ones."""
     sides = body.sides[0]
     found = np.full(len(body.cells) * (body.dim + 1), -1)
     found[sides[:, 0]], found[sides[:, 1]] = sides[:, 1], sides[:, 0]
@@ -282,9 +284,9 @@ def across_of(body: Body) -> Longs:
 
 
 def tree_of(body: Body, across: Longs, volumes: Floats, pieces: Longs) -> tuple[list[Longs], Longs]:
-    """Return the cells by their distance from the roots, and the side towards these (−1 at a root).
+    """Return the cells by their distance from the roots, and each cell's side towards its root.
 
-    A root is the largest cell of its piece. Of the ways back, those over large facets are taken.
+    The side is −1 at a root, which is the largest cell of its piece. The tree prefers large facets.
     """
     wide, count = body.dim + 1, len(body.cells)
     size = body.areas_of(np.arange(count * wide))
@@ -308,13 +310,13 @@ def tree_of(body: Body, across: Longs, volumes: Floats, pieces: Longs) -> tuple[
 
 
 def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats:
-    """Return the sum over the facets of each cell of what it passes on, and what is passed to it.
+    """Return for each cell the sum over its facets of the transferred tractions.
 
     Args:
         body: The bodies.
         shapes: Shapes of the cells.
         acting: Forces and moments of each cell.
-        pushes: Sizes of forces on outer facets besides.
+        pushes: Sizes of additional forces on outer facets.
     """
     d, wide, count = body.dim, body.dim + 1, len(body.cells)
     across = across_of(body)
@@ -325,10 +327,10 @@ def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floa
     more = np.bincount(body.outer // wide, weights=pushes, minlength=count)
     force_errors += more
     turn_errors += more * acting.extents
-    sizes = np.linalg.norm(forces, axis=1) + force_errors  # all that is added up
+    sizes = np.linalg.norm(forces, axis=1) + force_errors  # sum of all transferred forces
     away = np.flatnonzero(back >= 0)
     ends = np.take_along_axis(x[away], body.corners[back[away] % wide][..., None], axis=1)
-    middles = acting.middles.copy()  # of the way back
+    middles = acting.middles.copy()  # along the way to the root
     middles[away] = ends.mean(axis=1)
     vectors = shapes.areas[away, back[away] % wide]
     least = np.linalg.norm(vectors.mid, axis=1) - 2 * np.linalg.norm(vectors.rad, axis=1)
@@ -340,7 +342,7 @@ def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floa
     rounded = 32 * U * np.abs(x).max(axis=(1, 2))
     for cells in levels[:0:-1]:
         towards = across[back[cells]] // wide
-        # from the cell's middle, which what was passed to it is about as well
+        # about the cell's middle, like the moments transferred to the cell
         turns[cells] += moments(shift[cells], forces[cells])
         force_errors[cells] += 8 * U * sizes[cells]
         force = np.linalg.norm(forces[cells], axis=1) + force_errors[cells]
@@ -360,30 +362,30 @@ def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floa
         added = turn_errors[cells] + force_errors[cells] * arm
         added += (rounded[cells] + rounded[towards]) * force + 32 * U * (turn + force * arm)
         np.add.at(turn_errors, towards, added)
-    # Sums of numbers that are not negative: each is rounded once for each cell that follows.
+    # Sums of non-negative numbers: each is rounded once for each cell that follows.
     return upwards(found * (1 + 1e-12), 2 * count + 64)
 
 
 def _reactions(
     body: Body, left: Remainder, acting: _Acting, plates: Plates
 ) -> tuple[Floats | None, str | None]:
-    """Return sizes of forces that supports, contact and plates exert besides, of each facet.
+    """Return sizes of the additional forces of supports, contact and plates on each facet.
 
     Args:
         body: The bodies.
-        left: What is without balance.
-        acting: The same of each cell.
+        left: The unbalanced forces.
+        acting: The unbalanced forces of each cell.
         plates: Rigid surfaces.
 
     Returns:
-        None where there are no such forces, and why.
+        None and the reason if there are no such forces.
     """
     d, pieces, anchors = body.dim, acting.pieces, left.anchors
     count = int(pieces.max()) + 1
     of_facets = pieces[body.outer // (d + 1)]
     about = _middles(body, pieces, count)
     missing, errors = _missing(body, acting, about)
-    # Along an axis along which nothing acts on a piece all forces without balance cancel.
+    # If nothing acts on a piece along an axis, its unbalanced forces along this axis cancel.
     idle = np.zeros((count, 3 * (d - 1)), dtype=bool)
     idle[:, :d] = True
     outside = plates.acts_on(body, left.acts)
@@ -401,7 +403,7 @@ def _reactions(
     weights = weights_of(body, first, most)
 
     def push(forces: Floats) -> tuple[Floats, Floats]:
-        """Return what is missing, and its errors, when forces act besides."""
+        """Return the unbalanced forces with some additional forces, and their errors."""
         acting.push(body, anchors, forces[: len(anchors.facets)])
         values = plates.wrenches() * forces[len(anchors.facets) :, None]
         for facets, sign in ((plates.first, 1.0), (plates.second, -1.0)):
@@ -428,16 +430,16 @@ def exerted_of(
     without: tuple[Floats, Floats],
     push: Callable[[Floats], tuple[Floats, Floats]],
 ) -> tuple[Floats | None, str | None]:
-    """Return how large forces besides are at most, beyond those that were pushed with.
+    """Return upper bounds of additional forces that restore balance.
 
     Args:
         rows: Forces and moments on pieces of each force, and errors, shape (num_rows, num_forces).
         limits: Weights of the forces, and their largest sizes.
-        without: What is missing on pieces, and its errors.
-        push: Lets forces act, and returns what is missing then.
+        without: The unbalanced forces on pieces, and their errors.
+        push: Function that adds forces and returns the remaining unbalanced forces.
 
     Returns:
-        None where there are no such forces, and why.
+        None and the reason if there are no such forces.
     """
     (mid, rad), (weights, most), (missing, errors) = rows, limits, without
     columns = mid.shape[1]
@@ -446,10 +448,11 @@ def exerted_of(
         return np.zeros(columns), None
     if not columns:
         return None, HELD
-    # Other rows are of bodies, or directions, on which nothing acts: they stay as they are.
+    # Other rows belong to bodies or directions on which nothing acts; they do not change.
     kept = _closed(active, (mid != 0) | (rad > 0))
     mid, rad = (part[kept] * weights for part in (mid, rad))
-    # Contact near slip can exert little, supports much: rows are made alike in size, without error.
+    # Contact near slip can exert little, supports much: the rows are scaled to equal size, without
+    # error.
     size = np.linalg.norm(mid, axis=1)
     scale = 2.0 ** -np.round(np.log2(np.where(size > 0, size, 1.0)))
     mid, rad = mid * scale[:, None], rad * scale[:, None]
@@ -479,7 +482,7 @@ def exerted_of(
 
 TOO_LARGE = "numbers are too large, or not finite"
 
-HELD = "neither supports nor contact that presses hold a body against what is left of its balance"
+HELD = "neither supports nor contact pressure can balance the residual forces on a body"
 
 
 def _closed(rows: Flags, touched: Flags) -> Flags:
@@ -492,7 +495,7 @@ def _closed(rows: Flags, touched: Flags) -> Flags:
 
 
 def weights_of(body: Body, facets: Longs, most: Floats) -> Floats:
-    """Return weights of forces: what contact may exert, and of supports what their cells bear.
+    """Return weights of forces: the capacity of contact, and for supports that of their cells.
 
     Args:
         body: The bodies.
@@ -507,7 +510,7 @@ def weights_of(body: Body, facets: Longs, most: Floats) -> Floats:
 
 
 def _middles(body: Body, pieces: Longs, count: int) -> tuple[Floats, Floats]:
-    """Return a place in each piece, and its extent."""
+    """Return a point in each piece, and the extent of the piece."""
     x = body.vertices[body.cells]
     least, most = np.full((count, body.dim), np.inf), np.full((count, body.dim), -np.inf)
     np.minimum.at(least, pieces, x.min(axis=1))
@@ -543,7 +546,7 @@ def _missing(body: Body, acting: _Acting, about: tuple[Floats, Floats]) -> tuple
 def _of_plates(
     body: Body, plates: Plates, of_facets: Longs, about: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats]:
-    """Return forces and moments of plates on pieces, as :func:`_matrix`."""
+    """Return forces and moments of plates on pieces, in the form of :func:`_matrix`."""
     d, count = body.dim, len(about[1])
     wrenches, columns = plates.wrenches(), np.arange(len(plates.first))
     mid, rad = np.zeros((2, count, wrenches.shape[1], len(columns)))

@@ -1,11 +1,12 @@
-"""Arrays of numbers of twice the usual digits with bounds of their errors.
+"""Compute with arrays of double-double numbers and bounds of their errors.
 
-A number is a sum of two, the second at most a rounding of the first. Its radius bounds the error:
-every result contains what exact arithmetic makes of any numbers within the radii. Sums and products
-of two numbers are such pairs without error (T. J. Dekker, doi:10.1007/BF01397083). Only the second
-part is rounded, by U times its size in each operation, and the radius grows by that. Radii are
-rounded too, and made larger by as much. Arrays on file are between 1e-60 and 1e60 in size, so that
-no product overflows. Numbers below 1e-75 count as zero with that radius, so that none is lost.
+A number is the sum of two doubles, the second at most a rounding error of the first. Its radius
+bounds the error: every result contains the exact result for any numbers within the radii. The sum
+and the product of two doubles are such pairs without error (T. J. Dekker, doi:10.1007/BF01397083).
+Each operation rounds only the second part, by at most U times its size, and the radius grows by
+this amount. Radii are rounded too, and enlarged accordingly. Arrays on file are between 1e-60 and
+1e60 in size, so that no product overflows. Numbers below 1e-75 become zero with this radius, so
+that underflow is covered.
 """
 
 from collections.abc import Callable, Iterable
@@ -22,22 +23,22 @@ U = 2.0**-53
 """Largest rounding of an operation, relative to its result."""
 
 TINY = 1e-75
-"""Numbers below it are zero with this radius."""
+"""Smaller numbers become zero with this radius."""
 
 
 def upwards(values: Floats, terms: int = 16) -> Floats:
-    """Return bounds from above of sums and products of ``terms`` numbers that are not negative."""
+    """Return upper bounds of sums and products of ``terms`` non-negative numbers."""
     return np.asarray(values * (1 + 4 * terms * U))
 
 
 @dataclass(frozen=True)
 class Balls:
-    """Numbers that differ from ``mid + low`` by ``rad`` at most.
+    """Numbers that differ from ``mid + low`` by at most ``rad``.
 
     Attributes:
-        mid: Any shape.
-        low: The same shape.
-        rad: The same shape.
+        mid: First part, any shape.
+        low: Second part, same shape.
+        rad: Radius, same shape.
     """
 
     mid: Floats
@@ -61,7 +62,7 @@ class Balls:
 
     @property
     def size(self) -> Floats:
-        """The largest magnitudes."""
+        """Return the largest magnitudes."""
         return upwards(np.abs(self.mid) + np.abs(self.low) + self.rad)
 
     def norms(self) -> Floats:
@@ -69,7 +70,7 @@ class Balls:
         return upwards(np.sqrt((self.size**2).sum(axis=-1)))
 
     def each(self, change: Callable[[Floats], Any]) -> "Balls":
-        """Return numbers that are moved, repeated or left out alike in all parts."""
+        """Return the numbers after the same rearrangement of all parts."""
         return Balls(*(np.asarray(change(part)) for part in (self.mid, self.low, self.rad)))
 
     def __getitem__(self, at: Any) -> "Balls":
@@ -97,13 +98,13 @@ class Balls:
         return Balls(*_short_sum(mid, low), upwards(rad))
 
     def sum(self, axis: int) -> "Balls":
-        """Return sums along an axis, which is short."""
+        """Return sums along a short axis."""
         count = self.mid.shape[axis]
         every = (slice(None),) * (axis % self.mid.ndim)
         return reduce(Balls.__add__, (self[(*every, k)] for k in range(count)))
 
     def where(self, here: Any, other: "Balls | None" = None) -> "Balls":
-        """Return these where a condition holds, and others, or zero, elsewhere."""
+        """Return these numbers where a condition holds, and others, or zero, elsewhere."""
         if other is None:
             return self.each(lambda part: np.where(here, part, 0.0))
         return Balls(
@@ -129,36 +130,36 @@ def _size(of: Balls) -> Floats:
 
 
 def _sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """Return a + b, and what it is rounded by."""
+    """Return a + b and its rounding error."""
     total = a + b
     there = total - a
     return total, (a - (total - there)) + (b - there)
 
 
 def _short_sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """Return the same where b is not larger than a."""
+    """Return a + b and its rounding error, where b is not larger than a."""
     total = a + b
     return total, b - (total - a)
 
 
 def _product(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """Return ab, and what it is rounded by."""
+    """Return ab and its rounding error."""
     total = a * b
     (a1, a2), (b1, b2) = _halves(a), _halves(b)
     return total, a2 * b2 - (((total - a1 * b1) - a2 * b1) - a1 * b2)
 
 
 def _halves(a: Floats) -> tuple[Floats, Floats]:
-    """Return two numbers of 26 digits each whose sum is a."""
+    """Return two numbers of 26 bits each whose sum is a."""
     large = 134_217_729.0 * a
     first = large - (large - a)
     return first, a - first
 
 
 def inverse_of(of: Balls) -> Balls:
-    """Return 1 over numbers; the radius is ∞ where zero may be among them.
+    """Return 1 over numbers; the radius is ∞ where they may be zero.
 
-    For y next to 1/x it is y(1 + r + r² + ...) with r = 1 − yx.
+    For y close to 1/x, it is y(1 + r + r² + ...) with r = 1 − yx.
     """
     first = Balls.exact(np.divide(1.0, of.mid, out=np.zeros_like(of.mid), where=of.mid != 0))
     rest = Balls.exact(np.ones_like(of.mid)) - first * of
@@ -175,18 +176,18 @@ def put(all_of: Balls, at: npt.NDArray[np.int64], values: Balls) -> Balls:
 
 
 def contracted(one: Balls, other: Balls) -> Balls:
-    """Return sums of products along the last axis, which is short."""
+    """Return sums of products along a short last axis."""
     return (one * other).sum(axis=-1)
 
 
 def stacked(parts: Iterable[Balls], axis: int) -> Balls:
-    """Return arrays beside each other, along a new axis."""
+    """Return arrays stacked along a new axis."""
     parts = list(parts)
     return Balls(*(np.stack([getattr(p, of) for p in parts], axis) for of in ("mid", "low", "rad")))
 
 
 def crossed(arms: Balls, forces: Balls) -> Balls:
-    """Return arms × forces, of shape (..., d): shape (..., 1) in the plane, (..., 3) in space."""
+    """Return arms × forces of shape (..., d): shape (..., 1) in the plane, (..., 3) in space."""
     pairs = [(0, 1)] if arms.mid.shape[-1] == 2 else [(1, 2), (2, 0), (0, 1)]
     parts = [arms[..., i] * forces[..., j] - arms[..., j] * forces[..., i] for i, j in pairs]
     return stacked(parts, -1)

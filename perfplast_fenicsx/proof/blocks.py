@@ -1,24 +1,29 @@
-"""Do forces on the joints of rigid blocks prove a lower bound? No cell of them can yield.
+"""Check whether forces on the joints of rigid blocks prove a lower bound.
 
-A block is what inner facets join, and bears any stress: only force and moment on it must balance.
-Its joints have forces at the vertices of facets, per thickness in the plane. Where surfaces adhere,
-shear tractions act beside them, linear between vertices. λ is a lower bound of the limit load if
+None of their cells can yield.
 
-- the loads at λ, the forces and the tractions are in balance on each block;
-- those of both sides of a contact are opposite;
-- the forces of contact push with p ≥ 0, and have the shear ‖f_t‖ ≤ μp at most;
+A block is a set of cells joined by inner facets, and bears any stress. Only its resultant force and
+moment must balance. Its joints have forces at the vertices of facets, per thickness in the plane.
+Where surfaces adhere, shear tractions act in addition, linear between vertices. λ is a lower bound
+of the limit load if
+
+- the loads at λ, the forces and the tractions balance on each block;
+- the forces and tractions on both sides of a contact are opposite;
+- the contact forces push with p ≥ 0, and their shear is ‖f_t‖ ≤ μp;
 - the tractions lie in the facet and are at most c;
-- all other forces are where supports hold.
+- all other forces act where supports hold.
 
-For admissible rigid motions have jumps w with w_n + μ‖w_t‖ ≤ 0 in the joints. There the forces do
-no negative work, and the tractions no less than −∫c‖w_t‖ (static theorem, D. C. Drucker, W. Prager,
-H. J. Greenberg, doi:10.1090/qam/45573; of blocks, J. Heyman, doi:10.1016/0020-7683(66)90018-7).
+Proof: admissible rigid motions have jumps w with w_n + μ‖w_t‖ ≤ 0 in the joints. On these the
+forces do no negative work, and the tractions at least −∫c‖w_t‖ (static theorem, D. C. Drucker, W.
+Prager, H. J. Greenberg, doi:10.1090/qam/45573; for blocks, J. Heyman,
+doi:10.1016/0020-7683(66)90018-7).
 
-Forces on file are taken apart into pressures and shears that keep to these conditions exactly, on
-the first side of each contact. They leave some force and moment on each block. The best forces have
-no room for others that balance that, as they are at their limits. So a file has a second set inside
-of the limits, with loads at another factor. A mean of both sets has room in proportion to the share
-of the second one, and the bound is the mean of both factors with the same shares.
+The checker decomposes the forces on file into pressures and shears that satisfy these conditions
+exactly, on the first side of each contact. They leave an unbalanced force and moment on each block.
+The best forces are at their limits and leave no capacity for forces that balance the residual. So a
+file has a second set of forces inside the limits, for loads at another factor. A mean of both sets
+has a capacity in proportion to the weight of the second one, and the bound is the same mean of both
+factors.
 """
 
 from collections.abc import Sequence
@@ -36,10 +41,10 @@ from perfplast_fenicsx.proof.remainder import shapes_of, summed
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 UNIT = 2e-12
-"""Twice the error in length of unit vectors on file."""
+"""Twice the length error of unit vectors on file."""
 
 Factors = tuple[float, float, float]
-"""Factors of the loads whose factor is sought, of constant ones and of those of any factor."""
+"""Factors of the loads whose factor is sought, of constant loads and of free loads."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +52,9 @@ class JointForces:
     """Forces on joints, as they are on file.
 
     Attributes:
-        forces: On the cells at the vertices of outer facets, shape (num_facets, d, d).
-        tractions: By adhesion, at the same places, linear between (stress).
-        factors: Those of the loads that they balance.
+        forces: Forces on the cells at the vertices of outer facets, shape (num_facets, d, d).
+        tractions: Adhesive tractions at the same places, linear between them (stress).
+        factors: Factors of the loads that they balance.
     """
 
     forces: Floats
@@ -62,10 +67,10 @@ class Carried:
     """The loads that forces on joints carry.
 
     Attributes:
-        factor: Of the loads whose factor is sought; None if nothing is proven.
+        factor: Factor of the loads whose factor is sought; None if nothing is proven.
         reason: Why nothing is proven, or None.
-        left: The sum of forces, and moments over extents, without balance of the first set.
-        loads: That of the loads.
+        left: The sum of unbalanced forces, and moments over extents, of the first set.
+        loads: The sum of the loads' magnitudes.
     """
 
     factor: float | None
@@ -77,12 +82,12 @@ class Carried:
 def carried_by(
     body: Body, best: JointForces, inner: JointForces | None, loads: Sequence[Loads]
 ) -> Carried:
-    """Return the loads that forces on joints carry.
+    """Return the loads that forces on joints provably carry.
 
     Args:
         body: The bodies, none of which can yield.
-        best: With the largest factor.
-        inner: Inside of the limits; None if a file has none.
+        best: Forces with the largest factor.
+        inner: Forces inside the limits; None if a file has none.
         loads: Loads of each kind.
     """
     blocks = _Blocks(body, loads)
@@ -107,13 +112,13 @@ def carried_by(
         mixed = joints.inside(parts[0].mixed(parts[1], share))
         room = anchors.room(joints, mixed, size)
         most = np.where(anchors.is_limited, room, np.inf)
-        # In proportion to the inner room, so that small numbers are not lost beside large ones.
+        # Scaled by the inner capacity, so that small numbers are not lost next to large ones.
         weights = np.minimum(share * inside, most)
 
         def push(
             forces: Floats, mixed: _Parts = mixed, factors: Factors = factors
         ) -> tuple[Floats, Floats]:
-            """Return what is missing, and its errors, when forces act besides."""
+            """Return the unbalanced forces with some additional forces, and their errors."""
             return joints.missing(mixed, factors, (anchors, forces))
 
         without = joints.missing(mixed, factors)
@@ -123,14 +128,14 @@ def carried_by(
 
 
 def _shares(rows: Floats, missing: Floats, room: Floats) -> list[float]:
-    """Return shares of the inner forces that are tried.
+    """Return weights of the inner forces to be tried.
 
-    The first is little more than what has room for forces that balance what is missing.
+    The first weight is slightly more than the capacity for the balancing forces requires.
 
     Args:
         rows: Forces and moments on blocks of anchors, shape (num_rows, num_anchors).
-        missing: What is missing without inner forces.
-        room: Room in the inner forces.
+        missing: Unbalanced forces without inner forces.
+        room: Capacity of the inner forces.
     """
     scaled = rows * room
     size = np.linalg.norm(scaled, axis=1)
@@ -143,12 +148,12 @@ def _shares(rows: Floats, missing: Floats, room: Floats) -> list[float]:
 
 @dataclass(frozen=True)
 class _Parts:
-    """Forces on joints and supports, taken apart.
+    """Forces on joints and supports, decomposed.
 
     Attributes:
-        pressure: Of each spot, not negative, shape (num_spots,).
-        shear: Coefficients of the tangents, shape (num_spots, d − 1).
-        adhesion: The same of tractions.
+        pressure: Pressure at each spot, not negative, shape (num_spots,).
+        shear: Shear as coefficients of the tangents, shape (num_spots, d − 1).
+        adhesion: Adhesive tractions as coefficients of the tangents.
         held: Coefficients of directions that supports hold.
     """
 
@@ -158,7 +163,10 @@ class _Parts:
     held: Floats
 
     def mixed(self, other: "_Parts", share: float) -> "_Parts":
-        """Return a mean with this share of others. All sets are convex but for rounding."""
+        """Return the mean with others, which have this weight.
+
+        All sets are convex, apart from rounding.
+        """
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return _Parts(*((1 - share) * one + share * two for one, two in pairs))
 
@@ -209,11 +217,11 @@ class _Blocks:
         return found + self.wrenches(self.of_facets[facets], middles, pushes)
 
     def hats(self, facets: Longs) -> Balls:
-        """Return areas that vertices stand for."""
+        """Return tributary areas of vertices."""
         return self.sizes[facets] * Balls.part(self._body.dim)
 
     def middles(self, facets: Longs, corners: Longs) -> Balls:
-        """Return where tractions act that are zero at all vertices but one."""
+        """Return the centres of tractions that are zero at all vertices but one."""
         x = Balls.exact(self._body.vertices[self._body.facets[facets]])
         return (x.sum(axis=1) + x[np.arange(len(facets)), corners]) * Balls.part(self._body.dim + 1)
 
@@ -230,7 +238,7 @@ class _Blocks:
         each = self.turned(of, places, forces)
         order = np.argsort(of, kind="stable")
         of, each = of[order], each[order]
-        while (np.diff(of) == 0).any():  # pairs of each block are added, and pairs of these
+        while (np.diff(of) == 0).any():  # pairwise summation within each block
             starts = np.flatnonzero(np.diff(of, prepend=-1))
             lengths = np.diff(starts, append=len(of))
             within = np.arange(len(of)) - np.repeat(starts, lengths)
@@ -242,16 +250,16 @@ class _Blocks:
 
 
 class _Spots(NamedTuple):
-    """Vertices of facets in contact, with those opposite; shapes (num_spots,).
+    """Vertices of facets in contact, with the opposite vertices; shapes (num_spots,).
 
     Attributes:
         facets: Facets of the first side.
-        corners: Places of the vertices in them.
-        second: Facets opposite, −1 of obstacles.
-        opposite: Places of the vertices there.
-        adhesion: Largest tractions by adhesion.
-        friction: μ.
-        rounding: Largest errors in length of normals.
+        corners: Indices of the vertices in these facets.
+        second: Opposite facets, −1 for obstacles.
+        opposite: Indices of the opposite vertices in these facets.
+        adhesion: Largest adhesive tractions.
+        friction: Coefficients of friction μ.
+        rounding: Largest length errors of normals.
     """
 
     facets: Longs
@@ -264,13 +272,13 @@ class _Spots(NamedTuple):
 
 
 class _Joints:
-    """Where forces can act: spots of joints, and directions that supports hold.
+    """Points where forces can act: spots of joints, and directions that supports hold.
 
-    Forces on a spot act along a normal and tangents of the first side, without rounding, and with
-    the other sign on the second one.
+    Forces at a spot act along a normal and tangents of the first side, without rounding, and
+    opposite on the second side.
 
     Attributes:
-        reason: Why the conditions cannot be judged, or None.
+        reason: Why the conditions cannot be checked, or None.
     """
 
     def __init__(self, body: Body, blocks: _Blocks) -> None:
@@ -287,7 +295,9 @@ class _Joints:
         for one, other, terms in zip(*body.contacts.T, rubs, strict=True):
             pair = touching(body, one, other)
             if pair.apart:
-                self.reason = f"{pair.apart} facets of contact or more match none opposite"
+                self.reason = (
+                    f"at least {pair.apart} facets of contact have no matching opposite facet"
+                )
             np.add.at(times, np.append(pair.first, pair.second), 1)
             spots.append(_spots(pair.first, (pair.second, pair.order), (*terms, 64 * U)))
             normals.append(units[spots[-1].facets])
@@ -305,7 +315,7 @@ class _Joints:
         self._find_supports(times)
 
     def _find_supports(self, times: Longs) -> None:
-        """Find directions that supports hold, and what forbids to judge."""
+        """Find directions that supports hold, and reasons that prevent the check."""
         body = self._body
         guided = np.asarray(body.guided.any(axis=1))
         if (times > 1).any():
@@ -313,7 +323,7 @@ class _Joints:
         if (body.held.any(axis=1) | guided)[times > 0].any():
             self.reason = "supports hold facets in contact"
         if len(body.rigid) or body.is_revolved:
-            self.reason = "blocks have rigid surfaces of plates, or are of revolution"
+            self.reason = "blocks have rigid plates on surfaces, or are of revolution"
         facets, axes = np.nonzero(body.held)
         d = body.dim
         self._held = np.repeat(np.append(facets, np.flatnonzero(guided)), d)
@@ -321,7 +331,7 @@ class _Joints:
         self._held_along = np.repeat(np.append(np.eye(d)[axes], body.guided[guided], axis=0), d, 0)
 
     def of(self, given: JointForces) -> _Parts:
-        """Return parts of forces that keep to all conditions."""
+        """Return forces decomposed so that they satisfy all conditions."""
         normal, tangents = self._normal.mid, self._tangents.mid
         at, along = (self._spots.facets, self._spots.corners), self._held_along
         force, traction = given.forces[at], given.tractions[at]
@@ -335,7 +345,7 @@ class _Joints:
         return self.inside(parts)
 
     def inside(self, parts: _Parts) -> _Parts:
-        """Return parts with shears that are not beyond their limits."""
+        """Return the decomposed forces with shears reduced to their limits."""
         shrunk = []
         for values, limit in zip((parts.shear, parts.adhesion), self._limits(parts), strict=True):
             size = self._sizes(values)
@@ -346,21 +356,21 @@ class _Joints:
         return _Parts(parts.pressure, shear, adhesion, parts.held)
 
     def _sizes(self, values: Floats) -> Floats:
-        """Return lengths of tangent vectors, from above."""
+        """Return upper bounds of the lengths of tangent vectors."""
         return (self._tangents * Balls.exact(values)[..., None]).sum(axis=1).norms()
 
     def _limits(self, parts: _Parts) -> tuple[Floats, Floats]:
-        """Return the largest shear forces, and adhesive tractions, from below."""
+        """Return lower bounds of the largest shear forces and adhesive tractions."""
         less = 1 - 2 * self._spots.rounding
         return self._spots.friction * parts.pressure * less, self._spots.adhesion * (1 - 4 * U)
 
     def rooms(self, parts: _Parts) -> tuple[Floats, Floats]:
-        """Return forces that may act besides on spots, and tractions, from below."""
+        """Return lower bounds of additional forces and tractions that spots can carry."""
         mu, (limit, adheres) = self._spots.friction, self._limits(parts)
-        # Less pressure and more shear, each by the force, leave ‖f_t‖ ≤ μp.
+        # Reducing the pressure and increasing the shear by this force preserves ‖f_t‖ ≤ μp.
         beside = (limit - self._sizes(parts.shear)) / (1 + mu)
         room = np.where(mu > 0, beside, parts.pressure)
-        less = 1 - 1e-9  # for rounding
+        less = 1 - 1e-9  # margin for rounding
         return (
             np.maximum(room * less, 0.0),
             np.maximum((adheres - self._sizes(parts.adhesion)) * less, 0.0),
@@ -369,12 +379,12 @@ class _Joints:
     def missing(
         self, parts: _Parts, factors: Factors, besides: tuple["_Anchors", Floats] | None = None
     ) -> tuple[Floats, Floats]:
-        """Return forces and moments on blocks that nothing balances, and errors.
+        """Return unbalanced forces and moments on blocks, and errors.
 
         Args:
-            parts: Forces on joints and supports.
-            factors: Of the loads.
-            besides: Anchors, and their forces.
+            parts: Decomposed forces on joints and supports.
+            factors: Factors of the loads.
+            besides: Additional anchors and their forces.
         """
         shear, adheres = (
             (self._tangents * Balls.exact(of)[..., None]).sum(axis=1)
@@ -394,7 +404,7 @@ class _Joints:
         return total.mid, upwards(total.rad + np.abs(total.low))
 
     def _on_both(self, forces: Balls, places: tuple[Balls, Balls]) -> list[Balls]:
-        """Return what forces on spots do on both sides."""
+        """Return the contributions of forces at spots on both sides."""
         spots, blocks = self._spots, self._blocks
         two = np.flatnonzero(spots.second >= 0)
         return [
@@ -403,24 +413,24 @@ class _Joints:
         ]
 
     def _vertices(self) -> tuple[Balls, Balls]:
-        """Return the places of spots on both sides."""
+        """Return the coordinates of spots on both sides."""
         x, ends, of = self._body.vertices, self._body.facets, self._spots
         sides = (of.facets, of.corners), (of.second, of.opposite)
         one, other = (Balls.exact(x[ends[at]]) for at in sides)
         return one, other
 
     def _middles(self) -> tuple[Balls, Balls]:
-        """Return where tractions act on both sides that are zero at all vertices but one."""
+        """Return the centres of tractions, zero at all vertices but one, on both sides."""
         of = self._spots
         one = self._blocks.middles(of.facets, of.corners)
         return one, self._blocks.middles(of.second, of.opposite)
 
     def _supports(self) -> Balls:
-        """Return where supports act."""
+        """Return the points where supports act."""
         return Balls.exact(self._body.vertices[self._body.facets[self._held, self._held_corners]])
 
     def anchors(self) -> "_Anchors":
-        """Return forces that can act besides on joints and supports."""
+        """Return the additional forces that joints and supports can exert."""
         spots, d = self._spots, self._body.dim
         rubs, smooth, adheres = (
             np.flatnonzero(of)
@@ -429,7 +439,7 @@ class _Joints:
         of_spots = self._blocks.of_facets[spots.facets]
         there = np.where(spots.second >= 0, self._blocks.of_facets[spots.second], -1)
         vertices, middles = self._vertices(), self._middles()
-        share = 0.999  # of what spots leave, for rounding of lengths
+        share = 0.999  # share of the capacity, to allow for rounding of lengths
         found = list[tuple[int, Longs, Balls, tuple[Balls, Balls], Floats]]()
         for axis in np.eye(d):
             along = Balls.exact(np.tile(axis, (len(rubs), 1)))
@@ -462,16 +472,16 @@ class _Joints:
 
 @dataclass(frozen=True)
 class _Anchors:
-    """Forces that can act besides.
+    """Additional forces on joints and supports.
 
     Attributes:
-        kind: 0 of forces on joints, 1 of tractions by adhesion, 2 of supports; shape (n,).
-        spot: The spot, or direction that supports hold.
-        along: Forces of size 1 on the first side, shape (n, d).
-        block: Block on which each acts, and the one on which it acts with the other sign, −1 for
-            none; shape (n, 2).
-        places: Where, on either.
-        scale: Forces are these shares of what a spot leaves.
+        kind: 0 for forces on joints, 1 for adhesive tractions, 2 for supports; shape (n,).
+        spot: Index of the spot, or of the held direction.
+        along: Unit forces on the first side, shape (n, d).
+        block: Block on which each force acts, and the block on which it acts with the opposite
+            sign, −1 for none; shape (n, 2).
+        places: Points of action on both blocks.
+        scale: Forces are multiplied by these capacities of a spot.
     """
 
     kind: Longs
@@ -483,18 +493,18 @@ class _Anchors:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Return the number of forces."""
         return len(self.kind)
 
     @property
     def is_limited(self) -> Flags:
-        """Whether something limits them."""
+        """Return which forces are limited."""
         return np.asarray(self.kind < 2)
 
     def room(self, joints: _Joints, parts: _Parts, size: float) -> Floats:
-        """Return the largest sizes that spots have room for.
+        """Return the largest forces that spots can carry.
 
-        Of supports it is the largest of these, so that small numbers are not lost beside it.
+        For supports it is the largest of these, so that small numbers are not lost next to it.
         """
         found = np.zeros(self.count)
         for kind, room in enumerate(joints.rooms(parts)):
@@ -504,7 +514,7 @@ class _Anchors:
         return found
 
     def acting(self, blocks: _Blocks, forces: Floats) -> list[Balls]:
-        """Return forces and moments on blocks, of either side."""
+        """Return forces and moments on the blocks of both sides."""
         values = self.along * Balls.exact(forces)[:, None]
         two = np.flatnonzero(self.block[:, 1] >= 0)
         return [
@@ -532,8 +542,8 @@ def _spots(
     """Return spots at all vertices of facets.
 
     Args:
-        facets: Of the first side.
-        opposite: Facets opposite, and places of the vertices there, shape (n, d).
+        facets: Facets of the first side.
+        opposite: Opposite facets, and indices of the opposite vertices in them, shape (n, d).
         terms: Adhesion, μ, and errors of normals.
     """
     second, order = opposite
@@ -544,13 +554,13 @@ def _spots(
 
 
 def _joined(parts: Sequence[Balls]) -> Balls:
-    """Return numbers one after the other."""
+    """Return concatenated numbers."""
     names = ("mid", "low", "rad")
     return Balls(*(np.concatenate([getattr(p, of) for p in parts]) for of in names))
 
 
 def _across(normal: Floats) -> Floats:
-    """Return vectors across another one, without rounding, shape (d − 1, d)."""
+    """Return vectors perpendicular to another one, without rounding, shape (d − 1, d)."""
     if len(normal) == 2:
         return np.array([[-normal[1], normal[0]]])
     axes = np.eye(3)[np.argsort(np.abs(normal))[:2]]

@@ -1,4 +1,4 @@
-"""The bodies of one half of a proof: cells, strengths, surfaces, loads, supports, contact."""
+"""Store the bodies of one half of a proof: cells, strengths, surfaces, loads, supports, contact."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,40 +24,41 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Body:
-    """The bodies of dimension d, as they are on file. Stresses and loads are in the same units.
+    """The bodies of dimension d, as stored in the file. Stresses and loads are in the same units.
 
     Attributes:
-        vertices: Shape (num_vertices, d).
-        cells: Their vertices, shape (num_cells, d + 1).
-        cone: Number of the cone that bounds the stress of each cell, shape (num_cells,); −1 of
-            elastic and rigid ones, which bear any. Where all are so, only contacts and obstacles
-            limit the load (:mod:`blocks`).
+        vertices: Coordinates, shape (num_vertices, d).
+        cells: Vertices of the cells, shape (num_cells, d + 1).
+        cone: Index of the cone that bounds the stress of each cell, shape (num_cells,); −1 for
+            elastic and rigid cells, which bear any stress. If all cells are −1, only contacts and
+            obstacles limit the load (:mod:`blocks`).
         cone_bound: c ≥ 0 of each cone ‖Mσ‖ ≤ c − q·σ (:class:`cones.Cones`), shape (num_cones,).
         cone_slope: q, shape (num_cones, m), m = 3 in the plane and 6 in space.
         cone_matrix: M, shape (num_cones, m, m).
         cone_sine: s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, which has q = 0
             and M = 0, NaN for others; shape (num_cones,).
-        cone_tension: f of each σ₁ ≤ f beside it, NaN without one; the same.
-        cell_strength: What c of its cone is multiplied by at the vertices of each cell, positive
-            and linear between them, shape (num_cells, d + 1); 1 where a strength does not vary.
+        cone_tension: Tensile strength f of each additional condition σ₁ ≤ f, NaN without one; same
+            shape.
+        cell_strength: Factor of c at the vertices of each cell, positive and linear between them,
+            shape (num_cells, d + 1); 1 for a uniform strength.
         sought: Loads of λ = 1.
-        constant: Loads that stay as they are.
-        others: Loads that may have any factor, of factor 1.
+        constant: Permanent loads.
+        others: Loads that may have any factor, at factor 1.
         facets: Vertices of the outer facets, shape (num_facets, d).
-        surface: Tag of the surface of each; 0 for none.
-        revolved: Whether cells are sections of rings around x = 0; without it they are not.
-        held: Which components of the velocity are zero there, shape (num_facets, d).
-        guided: Unit vector along which it is zero beside, 0 for none, the same shape.
-        rigid: Tags of surfaces that a rigid plate is glued to, which moves as loads make it.
-        rigid_held: Which components of its velocity are zero, shape (num_rigid, d); where any is it
-            does not turn.
-        contacts: Tags of two surfaces that cannot enter each other, shape (num_contacts, 2).
-        contact_adhesion: Shear stress c that slip has to overcome without pressure, of each.
-        contact_friction: μ ≥ 0 of each: the shear may be larger by μ times the pressure.
-        obstacles: Tags of surfaces that cannot enter a half space.
-        obstacle_normals: Unit vectors into these, shape (num_obstacles, d).
-        obstacle_adhesion: As of contacts.
-        obstacle_friction: As ``obstacle_adhesion``.
+        surface: Tag of the surface of each facet; 0 without a surface.
+        revolved: Whether cells are sections of rings around x = 0; by default they are not.
+        held: Which components of the velocity are zero on each facet, shape (num_facets, d).
+        guided: Unit vector along which the velocity is zero in addition, 0 for none, same shape.
+        rigid: Tags of surfaces glued to a rigid plate, which the loads move.
+        rigid_held: Which components of the plate's velocity are zero, shape (num_rigid, d); with
+            any such component it does not rotate.
+        contacts: Tags of two surfaces that cannot penetrate each other, shape (num_contacts, 2).
+        contact_adhesion: Shear stress c at which slip begins without pressure, for each contact.
+        contact_friction: μ ≥ 0 of each contact: the shear limit grows by μ times the pressure.
+        obstacles: Tags of surfaces that cannot penetrate a half space.
+        obstacle_normals: Unit vectors into the obstacles, shape (num_obstacles, d).
+        obstacle_adhesion: As for contacts.
+        obstacle_friction: As for contacts.
     """
 
     vertices: Floats
@@ -114,7 +115,9 @@ class Body:
             shown = zip(NAMES, of_loads, strict=True)
             wrong += [prefix + n for n, shape in shown if getattr(loads, n).shape != shape]
         if d not in (2, 3) or wrong:
-            raise ProofError(f"the shape of {', '.join(wrong) or 'vertices'} fits nothing.")
+            raise ProofError(
+                f"the shape of {', '.join(wrong) or 'vertices'} does not fit the bodies."
+            )
         if not c:
             raise ProofError("the file has no cells, so there is nothing to check.")
         for name in ("cells", "facets"):
@@ -137,7 +140,7 @@ class Body:
                 raise ProofError(f"{name} {fault}.")
         self._check_tags()
         if len(np.unique(self.rigid)) < rigid or not np.isin(self.rigid, self.surface).all():
-            raise ProofError("rigid names a surface twice, or one that there is not.")
+            raise ProofError("rigid contains a surface twice, or a surface that does not exist.")
         if not self.plastic.any() and (self.is_revolved or not (pairs or k)):
             raise ProofError("no cell can yield, so that nothing limits the load.")
         places = self.vertices[self.cells]
@@ -149,14 +152,15 @@ class Body:
 
     @classmethod
     def of(cls, arrays: Mapping[str, npt.NDArray], known: "Body | None" = None) -> "Body":
-        """Return the bodies of arrays by name.
+        """Return the bodies from arrays by name.
 
         Args:
             arrays: The arrays.
-            known: Bodies that are returned where the arrays are theirs.
+            known: Bodies to return if the arrays are equal to theirs.
 
         Raises:
-            ProofError: If one is missing or of another kind, or they do not fit together.
+            ProofError: If an array is missing or of another type, or if the arrays do not fit
+                together.
         """
         given = with_guided(with_rubbing(with_all(with_rigid(with_kind(arrays)))))
         kinds = {"sought": KINDS[0], "constant": KINDS[1], "others": KINDS[2]}
@@ -175,32 +179,32 @@ class Body:
 
     @property
     def dim(self) -> int:
-        """D."""
+        """Return the dimension d."""
         return self.vertices.shape[1]
 
     @property
     def is_revolved(self) -> bool:
-        """Whether the cells are sections of bodies of revolution."""
+        """Return whether the cells are sections of bodies of revolution."""
         return bool(self.revolved)
 
     @property
     def components(self) -> int:
-        """Components of a stress."""
+        """Return the number of components of a stress."""
         return 4 if self.is_revolved else self.dim * (self.dim + 1) // 2
 
     @property
     def plastic(self) -> Flags:
-        """Cells that can yield."""
+        """Return which cells can yield."""
         return self.cone >= 0
 
     def varies_by(self, number: int) -> str:
-        """Return the factors by which the bound of a cone varies, in words; empty where none is."""
+        """Return in words the factors by which a cone's bound varies; empty if it does not vary."""
         here = self.cell_strength[self.cone == number]
         return f" times {here.min():.6g} to {here.max():.6g}" if (here != 1).any() else ""
 
     @property
     def loose(self) -> bool:
-        """Whether any cell has a cone without a bound."""
+        """Return whether any cell has a cone without a bound."""
         return bool((self.cone_bound[self.cone[self.plastic]] == 0).any())
 
     @cached_property
@@ -211,19 +215,19 @@ class Body:
 
     @cached_property
     def yield_radius(self) -> Floats:
-        """A stress that each cell bears, ∞ in elastic ones: what is left is relative to it."""
+        """Return a stress that each cell bears, ∞ for elastic cells, as scale of residuals."""
         weakest = self.cell_strength.min(axis=1)
         return np.asarray(np.append(self.cones.radius, np.inf)[self.cone] * weakest)
 
     @cached_property
     def steepness(self) -> Floats:
-        """Return what a rate of size 1 dissipates per volume at most; 0 of elastic cells."""
+        """Return the largest dissipation per volume at a unit rate; 0 for elastic cells."""
         strongest = self.cell_strength.max(axis=1)
         return np.asarray(np.append(self.cones.steepness, 0.0)[self.cone] * strongest)
 
     @property
     def varies(self) -> bool:
-        """Return whether the strength of any cell is another one than that of its cone."""
+        """Return whether the strength of any cell differs from that of its cone."""
         return bool((self.cell_strength != 1).any())
 
     @cached_property
@@ -242,52 +246,52 @@ class Body:
 
     @cached_property
     def corners(self) -> Longs:
-        """Places in a cell of the vertices of the facet opposite each, shape (d + 1, d)."""
+        """Return indices of the vertices of the facet opposite each vertex, shape (d + 1, d)."""
         return np.array([np.delete(np.arange(self.dim + 1), i) for i in range(self.dim + 1)])
 
     @cached_property
     def sides(self) -> tuple[Longs, Longs]:
-        """Two sides of each inner facet and one of each outer one, cell · (d + 1) + place in it.
+        """Return two sides of each inner facet and one of each outer one.
 
         Returns:
-            Shapes (num_inner, 2) and (num_outer,).
+            A side is cell · (d + 1) + index in the cell. Shapes (num_inner, 2) and (num_outer,).
 
         Raises:
-            ProofError: If three cells meet in a facet.
+            ProofError: If more than two cells share a facet.
         """
         every = np.sort(self.cells[:, self.corners].reshape(-1, self.dim), axis=1)
         order = np.lexsort(every.T)
         starts = np.flatnonzero(np.diff(every[order], axis=0, prepend=-1).any(axis=1))
         counts = np.diff(starts, append=len(order))
         if counts.max(initial=0) > 2:
-            raise ProofError("more than two cells meet in a facet.")
+            raise ProofError("more than two cells share a facet.")
         inner = starts[counts == 2]
         return np.stack([order[inner], order[inner + 1]], axis=1), order[starts[counts == 1]]
 
     @cached_property
     def outer(self) -> Longs:
-        """The side of each of ``facets``."""
+        """Return the side of each of ``facets``."""
         return self._found[0]
 
     @cached_property
     def places(self) -> Longs:
-        """Places in its cell of the vertices of each of ``facets``, shape (num_facets, d)."""
+        """Return indices in the cell of the vertices of ``facets``, shape (num_facets, d)."""
         cells = self.cells[self.outer // (self.dim + 1)]
         return np.argmax(cells[:, None] == self.facets[:, :, None], axis=2)
 
     @cached_property
     def normals(self) -> Floats:
-        """Outward unit normals of ``facets``."""
+        """Return the outward unit normals of ``facets``."""
         return self.normals_of(self.outer)
 
     def normals_of(self, sides: Longs) -> Floats:
-        """Unit normals of sides, out of their cells."""
+        """Return the unit normals of sides, out of their cells."""
         inward = self.gradients.reshape(-1, self.dim)[sides]
         return -inward / np.linalg.norm(inward, axis=1, keepdims=True)
 
     @property
     def on_axis(self) -> Flags:
-        """Which of ``facets`` are on the axis of a revolution."""
+        """Return which of ``facets`` are on the axis of revolution."""
         return np.asarray(self.is_revolved & ~self.vertices[self.facets][..., 0].any(axis=1))
 
     @cached_property
@@ -301,18 +305,18 @@ class Body:
         return np.asarray(self.dim * self.volumes[sides // (self.dim + 1)] * slope)
 
     def on(self, tag: np.int64) -> Longs:
-        """Return numbers of the facets of a surface."""
+        """Return the indices of the facets of a surface."""
         return np.flatnonzero(self.surface == tag)
 
     @cached_property
     def _found(self) -> tuple[Longs, bool]:
-        """Sides of the facets on file, and whether those are all the outer ones, each once."""
+        """Return the sides of the facets on file, and whether these are all outer facets."""
         outer = self.sides[1]
         mine = self.cells[:, self.corners].reshape(-1, self.dim)[outer]
         return in_order_of(outer, mine, self.facets)
 
     def _check_strength(self) -> None:
-        """Make sure that strengths that vary are positive, and of what is known to vary."""
+        """Refuse variable strengths that are not positive, or whose variation is not supported."""
         strength = self.cell_strength
         if not (np.isfinite(strength) & (strength > 0)).all():
             raise ProofError("cell_strength is not positive and finite.")
@@ -321,12 +325,13 @@ class Body:
         changed = (strength != 1).any(axis=1)
         if self.is_revolved or self.cones.is_cut[self.cone[changed & self.plastic]].any():
             raise ProofError(
-                "cell_strength is of bodies of revolution, or of cones with a tensile strength."
+                "cell_strength is given for bodies of revolution, or for cones with a "
+                "tensile strength."
             )
         check_sizes("a strength", self.cones.bound[self.cone, None] * strength)
 
     def _check_tags(self) -> None:
-        """Make sure that contacts and obstacles are of surfaces that there are, each named once."""
+        """Refuse contacts and obstacles of unknown surfaces, or of surfaces named twice."""
         named = {"contacts": self.contacts, "obstacles": self.obstacles, "rigid": self.rigid}
         if self.surface.size and self.surface.min() < 0:
             raise ProofError("surface has negative tags.")
@@ -337,7 +342,7 @@ class Body:
             if not np.isin(named[name], self.surface).all():
                 raise ProofError(f"{name} names a surface that does not exist.")
         if len(np.unique(np.sort(self.contacts, axis=1), axis=0)) < len(self.contacts):
-            raise ProofError("contacts names two surfaces twice.")
+            raise ProofError("contacts contains two surfaces twice.")
 
     def _check_facets(self) -> None:
         if not self._found[1]:

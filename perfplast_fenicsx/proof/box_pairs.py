@@ -12,30 +12,30 @@ from perfplast_fenicsx.proof.plain_arrays import ProofError
 Longs = npt.NDArray[np.int64]
 
 AT_ONCE = 300_000
-"""Pairs that are looked at together, for the memory they take."""
+"""Number of pairs that are processed together, limited by memory."""
 
 MOST_PAIRS = 1000
 """Pairs that there may be for each box; cells of two meshes in space have some 300."""
 
 FEW_PAIRS = 20_000_000
-"""Pairs that there may be in any case."""
+"""Number of pairs that is allowed in any case."""
 
 IN_LEAF = 4
 """Boxes in a leaf of a tree, at most."""
 
 
 def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
-    """Yield numbers of boxes that meet, each pair once, some at a time.
+    """Yield indices of intersecting boxes, each pair once, in batches.
 
     Boxes that are near each other are under one node of a binary tree. Where two nodes meet, their
     branches are compared.
 
     Args:
-        ones: Least and largest coordinates of boxes, shape (2, n, d); none is a point.
-        others: The same of others.
+        ones: Least and largest coordinates of boxes, shape (2, n, d); no box is a point.
+        others: The boxes of the other set.
 
     Raises:
-        ProofError: If too many boxes meet for their number.
+        ProofError: If too many boxes intersect for their number.
     """
     if not (ones.shape[1] and others.shape[1]):
         return

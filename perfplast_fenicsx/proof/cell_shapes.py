@@ -1,4 +1,4 @@
-"""Whether cells have shapes to compute with, and are sections of rings where that is said."""
+"""Check that cell shapes are accurate enough, and that sections of rings are valid."""
 
 from collections.abc import Callable, Iterable, Mapping
 
@@ -12,9 +12,9 @@ Longs = npt.NDArray[np.int64]
 
 
 def with_kind(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return arrays with what says that cells are no sections of rings, where nothing does.
+    """Return arrays with defaults: cells are not sections of rings.
 
-    And that no cone has a tensile strength, and no strength varies in a cell.
+    By default no cone has a tensile strength, and strengths do not vary in a cell.
     """
     cuts = np.full(np.shape(arrays.get("cone_sine", ())), np.nan)
     ones = np.ones(np.shape(arrays.get("cells", ())))
@@ -23,58 +23,63 @@ def with_kind(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
 
 
 def check_cells(places: Floats, volumes: Floats, gradients: Callable[[], Floats]) -> None:
-    """Make sure that shapes are not lost to rounding.
+    """Refuse cells whose shapes are lost to rounding.
 
     Args:
-        places: Places of the cells' vertices, shape (num_cells, d + 1, d).
+        places: Coordinates of the cells' vertices, shape (num_cells, d + 1, d).
         volumes: Volumes of the cells.
-        gradients: Gives those of their barycentric coordinates, where there is a volume.
+        gradients: Function that returns the gradients of their barycentric coordinates, if there is
+            a volume.
 
     Raises:
-        ProofError: If one is.
+        ProofError: If a shape is lost.
     """
     d, size = places.shape[2], np.ptp(places, axis=1).max(axis=1)
-    # From the origin, relative to the cell: farther away its shape is lost to rounding.
+    # Distance from the origin relative to the cell; farther away its shape is lost to rounding.
     farthest = 1e12
     if not (np.abs(places).max(axis=(1, 2)) <= farthest * size).all():
-        raise ProofError("a cell is too small for where it is: its shape is lost to rounding.")
+        raise ProofError(
+            "a cell is too small for its distance from the origin: its shape is lost to rounding."
+        )
     if not (np.isfinite(size**d).all() and (volumes > 1e-12 * size**d).all()):
         raise ProofError("a cell has no volume.")
     if not (np.isfinite(gradients()).all() and (size**d > 0).all()):
-        raise ProofError("cells are too small or too large to compute with.")
+        raise ProofError("cells are too small or too large for the computation.")
 
 
 def check_sections(
     places: Floats, pores: Iterable[Floats], held: npt.NDArray[np.bool_], loose: bool
 ) -> None:
-    """Make sure that cells can be sections of rings, and of what is known of these.
+    """Refuse cells that cannot be sections of rings, and data that rings do not support.
 
     Args:
-        places: Places of the cells' vertices.
-        pores: Pressures in pores of each kind of loads, which may cancel.
+        places: Coordinates of the cells' vertices.
+        pores: Pore pressures of each kind of loads, which may cancel.
         held: Components of rigid surfaces that cannot move, shape (num_rigid, 2).
         loose: Whether a cone has no bound.
 
     Raises:
-        ProofError: If they cannot.
+        ProofError: If they are refused.
     """
     if places.shape[2] != 2 or places[..., 0].min() < 0:
-        raise ProofError("bodies of revolution reach to negative radii, or are no sections.")
+        raise ProofError("bodies of revolution reach negative radii, or are not sections.")
     if not (held == [True, False]).all():
-        raise ProofError("a rigid surface of a body of revolution moves otherwise than along it.")
+        raise ProofError(
+            "a rigid surface of a body of revolution can move in another direction than the axis."
+        )
     if loose:
-        raise ProofError("a cone has no bound, which is not known for bodies of revolution.")
+        raise ProofError("a cone has no bound, which is not supported for bodies of revolution.")
     if any(pressure.any() for pressure in pores):
-        raise ProofError("pressures in pores are not known of bodies of revolution.")
+        raise ProofError("pore pressures are not supported for bodies of revolution.")
 
 
 def in_order_of(sides: Longs, mine: Longs, given: Longs) -> tuple[Longs, bool]:
-    """Sides of facets in the order in which these are given, and whether they are the same ones.
+    """Return sides of facets in a given order, and whether they are the same facets.
 
     Args:
-        sides: Shape (n,).
-        mine: Vertices of each, shape (n, d).
-        given: Those of facets, shape (num_facets, d).
+        sides: Sides, shape (n,).
+        mine: Vertices of each side, shape (n, d).
+        given: Vertices of facets, shape (num_facets, d).
     """
     mine, given = np.sort(mine, axis=1), np.sort(given, axis=1)
     if len(mine) != len(given):

@@ -1,7 +1,8 @@
 """Prove the bounds of a file independently: ``python3 -m perfplast_fenicsx.proof DIR/bounds.h5``.
 
-The file has a group ``lower`` with a stress, ``upper`` with a velocity, or both. Each has all that
-its proof needs, the bodies with their loads included (:class:`body.Body`). On one process.
+The file has a group ``lower`` with a stress, ``upper`` with a velocity, or both. Each group
+contains all data of its proof, including the bodies with their loads (:class:`body.Body`). The
+checker runs on one process.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,23 +32,24 @@ from perfplast_fenicsx.proof.upper import check_nodes, measure_velocity
 from perfplast_fenicsx.proof.verdict import RATIOS, ROUNDED, Checked, faults_of, rounding_of
 
 DRUCKER = (
-    "Drucker's pair: with less friction from below, and friction whose slip follows its normal from"
-    " above; Coulomb's friction lies between, whichever way it slips."
+    "Drucker's pair: with less friction from below, and with associated friction from "
+    "above; the limit load with Coulomb's friction lies between, whatever the direction "
+    "of slip."
 )
 """The note on two halves with different friction."""
 
 
 @dataclass(frozen=True)
 class _Half:
-    """A half that was checked.
+    """A checked half.
 
     Attributes:
-        checked: What it proves.
+        checked: Its verdict.
         body: The bodies.
-        overlaps: How many points of cells are in others too.
-        forces: The sum of forces without balance.
+        overlaps: Number of sample points that lie in more than one cell.
+        forces: The sum of unbalanced forces.
         speed: The largest velocity, relative to L(v).
-        power: What is dissipated over L(v).
+        power: The dissipation over L(v).
     """
 
     checked: Checked
@@ -63,9 +65,9 @@ class Pair:
     """Both sides of a factor of safety.
 
     Attributes:
-        carried: The factor with which the bodies carry the loads.
-        not_carried: The one with which they do not.
-        faults: Why that is not proven of one set of bodies.
+        carried: The factor at which the bodies carry the loads.
+        not_carried: The factor at which they do not.
+        faults: Why the pair is not proven for one set of bodies.
     """
 
     carried: float
@@ -74,7 +76,7 @@ class Pair:
 
     def __str__(self) -> str:
         if self.faults:
-            return f"factor of safety: not proven of the same bodies: {'; '.join(self.faults)}"
+            return f"factor of safety: not proven for the same bodies: {'; '.join(self.faults)}"
         between = f"{self.carried:.9g} to {self.not_carried:.9g} is proven"
         return f"factor of safety: {between}; both files are of the same bodies"
 
@@ -86,10 +88,10 @@ def check(path: str | Path) -> dict[str, Checked]:
         path: The file.
 
     Returns:
-        What is proven, by "lower" and "upper".
+        The verdicts by "lower" and "upper".
 
     Raises:
-        ProofError: If the file cannot be read, or is no proof.
+        ProofError: If the file cannot be read, or is not a proof.
     """
     checks: dict[str, Callable[[Mapping[str, npt.NDArray], _Half | None], _Half]]
     checks = {"lower": _lower, "upper": _upper}
@@ -121,23 +123,23 @@ def check(path: str | Path) -> dict[str, Checked]:
 def check_pair(
     below: str | Path, above: str | Path, found: Sequence[Mapping[str, Checked]] | None = None
 ) -> Pair:
-    """Check both files of a factor of safety: whether they are of the same bodies.
+    """Check both files of a factor of safety, and that their bodies are the same.
 
-    Each has strengths that are divided by a factor of its own. Without it they have to be the same.
+    In each file, strengths are divided by its own factor. Without the factor they must be equal.
 
     Args:
         below: The file with the stress.
         above: The file with the velocity.
-        found: What :func:`check` has returned for both; None has them checked here.
+        found: Results of :func:`check` for both files; None to check them now.
 
     Raises:
-        ProofError: If one cannot be read, is no proof, or has other halves or no factor.
+        ProofError: If a file cannot be read, is not a proof, or has other halves or no factor.
     """
     halves = []
     verdicts = (check(below), check(above)) if found is None else found
     for path, kind, of in zip((below, above), ("lower", "upper"), verdicts, strict=True):
         if set(of) != {kind}:
-            raise ProofError(f"'{path}' is not the {kind} half of a factor of safety alone.")
+            raise ProofError(f"'{path}' is not only the {kind} half of a factor of safety.")
         with stored_file(path) as file, np.errstate(all="ignore"):
             arrays = stored_arrays(file, kind)
         body = Body.of(arrays)
@@ -150,11 +152,11 @@ def check_pair(
     if not faults and not (lower.proven or 0.0) >= 1.0:
         faults.append("the stress does not bear the loads once")
     if not faults and not (np.inf if upper.proven is None else upper.proven) <= 1.0:
-        faults.append("the mechanism does not fall by the loads")
+        faults.append("the loads do not make the mechanism collapse")
     with np.errstate(all="ignore"):
         faults += differences(less, more)
     if not faults and not carried <= not_carried:
-        faults.append("the factor with which the loads are carried is above the other one")
+        faults.append("the factor at which the loads are carried is above the other one")
     return Pair(carried, not_carried, tuple(faults))
 
 
@@ -176,13 +178,13 @@ def factor_of(path: str | Path, kind: str) -> float:
 
 
 def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:
-    """Check a stress: ``stress`` (num_cells, d + 1, d, d), ``bound``, and those of the bodies.
+    """Check a stress: ``stress`` (num_cells, d + 1, d, d), ``bound``, and the bodies.
 
-    The loads that it balances are those at ``factor``, or at ``bound`` where that is missing.
-    Of bodies of revolution the coefficients of rσ (:mod:`rings`), shape (num_cells, 6, 2, 2). Where
-    no cell can yield ``joint_force`` (num_facets, d, d) is in its place, and where joints adhere
-    ``joint_traction`` of the same shape beside it; ``inner_force``, ``inner_traction``,
-    ``inner_factor`` and ``inner_any_factor`` are a second set of them (:mod:`blocks`).
+    It balances the loads at ``factor``, or at ``bound`` without it. For bodies of revolution
+    ``stress`` contains the coefficients of rσ (:mod:`rings`), shape (num_cells, 6, 2, 2). If no
+    cell can yield, ``joint_force`` (num_facets, d, d) replaces ``stress``, with ``joint_traction``
+    of the same shape for adhesive joints. ``inner_force``, ``inner_traction``, ``inner_factor`` and
+    ``inner_any_factor`` are a second set (:mod:`blocks`).
 
     Raises:
         ProofError: If the arrays do not fit together.
@@ -218,11 +220,11 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     else:
         faults = ()
     sums = (
-        f"Forces without balance are {found.forces:.2g} in all, of {found.loads:.6g} that the loads"
-        " are."
+        f"Unbalanced forces are {found.forces:.2g} in all, compared with {found.loads:.6g} "
+        "of the loads."
     )
     if found.counted and proven is not None:
-        sums += f" They and rounding cost {max(factor - proven, 0.0):.2g} of the bound."
+        sums += f" They and rounding reduce the bound by {max(factor - proven, 0.0):.2g}."
     words = (taken_as_written(body), *reduction_words(body, arrays), sums)
     shown = None if faults else proven
     checked_half = Checked("lower", claimed, shown, found.measured, faults, words, reached=proven)
@@ -231,16 +233,16 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
 
 @dataclass(frozen=True)
 class _Found:
-    """The load factor that a stress, or forces on joints, prove.
+    """The load factor that a stress, or forces on joints, proves.
 
     Attributes:
-        factor: None where they prove nothing.
-        reasons: Why they do not.
-        rows: Conditions that fail, in words.
-        measured: What is left of each condition.
-        forces: The sum of forces without balance.
-        loads: That of the loads.
-        counted: Whether what is left has made the factor smaller.
+        factor: The load factor; None if it is not proven.
+        reasons: Why it is not proven.
+        rows: Violated conditions in words.
+        measured: The residual of each condition.
+        forces: The sum of unbalanced forces.
+        loads: The sum of the loads' magnitudes.
+        counted: Whether the residual reduced the factor.
     """
 
     factor: float | None
@@ -253,7 +255,7 @@ class _Found:
 
 
 def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) -> _Found:
-    """Return what a stress proves, with loads at some factors."""
+    """Return what a stress proves, for loads at some factors."""
     stress, d = checked(arrays, ("stress",))["stress"], body.dim
     if stress.shape != (len(body.cells), 6 if body.is_revolved else d + 1, d, d):
         raise ProofError("the stress does not fit the cells.")
@@ -267,7 +269,9 @@ def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) 
         reasons += [] if why is None else [why]
     else:
         over, exact = max(left.measured.get(name, 0.0) for name in RATIOS), not rows
-    if (body.constant or body.loose) and not over <= 1:  # such a stress cannot be made smaller
+    if (
+        body.constant or body.loose
+    ) and not over <= 1:  # without the residual such a stress cannot be scaled down
         reasons.append(f"stresses are {over:.17g} times as large as they may be")
     factor = None if reasons or not exact else _divided(factors[0], over)
     told = left.measured, left.forces, left.loads
@@ -275,7 +279,7 @@ def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) 
 
 
 def _of_blocks(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) -> _Found:
-    """Return what forces on the joints of rigid blocks prove, with loads at some factors."""
+    """Return what forces on the joints of rigid blocks prove, for loads at some factors."""
     best = _joint_forces(body, arrays, "joint", factors)
     inner = None
     if "inner_force" in arrays:
@@ -293,7 +297,7 @@ def _of_blocks(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) 
 def _joint_forces(
     body: Body, arrays: Mapping[str, npt.NDArray], prefix: str, factors: Factors
 ) -> JointForces:
-    """Return forces on joints with loads at some factors."""
+    """Return the forces on joints that belong to loads at some factors."""
     none = np.zeros((len(body.facets), body.dim, body.dim))
     names = (f"{prefix}_force", f"{prefix}_traction")
     forces, tractions = checked({names[1]: none, **arrays}, names).values()
@@ -303,7 +307,7 @@ def _joint_forces(
 
 
 def _divided(claimed: float, over: float) -> float:
-    """Return a bound of a stress that is so many times as large as it may be, from below."""
+    """Return the lower bound of a stress that exceeds its limit by a factor."""
     return claimed if over <= 1 else float(np.nextafter(claimed / over, -np.inf))
 
 
@@ -321,10 +325,10 @@ def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     if reached is not None and not reached <= claimed + rounding_of(reached, flow.power):
         faults = (*faults, f"only {reached:.9g} is proven")
     same = before is not None and body is before.body
-    words = ["Of the same bodies." if same else taken_as_written(body)]
+    words = ["For the same bodies." if same else taken_as_written(body)]
     words += reduction_words(body, arrays)
     if reached is not None:
-        words.append(f"Residuals and rounding cost {flow.cost:.2g} of the bound.")
+        words.append(f"Residuals and rounding increase the bound by {flow.cost:.2g}.")
         if body.others and flow.others > 0:
             words.append(_up_to(reached, flow.work / flow.others))
     shown = None if faults else reached
@@ -333,57 +337,64 @@ def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
 
 
 def _up_to(proven: float, factor: float) -> str:
-    """Up to which factor of others a bound holds, a sentence.
+    """Return a sentence on the factors of the free loads up to which a bound holds.
 
     Args:
-        proven: The bound without them.
-        factor: That at which others may do as much work as the loads whose factor is bounded.
+        proven: The bound without the free loads.
+        factor: Factor at which the free loads may do as much work as the loads whose factor is
+            bounded.
     """
     if proven < 1:
         most = (1 - proven) * factor
-        return f"At factor 1 they are not carried with any factor of others up to {most:.2g}."
+        return (
+            "At factor 1 the loads are not carried with any factor of the free loads up to "
+            f"{most:.2g}."
+        )
     most = 1e-3 * proven * factor
-    return f"With any factor of others up to {most:.2g} it holds but for a thousandth."
+    return f"With any factor of the free loads up to {most:.2g} it holds to within a thousandth."
 
 
 def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
-    """Return what forbids that both halves stand in one file, and what one says of the other.
+    """Return why both halves cannot be in one file, and a sentence on their distance.
 
-    Bounds are compared by what was proven, whatever the file claims.
+    The function compares the proven bounds, not the claimed ones.
     """
     same = upper.body is lower.body
     faults = [] if same else differences(lower.body, upper.body)
     low, high = lower.checked.proven, upper.checked.proven
     if low is None or high is None:
-        return faults, "Nothing is said of the distance of the bounds: one of them is not proven."
+        return faults, "The distance of the bounds is unknown: one of them is not proven."
     if not low <= high + rounding_of(high, upper.power):
         faults.append(f"the lower bound {low:.9g} is above the upper one {high:.9g}")
     change = lower.forces * upper.speed if lower.forces else 0.0
-    # What forces without balance may change of a bound by their work on the other half's mechanism,
-    # relative to the distance of both bounds, or to 1e-4 of the bound where these are nearer.
+    # Largest change of a bound by the work of unbalanced forces on the other half's mechanism,
+    # relative to the distance of both bounds, or to 1e-4 of the bound if they are closer.
     on_mechanism = 1e-6
     if not change <= on_mechanism * max(high - low, 1e-4 * upper.power):
-        faults.append(f"forces without balance change the bound by {change:.1e}")
+        faults.append(f"unbalanced forces change the bound by {change:.1e}")
     words = f"On the mechanism they change the bound by {change:.1e} at most; bounds are"
     words = f"{words} {high - low:.3g} apart."
     if not faults and pair_of_drucker(lower.body, upper.body):
         words = f"{words} {DRUCKER}"
     if not faults and not same and pair_of_radenkovic(lower.body, upper.body):
         words = (
-            f"{words} Radenkovic's pair: cones that open by less from below, by the angle of"
-            " dilatancy, and by that of friction from above; ground of both lies between, whatever"
-            " it collapses at."
+            f"{words} Radenkovic's pair: from below the cones open by the angle of "
+            "dilatancy, and from above by the angle of friction; ground with both angles "
+            "collapses between the bounds, at whatever load."
         )
     return faults, words
 
 
 def _with(half: Checked, faults: list[str]) -> Checked:
-    """Return a half with faults beside its own."""
+    """Return a half with additional faults."""
     return replace(half, proven=None, faults=(*half.faults, *faults))
 
 
 def _body(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> tuple[Body, int]:
-    """The bodies of a half, and how often they overlap; those before, where they are the same."""
+    """Return the bodies of a half and the number of their overlaps.
+
+    Earlier bodies if they are equal.
+    """
     body = Body.of(arrays, None if before is None else before.body)
     if before is not None and body is before.body:
         return body, before.overlaps
@@ -393,5 +404,5 @@ def _body(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> tuple[Body
 
 def _reasons(overlaps: int, reason: str | None) -> list[str]:
     """Return the reasons that prevent a verdict."""
-    words = f"cells overlap ({overlaps} points of cells are in others too)"
+    words = f"cells overlap ({overlaps} points of cells are also in others)"
     return [words] * (overlaps > 0) + ([] if reason is None else [reason])

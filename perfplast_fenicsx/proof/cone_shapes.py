@@ -1,4 +1,4 @@
-"""Shapes of the cones of cells, and their strengths: cones are compared that differ in size."""
+"""Compare the cones of cells that differ in size: their shapes and strengths."""
 
 from typing import NamedTuple
 
@@ -12,12 +12,12 @@ class Strengths(NamedTuple):
     """Strength of the cone of each cell; shapes (num_cells,).
 
     Attributes:
-        family: A number of MᵀM and the direction of q, for a matrix M of size 1, or of all cones of
-            principal stresses with the same ratio of c to a tensile strength.
+        family: Index of the pair of MᵀM and the direction of q, for a matrix M of size 1, or of all
+            cones of principal stresses with the same ratio of c to a tensile strength.
         slope: |q|, or the sine.
         bound: Bound of cones whose M has size 1.
-        axial: Whether M q = 0, or the cone is one of principal stresses: less of a slope and no
-            higher apex make it smaller.
+        axial: Whether M q = 0, or the cone bounds principal stresses: a smaller slope and an apex
+            that is not higher make it smaller.
     """
 
     family: Longs
@@ -33,30 +33,30 @@ class Strengths(NamedTuple):
 
 
 def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
-    """Return whether sets of cells are not known to hold those of others.
+    """Return whether sets of cells may fail to contain those of others.
 
-    With slopes α < α' on one axis the set of α is in that of α' if its apex is no higher,
-    c/α ≤ c'/α': both are so at the apex, and below it the other one opens by more.
+    For slopes α < α' on one axis, the set of α is contained in that of α' if its apex is not
+    higher, c/α ≤ c'/α'. At the apex both conditions hold, and below it the other cone opens faster.
 
     Args:
-        lower: Lower bound of cells, n of them.
-        upper: Of those that ought to hold them, as many.
+        lower: Strengths of n cells.
+        upper: Strengths of n cells that should contain them.
     """
-    rounding = 1e-12  # of a bound over the size of its matrix
-    digits = 1e-11  # that slopes of cones of size 1 are compared with
+    rounding = 1e-12  # relative tolerance of a bound over the size of its matrix
+    digits = 1e-11  # tolerance for slopes of cones of size 1
     same = np.abs(lower.slope - upper.slope) <= digits
     more = lower.bound <= upper.bound * (1 + rounding)
     flatter = lower.axial & (0 < lower.slope) & (lower.slope < upper.slope)
-    with np.errstate(invalid="ignore"):  # ∞·0 of elastic cells, which have no cone
+    with np.errstate(invalid="ignore"):  # ∞·0 for elastic cells, which have no cone
         no_higher = lower.bound * upper.slope <= upper.bound * lower.slope * (1 + rounding)
     holds = (lower.family == upper.family) & ((same & more) | (~same & flatter & no_higher))
     return np.asarray(~holds)
 
 
 def strengths_of(*bodies: Body) -> list[Strengths]:
-    """Return strengths of the cells of each body.
+    """Return the strengths of the cells of each body.
 
-    Elastic cells are as bodies of infinite strength that keep their volume.
+    Elastic cells count as bodies of infinite strength that preserve their volume.
     """
     m, n = bodies[0].components, normals_of(bodies[0])
     plain = np.eye(m)
@@ -88,13 +88,13 @@ def strengths_of(*bodies: Body) -> list[Strengths]:
 
 
 def _shape(matrices: Floats) -> Floats:
-    """MᵀM of matrices of size 1, in rows."""
+    """Return MᵀM of matrices of size 1, as rows."""
     unit = matrices / np.linalg.norm(matrices, axis=(1, 2), keepdims=True)
     return np.asarray((unit.transpose(0, 2, 1) @ unit).reshape(len(unit), unit.shape[2] ** 2))
 
 
 def _alike_rows(rows: Floats) -> Longs:
-    """Return a number for each row, the same for those that are rounded to the same."""
-    digits = 11  # after the point, that entries of cones of size 1 are compared with
+    """Return an index for each row, equal for rows that round to the same values."""
+    digits = 11  # decimal places in the comparison of entries of cones of size 1
     _, numbers = np.unique(np.round(rows, digits), axis=0, return_inverse=True)
     return np.asarray(numbers.ravel(), dtype=np.int64)

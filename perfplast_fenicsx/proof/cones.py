@@ -1,18 +1,18 @@
-"""Bounds of the stress of each material, ‖Mσ‖ ≤ c − q·σ, and the dissipation of its flow.
+"""Define bounds of the stress of each material, ‖Mσ‖ ≤ c − q·σ, and their dissipation.
 
-Or (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses (:mod:`principal`). Rates are admissible then
-where tr ε ≥ s Σ|ε_i| and dissipate (c/2s) tr ε; of s = 0 where tr ε = 0, and then (c/2) Σ|ε_i|.
-With σ₁ ≤ f as well it is tr ε ≥ s Σ|ε_i| of any s ≥ 0, and (f − h) tr ε + h Σ|ε_i| with
-h = (c/2 − sf)/(1 − s).
+Another form is (1 + s)σ₁ − (1 − s)σ₃ ≤ c for principal stresses (:mod:`principal`). Rates are then
+admissible if tr ε ≥ s Σ|ε_i|, and dissipate (c/2s) tr ε. For s = 0 they need tr ε = 0, and
+dissipate (c/2) Σ|ε_i|. With σ₁ ≤ f as well, rates need tr ε ≥ s Σ|ε_i| for any s ≥ 0, and dissipate
+(f − h) tr ε + h Σ|ε_i| with h = (c/2 − sf)/(1 − s).
 
-Stresses are vectors (σ_xx, σ_yy, √2σ_xy) in the plane, of what is in it, around an axis (σ_rr,
-σ_zz, σ_θθ, √2σ_rz), and in space (σ_xx, σ_yy, σ_zz, √2σ_yz, √2σ_xz, √2σ_xy); strain rates alike, so
-that σ:ε is their product. By duality the sup of σ:ε is the least cz with ε = Mᵀy + qz, ‖y‖ ≤ z.
-With y = η − rz for η = M⁺ᵀε and r = M⁺ᵀq it is
+Stresses are vectors of the in-plane components (σ_xx, σ_yy, √2σ_xy) in the plane, (σ_rr, σ_zz,
+σ_θθ, √2σ_rz) in axisymmetry, and (σ_xx, σ_yy, σ_zz, √2σ_yz, √2σ_xz, √2σ_xy) in space. Strain rates
+have the same form, so that σ:ε is their product. By duality the supremum of σ:ε is the least cz
+with ε = Mᵀy + qz, ‖y‖ ≤ z. With y = η − rz for η = M⁺ᵀε and r = M⁺ᵀq it is
 
-- if M has a null vector ν with q·ν > 0: z = ε·ν/(q·ν), which has to be at least ‖η − rz‖;
-- else, where ‖r‖ < 1, z = (√((η·r)² + (1 − ‖r‖²)‖η‖²) − η·r)/(1 − ‖r‖²); and ε·ν has to be zero
-  if there is a null vector.
+- if M has a null vector ν with q·ν > 0: z = ε·ν/(q·ν), which must be at least ‖η − rz‖;
+- otherwise, for ‖r‖ < 1, z = (√((η·r)² + (1 − ‖r‖²)‖η‖²) − η·r)/(1 − ‖r‖²); and ε·ν must be zero if
+  there is a null vector.
 
 The first is linear in ε, the second convex.
 """
@@ -38,17 +38,17 @@ Flags = npt.NDArray[np.bool_]
 
 
 RANK = 1e-6
-"""Least ratio of the singular values of a matrix that are no zeros to the largest."""
+"""Least ratio of a nonzero singular value of a matrix to the largest one."""
 
 ROUNDED = 1e-13
-"""Ratio below which a singular value, or q·ν to ‖q‖, is the rounding of zero."""
+"""Ratio below which a singular value, or q·ν to ‖q‖, counts as zero."""
 
 STEEPEST = 1 - 1e-9
-"""Largest ‖r‖ of a set that no null vector's slope closes."""
+"""Largest ‖r‖ of a set that is not closed by the slope along a null vector."""
 
 
 def vectors(tensors: Floats) -> Floats:
-    """Return vectors of symmetric matrices, shape (..., m) of (..., d, d)."""
+    """Return vectors of symmetric matrices, shape (..., m) from (..., d, d)."""
     d = tensors.shape[-1]
     pairs = [(0, 1)] if d == 2 else [(1, 2), (0, 2), (0, 1)]
     columns = [tensors[..., i, i] for i in range(d)]
@@ -59,15 +59,15 @@ def vectors(tensors: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Cones:
-    """Those of all materials, by number.
+    """The cones of all materials, by index.
 
     Attributes:
-        bound: c ≥ 0 (stress), 0 where the set is a cone from zero; shape (num_cones,).
+        bound: c ≥ 0 (stress), 0 for a cone with its apex at zero; shape (num_cones,).
         slope: q, shape (num_cones, m).
         matrix: M, of rank m or m − 1, rows of zeros allowed; shape (num_cones, m, m).
-        sine: s of bounds of principal stresses, of which M and q are zero; NaN for others; shape
+        sine: s of bounds of principal stresses, whose M and q are zero; NaN for others; shape
             (num_cones,).
-        tension: f of these, NaN without one and for others.
+        tension: Tensile strength f of these, NaN without one and for others.
     """
 
     bound: Floats
@@ -78,35 +78,37 @@ class Cones:
 
     @property
     def is_cut(self) -> Flags:
-        """Whether there is a tensile strength."""
+        """Return which cones have a tensile strength."""
         return ~np.isnan(self.tension)
 
     @property
     def is_principal(self) -> Flags:
-        """Whether principal stresses are bounded."""
+        """Return which cones bound principal stresses."""
         return ~np.isnan(self.sine)
 
     def check(self, m: int) -> None:
-        """Make sure that these are cones with zero inside whose admissible rates are known.
+        """Refuse cones without zero inside, or whose admissible rates are not supported.
 
         Args:
-            m: Components of a stress.
+            m: Number of components of a stress.
 
         Raises:
-            ProofError: If they are not.
+            ProofError: If a cone is refused.
         """
         n = len(self.bound) if self.bound.ndim == 1 else -1
         if n < 0 or self.slope.shape != (n, m) or self.matrix.shape != (n, m, m):
-            raise ProofError("the shape of cone_bound, cone_slope or cone_matrix fits nothing.")
+            raise ProofError("the shape of cone_bound, cone_slope or cone_matrix is not valid.")
         if not (np.isfinite(self.bound) & (self.bound >= 0)).all():
-            raise ProofError("a cone's bound is not positive and finite, nor zero.")
+            raise ProofError("a cone's bound is not finite, or is negative.")
         if not (np.isfinite(self.slope).all() and np.isfinite(self.matrix).all()):
             raise ProofError("a cone's slope or matrix is not finite.")
         if self.sine.shape != (n,) or self.tension.shape != (n,):
-            raise ProofError("the shape of cone_sine or cone_tension fits nothing.")
+            raise ProofError("the shape of cone_sine or cone_tension is not valid.")
         principal = self.is_principal
         if self.is_cut[~principal].any():
-            raise ProofError("cone_tension is of a cone that bounds no principal stresses.")
+            raise ProofError(
+                "cone_tension is given for a cone that does not bound principal stresses."
+            )
         bound, sine, tension = self.bound[principal], self.sine[principal], self.tension[principal]
         check_principal(bound, sine, tension, (RANK, STEEPEST))
         if self.slope[principal].any() or self.matrix[principal].any():
@@ -119,7 +121,7 @@ class Cones:
         Cones(*(part[~principal] for part in vars(self).values()))._check_quadratic()
 
     def _check_quadratic(self) -> None:
-        """The same of second-order cones alone, whose numbers are finite."""
+        """Check the second-order cones, whose numbers are finite."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         largest = values[:, :1]
         if not (values[:, -2:-1] > RANK * largest).all():
@@ -131,54 +133,55 @@ class Cones:
             raise ProofError("a cone's bound is not positive, and no slope closes it.")
         pull, size = np.abs(self._pull), np.linalg.norm(self.slope, axis=1)
         if not (~self.has_null | (pull <= ROUNDED * size) | (pull > RANK * size)).all():
-            raise ProofError("a cone's slope along what its matrix leaves free is nearly zero.")
+            raise ProofError("a cone's slope along its matrix's null vector is nearly zero.")
         if not (np.linalg.norm(self._tilt, axis=1)[~self.grows] < STEEPEST).all():
-            raise ProofError("a cone is steeper than those whose rates are known.")
+            raise ProofError("a cone is too steep for its rates to be supported.")
 
     @cached_property
     def has_null(self) -> Flags:
-        """Whether a stress is left free by the matrix."""
+        """Return whether the matrix leaves a stress free."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         return np.asarray(values[:, -1] <= ROUNDED * values[:, 0])
 
     @cached_property
     def _null(self) -> Floats:
-        """Unit vectors ν; zero where there is none."""
+        """Return unit null vectors ν; zero where there is none."""
         found = np.linalg.svd(self.matrix)[2][:, -1]
         return np.asarray(np.where(self.has_null[:, None], found, 0.0))
 
     @cached_property
     def _pull(self) -> Floats:
-        """q·ν."""
+        """Return q·ν."""
         return np.einsum("ni,ni->n", self.slope, self._null)
 
     @cached_property
     def grows(self) -> Flags:
-        """Whether the bound falls along what the matrix leaves free: such bodies dilate."""
+        """Return whether the bound falls along the matrix's null vector: such bodies dilate."""
         falls = np.abs(self._pull) > RANK * np.linalg.norm(self.slope, axis=1)
         return falls | (self.sine > 0) | self.is_cut
 
     @property
     def is_linear(self) -> Flags:
-        """Whether what such bodies dissipate is linear in the rates."""
+        """Return whether the dissipation of such bodies is linear in the rates."""
         return self.grows & ~self.is_cut
 
     @cached_property
     def _back(self) -> Floats:
-        """M⁺ᵀ."""
+        """Return M⁺ᵀ."""
         inverse = np.linalg.pinv(self.matrix, rcond=RANK / 2)
         return np.asarray(inverse.transpose(0, 2, 1), dtype=np.float64)
 
     @cached_property
     def _tilt(self) -> Floats:
-        """M⁺ᵀq."""
+        """Return M⁺ᵀq."""
         return np.einsum("nij,nj->ni", self._back, self.slope)
 
     @cached_property
     def radius(self) -> Floats:
-        """A stress that the material bears: c over the largest singular value.
+        """Return a stress that the material bears: c over the largest singular value.
 
-        Of principal stresses all of size c/√(2(1 + s²)) are borne, if none exceeds f.
+        For principal stresses, all stresses of size c/√(2(1 + s²)) are admissible if none exceeds
+        f.
         """
         values = np.linalg.svd(self.matrix, compute_uv=False)[:, 0]
         sines = np.where(self.is_principal, self.sine, 0.0)
@@ -188,19 +191,19 @@ class Cones:
 
     @property
     def weakness(self) -> Floats:
-        """The most that a stress of size 1 adds to :meth:`ratios`, where c > 0."""
+        """Return the most that a stress of size 1 adds to :meth:`ratios`, for c > 0."""
         found = 1 / self.radius + np.linalg.norm(self.slope, axis=1) / self.bound
-        rounding = 1e-12  # of singular values
+        rounding = 1e-12  # relative error of singular values
         return np.asarray(found * (1 + rounding))
 
     def own_radius(self, at: Longs, stress: Floats) -> Floats:
-        """The same of each cell; where c = 0 what the stress has itself, −q·σ in the place of c.
+        """Return the radius of each cell; for c = 0 from the stress itself, with −q·σ instead of c.
 
-        That is the least of the cell's places at which there is any stress, ∞ where it has none.
+        The radius is the least over the points of the cell with any stress, ∞ without stress.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
-            stress: Vectors at some places of each, shape (num_cells, places, m).
+            stress: Vectors at some points of each cell, shape (num_cells, points, m).
         """
         found = self.radius[at]
         loose = self.bound[at] == 0
@@ -212,13 +215,14 @@ class Cones:
         return found
 
     def ratios(self, at: Longs, stress: Floats) -> Floats:
-        """(‖Mσ‖ + q·σ)/c, the like of principal stresses: the stress over it keeps to the cone.
+        """Return (‖Mσ‖ + q·σ)/c, or the equivalent for principal stresses.
 
-        Where c = 0 it is ‖Mσ‖/(−q·σ), 0 of no stress: at most 1 where the stress keeps to the cone.
+        A stress divided by its ratio lies in the cone. For c = 0 the ratio is ‖Mσ‖/(−q·σ), 0
+        without stress; it is at most 1 in the cone.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
-            stress: Vectors at some places of each, shape (num_cells, places, m).
+            stress: Vectors at some points of each cell, shape (num_cells, points, m).
         """
         sizes = np.linalg.norm(np.einsum("cij,cvj->cvi", self.matrix[at], stress), axis=2)
         along = np.einsum("ci,cvi->cv", self.slope[at], stress)
@@ -238,7 +242,7 @@ class Cones:
         return found
 
     def _at_apex(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
-        """Z and ‖y‖ of cells that grow; numbers of no meaning in others."""
+        """Return z and ‖y‖ of dilating cells; meaningless in others."""
         free = np.einsum("ci,cvi->cv", self._null[at], rates)
         pull = np.where(self.grows, self._pull, 1.0)[at, None]
         heads: Floats = free / pull
@@ -247,7 +251,7 @@ class Cones:
         return heads, sizes
 
     def linear_power(self, at: Longs, rates: Floats) -> Floats:
-        """Return the dissipation per volume, linear in rates, as if none lacked growth."""
+        """Return the dissipation per volume, linear in rates, as if all rates dilated enough."""
         heads, sizes = self._at_apex(at, rates)
         found: Floats = self.bound[at, None] * np.maximum(heads, sizes)
         here = self.is_principal[at]
@@ -257,7 +261,7 @@ class Cones:
         return found
 
     def principal_power(self, at: Longs, rates: Floats) -> Floats:
-        """Return the same of other cells of principal stresses, convex in the rates."""
+        """Return the dissipation of other cells with principal stresses, convex in the rates."""
         factors = power_factors(self.bound[at], self.sine[at], self.tension[at])
         of_trace, of_sizes = (factor[:, None] for factor in factors)
         (traces, sizes), s = rate_sizes(rates), self.sine[at, None]
@@ -267,7 +271,7 @@ class Cones:
 
     @cached_property
     def digits(self) -> Floats:
-        """Rounding of numbers that are computed from a cone and a rate, relative."""
+        """Return the relative rounding error of numbers computed from a cone and a rate."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         last = np.where(self.has_null, values[:, -2], values[:, -1])
         last = np.where(self.is_principal, 1.0, last)
@@ -276,9 +280,10 @@ class Cones:
 
     @cached_property
     def steepness(self) -> Floats:
-        """The most that what a rate of size 1 dissipates per volume, or may be less by.
+        """Return the largest Lipschitz constant of the dissipation per volume.
 
-        The dissipation here is of any rate, admissible or not, and convex and of first degree.
+        This dissipation is defined for any rate, admissible or not; it is convex and homogeneous of
+        degree 1.
         """
         back = np.linalg.norm(self._back, ord=2, axis=(1, 2))
         square = 1 - np.einsum("ni,ni->n", self._tilt, self._tilt)
@@ -292,7 +297,7 @@ class Cones:
 
     @cached_property
     def alertness(self) -> Floats:
-        """The most that a rate of size 1 adds to what growth lacks (:meth:`short`)."""
+        """Return the most that a unit rate changes the lack of dilatancy (:meth:`short`)."""
         pull = np.where(np.abs(self._pull) > 0, np.abs(self._pull), 1.0)
         back = np.linalg.norm(self._back, ord=2, axis=(1, 2))
         found = 1 / pull + back * (1 + np.linalg.norm(self.slope, axis=1) / pull)
@@ -300,9 +305,9 @@ class Cones:
         return np.asarray(np.where(self.is_principal, principal, found) * (1 + self.digits))
 
     def short(self, at: Longs, rates: Floats) -> Floats:
-        """Return ‖y‖ − z of cells that grow, at most zero where a rate is admissible.
+        """Return ‖y‖ − z of dilating cells, at most zero for an admissible rate.
 
-        Of principal stresses it is s Σ|ε_i| − tr ε.
+        For principal stresses it is s Σ|ε_i| − tr ε.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
@@ -317,10 +322,10 @@ class Cones:
         return np.asarray(found)
 
     def keeps_volume(self, normals: int) -> Flags:
-        """Return whether a rate is admissible if, and only if, it has no trace.
+        """Return whether a rate is admissible if and only if its trace is zero.
 
         Args:
-            normals: How many components, the first, are normal ones.
+            normals: Number of normal components, which come first.
         """
         unit = np.zeros(self.slope.shape[1])
         unit[:normals] = 1 / np.sqrt(normals)
@@ -330,14 +335,14 @@ class Cones:
 
     @property
     def takes_any(self) -> Flags:
-        """Whether every rate is admissible."""
+        """Return whether every rate is admissible."""
         return ~self.has_null & ~self.grows & ~self.is_principal
 
     def convex_power(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
-        """The same of others with second-order cones, ‖a‖ + b with a and b linear in the rates.
+        """Return a and b, linear in the rates, of the dissipation ‖a‖ + b of other cones.
 
         Returns:
-            a, shape (num_cells, places, m), and b, shape (num_cells, places).
+            a has the shape (num_cells, points, m), and b the shape (num_cells, points).
         """
         tilt = self._tilt
         square = 1 - np.einsum("ni,ni->n", tilt, tilt)

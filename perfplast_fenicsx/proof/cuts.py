@@ -1,4 +1,4 @@
-"""Outer facets that lie on each other, and neither share a cell's side nor are in contact."""
+"""Find outer facets that coincide without sharing a cell's side or being in contact."""
 
 import numpy as np
 
@@ -8,14 +8,14 @@ from perfplast_fenicsx.proof.body import Body, Floats
 def cuts_of(body: Body) -> Floats:
     """Return the middle of each pair of such facets with the same vertices, shape (num_pairs, d).
 
-    Nothing keeps the bodies from parting or entering each other there. A stress that they bear so
-    is one of bodies without that cut as well; a velocity is not.
+    Nothing prevents the bodies from separating or penetrating each other there. A stress that such
+    bodies bear is also one of the bodies without the cut; a velocity is not.
     """
     d = body.dim
     touch = [*body.contacts.ravel(), *body.obstacles]
     free = np.flatnonzero(~np.isin(body.surface, touch))
     places = body.vertices[body.facets[free]]
-    # Distance of places that are the same, relative to the size of the bodies.
+    # Distance of equal points, relative to the size of the bodies.
     same = 1e-9 * max(float(np.ptp(body.vertices, axis=0).max(initial=0.0)), np.finfo(float).tiny)
     keys = np.rint(places / same)
     for axis in reversed(range(d)):

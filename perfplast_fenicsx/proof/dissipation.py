@@ -1,15 +1,15 @@
-"""Compute what a mechanism dissipates in cells, from above, and judge its rates of strain.
+"""Compute an upper bound of a mechanism's dissipation in cells, and check its strain rates.
 
-Rates are those of strain times the volume of the cell, so that nothing is divided by it. In cells
-that grow a rate is admissible where z ≥ ‖y‖ (:mod:`cones`). That is a convex cone, so that it holds
-everywhere where it does at the vertices, or of Bernstein's coefficients around an axis. It has to
-hold by more than the rounding. Where volume is kept, the dissipation counts as that of the rate
-without its trace, as another velocity undoes that (:mod:`volume_change`).
+Rates are multiplied by the volume of the cell, so that nothing is divided by it. In dilating cells
+a rate is admissible if z ≥ ‖y‖ (:mod:`cones`). These rates form a convex cone. The condition holds
+everywhere if it holds at the vertices, or in axisymmetry for the Bernstein coefficients. It must
+hold with a margin above rounding. Where volume is preserved, the dissipation is that of the rate
+without its trace, since another velocity undoes the trace (:mod:`volume_change`).
 
 ε(v) is linear in a cell. The integral of a convex D is at most that of its linear interpolation on
-any subdivision, and that of a linear one is the mean of the vertices. A strength that is linear in
-the cell multiplies that interpolation, and the product is integrated exactly. Of bodies of
-revolution the velocity is v = ru (:mod:`rings`), and works are over 2π.
+any subdivision. For a linear D it is the mean over the vertices. A strength that is linear in the
+cell multiplies that interpolation, and the product is integrated exactly. For bodies of revolution
+the velocity is v = ru (:mod:`rings`), and works are divided by 2π.
 """
 
 from dataclasses import dataclass
@@ -33,19 +33,19 @@ from perfplast_fenicsx.proof.rings import (
 )
 
 SUBDIVISIONS = 3
-"""How often a cell's edges are halved to integrate the dissipation from above."""
+"""Number of times that a cell's edges are halved for the upper bound of the dissipation."""
 
 
 @dataclass(frozen=True)
 class Rates:
-    """Rates of strain times the volume, at the vertices or of coefficients, with errors.
+    """Strain rates times the volume, at vertices or as coefficients, with errors.
 
     Attributes:
-        values: Vectors, shape (num_cells, d + 1 or 6, m); of r²ε around an axis.
-        errors: Of each cell, shape (num_cells,).
+        values: Vectors, shape (num_cells, d + 1 or 6, m); in axisymmetry of r²ε.
+        errors: Error of each cell, shape (num_cells,).
         change: div v times the volume at vertices, shape (num_cells, d + 1).
-        reach: ∫ of a rate of size 1 over its cell, over the volume: 1, around an axis ∫1/r.
-        of_gradient: The largest rate that ‖∇w‖ = 1 makes in a cell, with ``reach`` in it.
+        reach: ∫ of a unit rate over its cell, divided by the volume: 1, in axisymmetry ∫1/r.
+        of_gradient: The largest rate for ‖∇w‖ = 1 in a cell, including ``reach``.
     """
 
     values: Floats
@@ -61,7 +61,7 @@ def rates_of(body: Body, mechanism: Mechanism, shapes: Shapes) -> Rates:
     own = mechanism.at.each(lambda part: part[mechanism.places.of_cells])
     number = numbers_in_cell(d)
     slopes = shapes.areas * Balls.part(d) * Balls.exact(-2.0)
-    own = own.where(~mechanism.rigid[:, None, None])  # whose rates are zero, whatever is rounded
+    own = own.where(~mechanism.rigid[:, None, None])  # whose rates are exactly zero
     columns = []
     for a in range(d + 1):
         parts = [own[:, number[a, b]][:, :, None] * slopes[:, b][:, None] for b in range(d + 1)]
@@ -83,12 +83,13 @@ def rates_of(body: Body, mechanism: Mechanism, shapes: Shapes) -> Rates:
 
 
 def _of_rings(body: Body, own: Balls, gradients: Floats, errors: Floats, change: Balls) -> Rates:
-    """Return coefficients of r²ε, and what ∇w makes of that.
+    """Return coefficients of r²ε, and their change with ∇w.
 
-    r²ε has the norm r‖∇w‖ + √2 |w| at most. In a cell of size h that is r₀ at least from the axis
+    r²ε has at most the norm r‖∇w‖ + √2 |w|. In a cell of size h at a distance of at least r₀ from
+    the axis
     |w| ≤ h‖∇w‖, as w = 0 at vertices. In a cell that touches the axis |w| ≤ κr‖∇w‖, with the
-    distances of other vertices from those on the axis over their radii, κ at most: a line towards
-    such a vertex, or beside it to the edge on the axis, is so long.
+    the factor κ bounds distances of other vertices from those on the axis, divided by their radii.
+    A line towards such a vertex, or next to it to the edge on the axis, has this length.
     """
     radii, volumes = radii_of(body), body.volumes
     sizes = own.mid + own.low
@@ -99,7 +100,7 @@ def _of_rings(body: Body, own: Balls, gradients: Floats, errors: Floats, change:
     most = np.sqrt((gradients**2).sum(axis=(2, 3))).max(axis=1) * radii.max(axis=1)
     most += 2 * np.linalg.norm(at, axis=2).max(axis=1)
     off = errors * radii.max(axis=1) + 2 * np.linalg.norm(own.rad, axis=2).max(axis=1) * volumes
-    shape = 64 * U * _worst(body)  # of volumes
+    shape = 64 * U * _worst(body)  # relative error of volumes
     reach = over_radius(radii, np.ones(len(radii))).sum(axis=1)
     x = body.vertices[body.cells]
     far = np.linalg.norm(x[:, :, None] - x[:, None], axis=3)
@@ -113,7 +114,7 @@ def _of_rings(body: Body, own: Balls, gradients: Floats, errors: Floats, change:
 
 
 def _worst(body: Body) -> Floats:
-    """Return the largest edge squared over the volume of each cell, by which that is rounded."""
+    """Return the largest squared edge over the volume of each cell, to scale rounding errors."""
     x = body.vertices[body.cells]
     size = np.ptp(x, axis=1).max(axis=1)
     return np.asarray(1 + size**body.dim / body.volumes)
@@ -124,9 +125,9 @@ class Dissipated:
     """The dissipation of cells.
 
     Attributes:
-        total: From above.
-        short: The largest that growth lacks in each cell, with errors, in units of the rates; −∞
-            of cells that do not grow.
+        total: Total dissipation, bounded from above.
+        short: The largest lack of dilatancy in each cell, including errors, in units of the rates;
+            −∞ for cells that do not dilate.
     """
 
     total: float
@@ -134,7 +135,7 @@ class Dissipated:
 
 
 def dissipated(body: Body, rates: Rates) -> Dissipated:
-    """Return what plastic cells dissipate."""
+    """Return the dissipation of plastic cells."""
     cones, plastic = body.cones, body.plastic
     at, values = body.cone[plastic], rates.values[plastic]
     sizes = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
@@ -156,13 +157,13 @@ def dissipated(body: Body, rates: Rates) -> Dissipated:
 
 
 def _in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, int]:
-    """Return ∫D of rates times volumes, and how many numbers are added up."""
+    """Return ∫D from rates times volumes, and the number of summed terms."""
     cones, at, strength = body.cones, body.cone[plastic], body.cell_strength[plastic]
     linear, principal = cones.is_linear[at], cones.is_principal[at]
     total = _of_linear(cones.linear_power(at[linear], rates[linear]), strength[linear])
     some = np.flatnonzero(~linear & ~principal)
     points, shares = halved(body.dim, SUBDIVISIONS)
-    at_once = 10_000  # cells whose dissipation is found together, for the memory it takes
+    at_once = 10_000  # number of cells processed together, limited by memory
     for cells in np.array_split(some, len(some) // at_once + 1):
         sizes, along = cones.convex_power(at[cells], rates[cells])
         squares = np.zeros((len(cells), len(points)))
@@ -179,17 +180,17 @@ def _in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, int]:
 
 
 def _of_linear(values: Floats, strength: Floats) -> float:
-    """Return the sum of the means in cells of the products of two functions linear in them.
+    """Return the sum of the cell means of products of two functions linear in the cells.
 
     Args:
-        values: Of the one at the vertices, shape (num_cells, d + 1).
-        strength: Of the other.
+        values: First function at the vertices, shape (num_cells, d + 1).
+        strength: Second function.
     """
     return float(np.einsum("cv,cv->", mean_shares(values[..., None])[..., 0], strength))
 
 
 def _of_rings_in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, int]:
-    """Return the same of coefficients of r²ε."""
+    """Return ∫D from coefficients of r²ε, and the number of summed terms."""
     cones, at, radii = body.cones, body.cone[plastic], radii_of(body)[plastic]
     linear, principal = cones.is_linear[at], cones.is_principal[at]
     parts, total = parts_of(2, SUBDIVISIONS), 0.0

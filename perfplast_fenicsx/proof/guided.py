@@ -1,7 +1,8 @@
-"""Facets that are held along one direction beside components, as by planes of symmetry.
+"""Handle facets held along one direction in addition to components, as by planes of symmetry.
 
-A velocity has no part along it there and a traction may have any, as of components that are held:
-so their work is zero, whatever the direction. It is the normal of flat surfaces.
+The velocity has no component along this direction, and the traction may have any, as for held
+components. So their work is zero, whatever the direction. The direction is the normal of flat
+surfaces.
 """
 
 from collections.abc import Mapping
@@ -14,7 +15,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 def with_guided(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return arrays with no such direction where a file has none."""
+    """Return arrays with zero directions if a file has none."""
     if "guided" in arrays or "facets" not in arrays:
         return dict(arrays)
     return {**arrays, "guided": np.zeros(np.shape(arrays["facets"]))}
@@ -24,9 +25,9 @@ def left_free(vectors: Floats, held: Flags, guided: Floats) -> Floats:
     """Return the parts of vectors at facets along free directions.
 
     Args:
-        vectors: Shape (num_facets, n, d).
-        held: Components, shape (num_facets, d).
-        guided: Unit vectors, 0 for none, the same shape.
+        vectors: Vectors, shape (num_facets, n, d).
+        held: Held components, shape (num_facets, d).
+        guided: Unit vectors, 0 for none, same shape.
     """
     free = vectors * ~held[:, None]
     along = np.where(held, 0.0, guided)
@@ -40,7 +41,7 @@ def left_free(vectors: Floats, held: Flags, guided: Floats) -> Floats:
 
 
 def differ(one: Floats, other: Floats) -> Flags:
-    """Return whether directions differ, shape (n,), by more than rounding and sign."""
+    """Return whether directions differ by more than rounding and sign, shape (n,)."""
     rounding = 1e-9
     apart = [np.abs(one + sign * other).max(axis=1, initial=0) for sign in (-1, 1)]
     return np.asarray(np.minimum(*apart) > rounding)

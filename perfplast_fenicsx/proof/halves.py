@@ -1,8 +1,8 @@
-"""Whether both halves of a proof are of the same bodies, however each is meshed.
+"""Check whether both halves of a proof have the same bodies, whatever their meshes.
 
-That is compared place by place, and not by sums: outer facets of one half lie on those of the other
-(:mod:`shared_facets`), with the same surface, supports and tractions, and cells that have a volume
-in common (:mod:`shared_cells`) the same forces and pressures, and above no weaker cones.
+The comparison is local, not by sums. Outer facets of one half coincide with those of the other
+(:mod:`shared_facets`), with the same surface, supports and tractions. Cells with a common volume
+(:mod:`shared_cells`) have the same forces and pressures, and the upper half has no weaker cones.
 """
 
 from collections.abc import Iterator
@@ -17,17 +17,17 @@ from perfplast_fenicsx.proof.shared_cells import overlap_ends, shared_cells
 from perfplast_fenicsx.proof.shared_facets import shared_facets
 
 SAME = 1e-9
-"""Loads that differ by less, relative to the larger of two, are the same."""
+"""Loads with a smaller relative difference are equal."""
 
 NOTHING = 1e-14
-"""Loads that are less, relative to the largest of their kind on their surface, are rounding."""
+"""Loads below this share of the largest of their kind on their surface count as rounding."""
 
 
 def differences(lower: Body, upper: Body) -> list[str]:
     """Return the differences between the bodies of two halves, in words.
 
-    Those of the upper half may be stronger, and rub more: what is a bound from above of the
-    stronger bodies is one of the others.
+    The upper half may have stronger bodies and more friction: an upper bound of stronger bodies is
+    also one of weaker bodies.
 
     Args:
         lower: The bodies of the lower half.
@@ -36,7 +36,7 @@ def differences(lower: Body, upper: Body) -> list[str]:
     if lower.dim != upper.dim:
         return ["one half is plane, and the other in space"]
     if lower.is_revolved != upper.is_revolved:
-        return ["one half is of bodies of revolution, and the other is not"]
+        return ["one half has bodies of revolution, but the other has not"]
     facets = shared_facets(lower, upper)
     a, b = facets.first, facets.second
     places = lower.vertices[lower.facets[a]].mean(axis=1)
@@ -48,23 +48,23 @@ def differences(lower: Body, upper: Body) -> list[str]:
         loaded = np.concatenate([loaded, in_cells])
     held = (lower.held[a] != upper.held[b]).any(axis=1)
     held |= differ(lower.guided[a], upper.guided[b])
-    weak = "the upper half has weaker bodies than the lower one, or of cones of other shapes"
+    weak = "the upper half has weaker bodies than the lower one, or cones of other shapes"
     found = [
-        *_told("the halves have bodies of different volume or place", alone),
+        *_told("the halves have bodies of different volume or position", alone),
         *_told(weak, weaker),
         *_told("the halves have different surfaces", places[lower.surface[a] != upper.surface[b]]),
         *_told("the halves have different supports", places[held]),
         *_told("the halves have different loads", loaded),
     ]
     if not _same_plates(lower, upper):
-        found.append("the halves have different rigid surfaces, or loads of these")
+        found.append("the halves have different rigid surfaces, or different loads on these")
     if not _same_contacts(lower, upper):
-        found.append("the halves have different contacts, or the upper one rubs less")
+        found.append("the halves have different contacts, or the upper one has less friction")
     return found
 
 
 def _told(what: str, places: Floats) -> list[str]:
-    """Return a difference and its first place in words; nothing without places."""
+    """Return a difference with its first place in words; empty without places."""
     if not len(places):
         return []
     first = ", ".join(f"{x:.6g}" for x in places[np.lexsort(places.T[::-1])[0]])
@@ -72,19 +72,19 @@ def _told(what: str, places: Floats) -> list[str]:
 
 
 def _kinds(lower: Body, upper: Body) -> Iterator[tuple[Loads, Loads]]:
-    """Yield loads of each kind, of both."""
+    """Yield the loads of each kind, for both halves."""
     yield lower.sought, upper.sought
     yield lower.constant, upper.constant
     yield lower.others, upper.others
 
 
 def _differ(one: Floats, other: Floats, nothing: Floats) -> Flags:
-    """Return whether vectors at some places differ by more than rounding.
+    """Return whether vectors at some points differ by more than rounding.
 
     Args:
-        one: Shape (n, places, components).
-        other: The other one, in the same form.
-        nothing: What differs by no more is the same, shape (n,).
+        one: Vectors, shape (n, points, components).
+        other: Vectors of the same shape.
+        nothing: Largest difference that counts as equal, shape (n,).
     """
     off = np.abs(one - other).max(axis=(1, 2), initial=0)
     size = np.maximum(np.abs(one), np.abs(other)).max(axis=(1, 2), initial=0)
@@ -92,7 +92,7 @@ def _differ(one: Floats, other: Floats, nothing: Floats) -> Flags:
 
 
 def _tractions_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
-    """Whether those on facets that lie on each other do, at the vertices of the smaller one."""
+    """Return whether tractions on coinciding facets differ, at the vertices of the smaller one."""
     found = np.zeros(len(a), dtype=bool)
     places = lower.vertices[lower.facets[a]], upper.vertices[upper.facets[b]]
     tags, at = np.unique(lower.surface[a], return_inverse=True)
@@ -109,12 +109,12 @@ def _tractions_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
 
 
 def _linear(places: Floats, vertices: Floats, values: Floats) -> Floats:
-    """Return linear functions on simplices, at places on them or beside them.
+    """Return linear functions on simplices, evaluated at points on them or near them.
 
     Args:
-        places: Shape (n, places, d).
+        places: Points, shape (n, points, d).
         vertices: Vertices of the simplices, of any dimension, shape (n, k, d).
-        values: There, shape (n, k, components).
+        values: Values at the vertices, shape (n, k, components).
     """
     inverse = np.linalg.pinv(vertices[:, 1:] - vertices[:, :1])
     shares = (places - vertices[:, :1]) @ inverse
@@ -122,7 +122,7 @@ def _linear(places: Floats, vertices: Floats, values: Floats) -> Floats:
 
 
 def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
-    """Centres of cells that share a volume: of those that are weaker above, or loaded otherwise."""
+    """Return centres of common cells that are weaker above, and of those with other loads."""
     strong = strengths_of(lower, upper)
     kinds = list(_kinds(lower, upper))
     pulling = [pair for pair in kinds if any(of.body_force.any() for of in pair)]
@@ -157,13 +157,13 @@ def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
 def _weaker_somewhere(
     bodies: tuple[Body, Body], strong: tuple[Strengths, Strengths], pairs: tuple[Longs, Longs]
 ) -> Flags:
-    """Return whether strengths that vary are not known to be more above where cells overlap.
+    """Return whether variable strengths may be smaller above where cells overlap.
 
-    Both are linear in their cells, so that the vertices of the overlap are enough. These are among
-    the ends of the edges of each cell that lie in the other one.
+    Both are linear in their cells, so that the vertices of the overlap suffice. These are among the
+    ends of those parts of each cell's edges that lie in the other cell.
     """
     found = np.zeros(len(pairs[0]), dtype=bool)
-    at_once = 20_000  # pairs that are looked at together, for the memory they take
+    at_once = 20_000  # number of pairs processed together, limited by memory
     for some in np.array_split(np.arange(len(found)), len(found) // at_once + 1):
         a, b = (of[some] for of in pairs)
         x = [body.vertices[body.cells[of]] for body, of in zip(bodies, (a, b), strict=True)]
@@ -182,7 +182,7 @@ def _weaker_somewhere(
 
 
 def _pores_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
-    """Return whether pressures in the pores of cells do, at the vertices of the smaller one."""
+    """Return whether pore pressures of cells differ, at the vertices of the smaller one."""
     found = np.zeros(len(a), dtype=bool)
     places = lower.vertices[lower.cells], upper.vertices[upper.cells]
     smaller = lower.volumes[a] <= upper.volumes[b]
@@ -205,7 +205,7 @@ def _pores_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
 
 
 def _same_plates(lower: Body, upper: Body) -> bool:
-    """Return whether rigid surfaces are the same, with the same forces and moments."""
+    """Return whether rigid surfaces, and the forces and moments on them, are the same."""
     orders = [np.argsort(body.rigid) for body in (lower, upper)]
     tags, held = (
         [getattr(body, name)[order] for body, order in zip((lower, upper), orders, strict=True)]
@@ -227,7 +227,7 @@ def _same_plates(lower: Body, upper: Body) -> bool:
 
 
 def _contacts(body: Body) -> Floats:
-    """Return rows of each contact: its tags in order, adhesion and friction."""
+    """Return a row for each contact: its ordered tags, adhesion and friction."""
     rows = np.column_stack(
         [np.sort(body.contacts, axis=1), body.contact_adhesion, body.contact_friction]
     )
@@ -235,7 +235,7 @@ def _contacts(body: Body) -> Floats:
 
 
 def _obstacles(body: Body) -> Floats:
-    """Return rows of each obstacle: its tag and normal, adhesion and friction."""
+    """Return a row for each obstacle: its tag and normal, adhesion and friction."""
     rows = np.column_stack(
         [body.obstacles, body.obstacle_normals, body.obstacle_adhesion, body.obstacle_friction]
     )
@@ -243,13 +243,15 @@ def _obstacles(body: Body) -> Floats:
 
 
 def _same_contacts(lower: Body, upper: Body) -> bool:
-    """Whether contacts and obstacles are the same, and nowhere rub less in the upper half."""
+    """Return whether contacts and obstacles are the same, with no less friction above."""
     for rows in (_contacts, _obstacles):
         one, other = rows(lower), rows(upper)
         tags = 2 if rows is _contacts else 1
         if len(one) != len(other) or (one[:, :tags] != other[:, :tags]).any():
             return False
-        if not (np.abs(one[:, tags:-2] - other[:, tags:-2]) <= SAME).all():  # unit normals
+        if not (
+            np.abs(one[:, tags:-2] - other[:, tags:-2]) <= SAME
+        ).all():  # tolerance for unit normals
             return False
         if not (one[:, -2:] <= other[:, -2:]).all():
             return False
@@ -257,7 +259,7 @@ def _same_contacts(lower: Body, upper: Body) -> bool:
 
 
 def pair_of_radenkovic(lower: Body, upper: Body) -> bool:
-    """Whether the cone of any cell opens by less than that of the upper half in the same place."""
+    """Return whether any cell has a smaller slope than the upper half has at the same place."""
     less, more = strengths_of(lower, upper)
 
     def flatter(a: Longs, b: Longs) -> Flags:
@@ -268,7 +270,7 @@ def pair_of_radenkovic(lower: Body, upper: Body) -> bool:
 
 
 def pair_of_drucker(lower: Body, upper: Body) -> bool:
-    """Whether anything has no friction beside adhesion in the lower half, and some in the upper."""
+    """Return whether friction other than adhesion exists only in the upper half."""
     sums = (body.contact_friction.sum() + body.obstacle_friction.sum() for body in (lower, upper))
     less, more = sums
     return bool(less < more)

@@ -1,8 +1,8 @@
-"""Jumps of a velocity in contact, and how free places give way where bodies enter each other.
+"""Compute jumps of a velocity in contact, and move free points out of penetrations.
 
-A jump w has Bernstein's coefficients on a facet. Where all have w·n + μ‖w_t‖ ≤ 0 it has that
-everywhere, as the polynomials are not negative and add up to 1, and this set is a convex cone. And
-∫c‖w_t‖ is at most c times the area times the mean of the coefficients' norms.
+A jump w has Bernstein coefficients on a facet. If all satisfy w·n + μ‖w_t‖ ≤ 0, then w satisfies it
+everywhere: the polynomials are non-negative and sum to 1, and the condition describes a convex
+cone. Also, ∫c‖w_t‖ is at most c times the area times the mean norm of the coefficients.
 """
 
 from itertools import combinations
@@ -16,19 +16,19 @@ from perfplast_fenicsx.proof.remainder import Shapes
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 FREE = 0.01
-"""Least square of what a place can move along a normal, if it is to give way."""
+"""Least squared mobility along a normal of a point that is moved."""
 
 DIGITS = 1e-28
-"""Bodies part by so much of their velocities at least: some roundings of numbers in pairs."""
+"""Least relative separation speed of bodies: several rounding errors of double-double numbers."""
 
 
 class Jumps:
-    """Coefficients of jumps in contact, one a row.
+    """Coefficients of jumps in contact, one per row.
 
     Attributes:
-        first: Places on the first surface, shape (n,).
-        second: Those opposite, −1 of obstacles.
-        facet: The facet of each.
+        first: Points on the first surface, shape (n,).
+        second: Opposite points, −1 for obstacles.
+        facet: The facet of each coefficient.
         reason: Why contact cannot be checked, or None.
     """
 
@@ -46,7 +46,9 @@ class Jumps:
         for one, other, (c, mu) in zip(*body.contacts.T, rubs, strict=True):
             pair = touching(body, one, other)
             if pair.apart:
-                self.reason = f"{pair.apart} facets of contact or more match none of those opposite"
+                self.reason = (
+                    f"at least {pair.apart} facets of contact have no matching opposite facet"
+                )
             ends = np.sort(pair.order[:, edges], axis=2)
             order = np.concatenate([pair.order, place[ends[..., 0], ends[..., 1]]], axis=1)
             there = np.take_along_axis(of[pair.second], order, axis=1)
@@ -80,7 +82,7 @@ class Jumps:
         return at[self.first] - opposite
 
     def enters(self, at: Balls) -> Floats:
-        """Return bounds from above of w·n + μ‖w_t‖, which have to be zero at most."""
+        """Return upper bounds of w·n + μ‖w_t‖, which must be at most zero."""
         if not len(self.first):
             return np.zeros(0)
         w = self._of(at)
@@ -92,7 +94,7 @@ class Jumps:
         return np.asarray(np.where(np.isfinite(total), total / self._sizes, np.inf))
 
     def _slips(self, w: Balls) -> Floats:
-        """Return ‖w_t‖ from above."""
+        """Return upper bounds of ‖w_t‖."""
         values = w.mid + w.low
         along = np.einsum("ni,ni->n", values, self._units)
         size = np.linalg.norm(values, axis=1)
@@ -100,7 +102,7 @@ class Jumps:
         return np.asarray(np.linalg.norm(values - along[:, None] * self._units, axis=1) + rounding)
 
     def slip(self, at: Balls) -> float:
-        """Return what slip dissipates, from above: c times the area times the mean of norms."""
+        """Return the largest dissipation of slip: c times the area times the mean norm."""
         some = np.flatnonzero(self._adhesion > 0)
         if not len(some):
             return 0.0
@@ -109,14 +111,14 @@ class Jumps:
         return float(powers.sum() * (1 + 8 * len(some) * U))
 
     def alone(self, free: Flags) -> Flags:
-        """Return which jumps no free place makes room for."""
+        """Return which jumps no free point can move apart."""
         sides = (self._freedom(side, free) for side in (self.first, self.second))
         return np.asarray(np.maximum(*sides) < FREE)
 
     def rows(self, some: Longs) -> tuple[Floats, Longs]:
-        """Return vectors r with r·w ≤ −1 where jumps part, and the jump of each.
+        """Return vectors r with r·w ≤ −1 at separating jumps, and the jump of each.
 
-        In space the cone of friction is inside of one with eight sides.
+        In space a pyramid with eight sides encloses the friction cone.
         """
         n, mu = self._units[some], self._friction[some]
         if not (mu > 0).any():
@@ -136,11 +138,11 @@ class Jumps:
         return np.concatenate(sides), np.tile(some, len(sides))
 
     def _freedom(self, side: Longs, free: Flags) -> Floats:
-        """Return the square of what places can move along the normal."""
+        """Return the squared mobility of points along the normal."""
         return np.where(side >= 0, ((self._units * free[side]) ** 2).sum(axis=1), 0.0)
 
     def parted(self, at: Balls, enters: Floats, free: Flags) -> Balls:
-        """Return coefficients with free places moved out of what they enter."""
+        """Return coefficients with free points moved out of penetrations."""
         bad = enters > 0
         if not bad.any():
             return at

@@ -1,4 +1,4 @@
-"""The strength of cells beside a stress, to which residuals are relative."""
+"""Compute the strength of cells in relation to a stress, as the scale of residuals."""
 
 import numpy as np
 
@@ -9,16 +9,16 @@ from perfplast_fenicsx.proof.rings import radii_of
 TINY = float(np.finfo(np.float64).tiny)
 
 BARE = float(np.finfo(np.float64).max)
-"""Strength of cells without stress and cohesion. Rows that touch no other cells have to be exact.
-Those of elastic cells, whose strength is ∞, are relative to the weakest of all."""
+"""Strength of cells without stress and cohesion. Rows that touch only such cells must be exact. For
+elastic cells with strength ∞, residuals are relative to the weakest cell."""
 
 
 def least_radii(body: Body, stress: Floats) -> Floats:
-    """Return the strength of each cell: its yield radius, or without cohesion the stress.
+    """Return the strength of each cell: its yield radius, or without cohesion from the stress.
 
     Args:
         body: The bodies.
-        stress: As for :func:`lower.measure_stress`.
+        stress: Stress as for :func:`lower.measure_stress`.
     """
     found, plastic = body.yield_radius.copy(), body.plastic
     if body.is_revolved:
@@ -29,11 +29,11 @@ def least_radii(body: Body, stress: Floats) -> Floats:
 
 
 def least_of(radii: Floats) -> float:
-    """Return the least radius, the smallest number where there is none at all."""
+    """Return the least radius, or the smallest number without any radius."""
     least = float(radii.min())
     return least if 0 < least < BARE else TINY
 
 
 def finite(radii: Floats, weakest: float) -> Floats:
-    """Those that are finite, and the weakest for the others."""
+    """Return the finite radii, and the weakest one in place of the others."""
     return np.where(np.isinf(radii), weakest, np.where(radii == BARE, TINY, radii))

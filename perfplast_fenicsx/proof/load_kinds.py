@@ -1,6 +1,6 @@
-"""Loads of one kind, as they are on file.
+"""Store loads of one kind as on file.
 
-They are a force per volume of each cell, tractions of facets, and a pressure in the pores of cells.
+They are a force per volume of each cell, tractions on facets, and a pore pressure of cells.
 """
 
 from collections.abc import Mapping
@@ -12,18 +12,18 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 NAMES = ("body_force", "traction", "pore_pressure", "rigid_force", "rigid_moment")
-"""Arrays of a kind of loads."""
+"""Names of the arrays of a kind of loads."""
 
 KINDS = ("", "constant_", "any_")
 """Prefixes of the arrays of loads: those whose factor is bounded, permanent ones, and those of any
-factor. A file without them has none."""
+factor. A file without such arrays has no loads of this kind."""
 
 EVERY = tuple(f"{kind}{name}" for kind in KINDS for name in NAMES)
 """All arrays of loads."""
 
 
 def with_all(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return arrays with zeros for the loads of which a file has none."""
+    """Return arrays with zeros for the loads that a file does not contain."""
     like = {"body_force": "body_force", "traction": "traction", "pore_pressure": "cells"}
     shapes = {name: np.shape(arrays[of]) for name, of in like.items() if of in arrays}
     axes = np.shape(arrays.get("vertices", ()))[1:]
@@ -40,15 +40,17 @@ def with_all(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads.
+    """Loads of one kind.
 
     Attributes:
         body_force: Force per volume, shape (num_cells, d).
-        traction: Force per area at the vertices of facets, linear between, (num_facets, d, d).
-        pore_pressure: u at the vertices of cells, linear between, (num_cells, d + 1): of effective
-            stresses σ′, which the cones bound, σ′ − uI are those in equilibrium.
+        traction: Force per area at the vertices of facets, linear between them, shape (num_facets,
+            d, d).
+        pore_pressure: Pore pressure u at the vertices of cells, linear between them, shape
+            (num_cells, d + 1). The cones bound effective stresses σ′, and σ′ − uI is in
+            equilibrium.
         rigid_force: Force on each rigid surface, shape (num_rigid, d).
-        rigid_moment: Moment on it about the origin, shape (num_rigid, 1 or 3).
+        rigid_moment: Moment on each rigid surface about the origin, shape (num_rigid, 1 or 3).
     """
 
     body_force: Floats
@@ -67,19 +69,19 @@ class Loads:
         return Loads(*(factor * getattr(self, name) for name in NAMES))
 
     def total(self, stress: Floats) -> Floats:
-        """Return the stresses in equilibrium, of effective ones at the cells' vertices."""
+        """Return the stresses in equilibrium from effective ones at the cells' vertices."""
         return stress - self.pore_pressure[..., None, None] * np.eye(stress.shape[-1])
 
     def same(self, other: "Loads") -> bool:
-        """Return whether others are the same to the last digit."""
+        """Return whether other loads are exactly equal."""
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in NAMES)
 
     def pore_work(self, volumes: Floats, growth: Floats) -> float:
-        """∫u div v, exact.
+        """Return ∫u div v, computed exactly.
 
         Args:
             volumes: Volumes of the cells.
-            growth: div v at their vertices, linear between, shape (num_cells, d + 1).
+            growth: div v at their vertices, linear between them, shape (num_cells, d + 1).
         """
         n = growth.shape[1]
         sums = self.pore_pressure.sum(axis=1) * growth.sum(axis=1)
@@ -87,17 +89,17 @@ class Loads:
         return float(volumes @ sums) / (n * (n + 1))
 
     def sizes(self, volumes: Floats, areas: Floats) -> tuple[Floats, Floats]:
-        """Magnitudes of forces in cells, with pressures in pores times sections, and on facets."""
+        """Return magnitudes of forces in cells, including pore pressures, and on facets."""
         d = self.body_force.shape[1]
         pores = volumes ** ((d - 1) / d) * np.abs(self.pore_pressure).mean(axis=1)
         in_cells = volumes * np.linalg.norm(self.body_force, axis=1) + pores
         return in_cells, areas * np.linalg.norm(self.traction, axis=2).mean(axis=1)
 
     def stress(self, places: Floats) -> float:
-        """A stress that they cause: the largest traction, pressure in pores and that of a column.
+        """Return a stress that they cause: the largest traction, pore pressure or column pressure.
 
         Args:
-            places: Places of the cells' vertices, shape (num_cells, d + 1, d).
+            places: Coordinates of the cells' vertices, shape (num_cells, d + 1, d).
         """
         largest = np.linalg.norm(self.traction, axis=2).max(initial=0)
         largest += np.abs(self.pore_pressure).max(initial=0)

@@ -1,17 +1,19 @@
-"""Does a stress prove a lower bound? It is linear in each cell, and given at the cells' vertices.
+"""Check whether a stress proves a lower bound.
 
-λ is a lower bound of the limit load of the bodies under these conditions (static theorem,
+It is linear in each cell, and given at the cells' vertices.
+
+λ is a lower bound of the limit load of the bodies under the following conditions (static theorem,
 W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). In each cell div σ + b = 0, for
 the force b per volume of all loads at λ. Tractions are equal on both sides of inner facets, and
-those of the loads on outer ones. Contact pushes with the pressure q and has no shear, or where it
-rubs one of ‖τ‖ ≤ c + μq at most. At each vertex ‖Mσ‖ ≤ c − q·σ with the cone of the cell
-(:mod:`cones`), and so everywhere, as these stresses are a convex set. With a pressure u in pores
-the cones bound effective stresses σ′, and σ = σ′ − uI. Where c varies it is linear
-in the cell, so that vertices are enough. Another stress balances what is left of
-equilibrium, and its size makes the bound smaller (:mod:`balance`). No such stress is known for
-cones without a bound. There residuals are measured by what the weakest could bear of them, each row
-by itself and all together. Of bodies of revolution all this is said of S = rσ, which is quadratic
-(:mod:`rings`, :mod:`ring_balance`), over 2π.
+equal to the loads on outer ones. Contact has a pressure q ≥ 0 and no shear, or with friction a
+shear ‖τ‖ ≤ c + μq. At each vertex ‖Mσ‖ ≤ c − q·σ with the cone of the cell (:mod:`cones`), and so
+everywhere, since these stresses form a convex set. With a pore pressure u, the cones bound
+effective stresses σ′, and σ = σ′ − uI. Where c varies it is linear in the cell, so that vertices
+are enough. Another stress balances the residual of equilibrium, and its size reduces the bound
+(:mod:`balance`). No such stress is known for cones without a bound. For these, residuals are
+relative to the capacity of the weakest cell, for each row and in total. For bodies of revolution
+the same conditions apply to S = rσ, which is quadratic (:mod:`rings`, :mod:`ring_balance`), divided
+by 2π.
 """
 
 from collections.abc import Sequence
@@ -46,22 +48,21 @@ class Left:
     """Residuals of the conditions of a stress.
 
     Attributes:
-        measured: ``equilibrium``, ``inner_tractions``, ``outer_tractions``, ``tension`` and
-            ``unequal_pressures``, as stresses relative to the least finite yield radius of the
-            cells that each row touches (a cell and those that share its facets; both sides of a
-            facet, of a contact too), and to the least of all where these are elastic;
-            ``asymmetry``, relative to the least of all; ``left_of_load``, the sum of all forces
-            without balance relative to those of the loads at λ, ``left_of_piece`` the same of each
-            piece by itself, and ``left_of_strength``, relative to the least γV^((d − 1)/d) of a
-            cell of volume V; ``yield_ratio``, the largest
-            (‖Mσ‖ + q·σ)/c: the stress divided by it keeps to the cone, as 0 is inside. With
-            rigid surfaces also ``rigid_forces``, force and moment over the area, with contact
-            that rubs also ``unequal_shears``, ``shear``, beyond μq where nothing adheres,
-            and ``shear_ratio``, the largest (‖τ‖ − μq)/c elsewhere, and of bodies of revolution
-            ``axis``, the largest S there.
-        forces: The sum of the magnitudes of all forces without balance.
-        loads: That of the loads at λ.
-        reason: Why the conditions of contact cannot be judged, or None.
+        measured: Relative residuals by name. ``equilibrium``, ``inner_tractions``,
+            ``outer_tractions``, ``tension`` and ``unequal_pressures`` are stresses relative to the
+            least finite yield radius of the cells that each row touches (a cell and its neighbours;
+            both sides of a facet, also of a contact), or to the least of all if these are elastic.
+            ``asymmetry`` is relative to the least of all. ``left_of_load`` is the sum of all
+            unbalanced forces relative to those of the loads at λ, ``left_of_piece`` the same for
+            each piece, and ``left_of_strength`` relative to the least γV^((d − 1)/d) of a cell of
+            volume V. ``yield_ratio`` is the largest (‖Mσ‖ + q·σ)/c: the stress divided by it lies
+            in the cone, as 0 is inside. With rigid surfaces also ``rigid_forces``, force and moment
+            over the area. With friction also ``unequal_shears``, ``shear`` (beyond μq without
+            adhesion) and ``shear_ratio``, the largest (‖τ‖ − μq)/c with adhesion. For bodies of
+            revolution also ``axis``, the largest S there.
+        forces: The sum of the magnitudes of all unbalanced forces.
+        loads: The sum of the loads' magnitudes at λ.
+        reason: Why the contact conditions cannot be checked, or None.
     """
 
     measured: dict[str, float]
@@ -75,16 +76,16 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
 
     Args:
         body: The bodies.
-        stress: σ, effective where there is a pressure in pores, at the vertices of each cell, shape
-            (num_cells, d + 1, d, d), or coefficients of S, shape (num_cells, 6, 2, 2).
-        kinds: All loads at λ, each kind by itself.
+        stress: σ, effective with a pore pressure, at the vertices of each cell, shape (num_cells, d
+            + 1, d, d), or coefficients of S, shape (num_cells, 6, 2, 2).
+        kinds: All loads at λ, by kind.
     """
     loads = sum(kinds[1:], start=kinds[0])
     rigid = rigid_of(body)
     d, radii, effective = body.dim, least_radii(body, stress), stress
     stress = stress if body.is_revolved else loads.total(effective)
     weakest = least_of(radii)
-    section = body.volumes ** ((d - 1) / d)  # radii of rings have r in them
+    section = body.volumes ** ((d - 1) / d)  # radii of rings contain r
     vector, divergence = _balance(body, stress, loads)
     left_in = np.linalg.norm(divergence, axis=2)
     in_cells = left_in.mean(axis=1) * body.volumes
@@ -137,17 +138,17 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
 
 
 def is_counted(body: Body) -> bool:
-    """Return whether what a stress leaves of equilibrium enters the bound."""
+    """Return whether the residual of equilibrium enters the bound."""
     return bool(body.plastic.any()) and not body.loose
 
 
 def overstress(
     body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]]
 ) -> tuple[float, str | None]:
-    """Return how many times as large as it may be a stress in equilibrium is, near one given.
+    """Return the factor by which an equilibrated stress near a given one exceeds its limit.
 
-    At each vertex (f(σ) + f(τ))/c, with a stress τ that balances what σ leaves: divided by the
-    largest of these σ + τ keeps to the cones.
+    The factor at each vertex is (f(σ) + f(τ))/c, with a stress τ that balances the residual of σ.
+    Divided by the largest factor, σ + τ lies in the cones.
 
     Args:
         body: The bodies.
@@ -155,7 +156,7 @@ def overstress(
         kinds: Loads of each kind, and their factors.
 
     Returns:
-        ∞ where no τ is known, and why.
+        ∞ and the reason if no τ is known.
     """
     shapes, plastic = shapes_of(body), body.plastic
     cones, at = body.cones, body.cone[plastic]
@@ -177,13 +178,13 @@ def overstress(
 
 
 def _largest(values: Floats) -> float:
-    """Largest magnitude; ∞ where one is no number."""
+    """Return the largest magnitude; ∞ if one is not a number."""
     largest = float(np.abs(values).max(initial=0))
     return largest if np.isfinite(largest) else np.inf
 
 
 def _balance(body: Body, stress: Floats, loads: Loads) -> tuple[Floats, Floats]:
-    """Vectors of the stress, and what is left of equilibrium, at one place of each cell or more."""
+    """Return vectors of the stress, and the residual of equilibrium at points of each cell."""
     if body.is_revolved:
         vector, rest = whole_stress(body, stress, loads.body_force)
         return vector, rest[..., None]
@@ -192,7 +193,7 @@ def _balance(body: Body, stress: Floats, loads: Loads) -> tuple[Floats, Floats]:
 
 
 def _sizes(body: Body, loads: Loads) -> tuple[Floats, Floats]:
-    """Return magnitudes of forces in cells and on facets, of bodies of revolution over 2π."""
+    """Return magnitudes of forces in cells and on facets, for bodies of revolution over 2π."""
     if not body.is_revolved:
         return loads.sizes(body.volumes, body.areas)
     pushes = np.linalg.norm(applied(body, loads), axis=2).mean(axis=1)
@@ -201,7 +202,7 @@ def _sizes(body: Body, loads: Loads) -> tuple[Floats, Floats]:
 
 
 def _places(body: Body, sides: Longs) -> Longs:
-    """Numbers in their cells of what is known of the stress on sides, alike from both cells."""
+    """Return indices in the cells of the stresses on sides, ordered alike for both cells."""
     d = body.dim
     if body.is_revolved:
         return facet_coefficients(body, sides)

@@ -1,15 +1,15 @@
-"""A velocity that is bent until it is admissible, exactly, near the one on file.
+"""Correct a velocity near the one on file so that it is exactly admissible.
 
-The velocity is quadratic in each cell, with Bernstein's coefficients at vertices and edges. It is
-continuous, as cells share these. The coefficients are changed as real numbers
-(:class:`balls.Balls`), and all that follows is of the changed ones:
+The velocity is quadratic in each cell, with Bernstein coefficients at vertices and edges. It is
+continuous, since neighbouring cells share these. The coefficients are corrected as exact numbers
+(:class:`balls.Balls`), and all results use the corrected ones:
 
-- They are zero where, and along what, supports hold.
-- Elastic cells that share a place, and rigid surfaces with them, move as one rigid body.
-- In contact a coefficient w of the jump has to part by −w·n ≥ μ‖w_t‖. Then the jump does so
-  everywhere, as Bernstein's polynomials are not negative, and this set is a convex cone. What parts
-  by too little is moved along the normals: places of deformable cells one by one, and rigid bodies
-  by motions with which all that touch them part.
+- They are zero along the directions that supports hold.
+- Elastic cells that share a point, and rigid surfaces with them, move as one rigid body.
+- In contact a coefficient w of the jump must separate by −w·n ≥ μ‖w_t‖. Then the jump does so
+  everywhere, as Bernstein polynomials are non-negative and this set is a convex cone. Where jumps
+  separate too little, points are moved along the normals: points of deformable cells one by one,
+  and rigid bodies by motions that separate them from all bodies in contact.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,26 +33,27 @@ from perfplast_fenicsx.proof.places import Places, places_of
 from perfplast_fenicsx.proof.remainder import Shapes
 
 RESTING = 1e-5
-"""Cells may count as rigid where they differ from that by less than so much of the velocity."""
+"""Cells may count as rigid if they deviate from a rigid motion by less than this share of the
+velocity."""
 
 ROUNDS = 12
-"""How often contacts are parted, as one that gives way to another may meet a third."""
+"""Number of passes over the contacts, since a body that moves away from one may meet another."""
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """An admissible velocity, but for what volume change leaves.
+    """A velocity that is admissible apart from volume changes.
 
     Attributes:
-        places: Of the coefficients.
-        at: The coefficients, shape (num_places, d).
+        places: Points of the coefficients.
+        at: The coefficients, shape (num_points, d).
         motions: Velocity of each rigid surface at its ``centres``, shape (num_rigid, d).
-        turns: Rotations of these, shape (num_rigid, 1 or 3).
-        centres: Shape (num_rigid, d).
-        slip: What slip dissipates, from above.
-        parts: Whether any contact dissipates nothing by that.
-        rigid: Cells that move as rigid bodies, exactly.
-        reason: Why it is not admissible, or None.
+        turns: Rotations of the rigid surfaces, shape (num_rigid, 1 or 3).
+        centres: Centres of the rigid surfaces, shape (num_rigid, d).
+        slip: Dissipation of slip, bounded from above.
+        parts: Whether any contact separates without dissipation.
+        rigid: Cells that move exactly as rigid bodies.
+        reason: Why the velocity is not admissible, or None.
     """
 
     places: Places
@@ -66,13 +67,13 @@ class Mechanism:
 
 
 def mechanism_of(body: Body, v: Floats, shapes: Shapes, resting: Sequence[Longs] = ()) -> Mechanism:
-    """Return an admissible velocity near one on file.
+    """Return an admissible velocity near the one on file.
 
     Args:
         body: The bodies.
         v: Velocity at the nodes of each cell, continuous, shape (num_cells, 6 or 10, d).
-        shapes: Of the cells.
-        resting: Sets of plastic cells that move as rigid bodies as well (:func:`resting_in`).
+        shapes: Shapes of the cells.
+        resting: Sets of plastic cells that also move as rigid bodies (:func:`resting_in`).
     """
     places, n = places_of(body), len(body.vertices)
     values = np.zeros((places.count, body.dim))
@@ -103,7 +104,7 @@ def mechanism_of(body: Body, v: Floats, shapes: Shapes, resting: Sequence[Longs]
     reason = jumps.reason
     if reason is None and not (enters <= 0).all():
         where = body.vertices[body.facets[jumps.facet[np.argmax(enters)]]].mean(axis=0)
-        reason = "bodies enter each other, or part too little for their slip"
+        reason = "bodies penetrate each other, or separate too little for their slip"
         reason = f"{reason}, as at ({', '.join(f'{x:.6g}' for x in where)})"
     if not np.isfinite(at.size).all():
         reason = "the velocity is lost to rounding"
@@ -114,9 +115,9 @@ def mechanism_of(body: Body, v: Floats, shapes: Shapes, resting: Sequence[Longs]
 
 
 def resting_in(body: Body, v: Floats) -> list[Longs]:
-    """Return sets of plastic cells of one cone that move nearly as rigid bodies.
+    """Return sets of plastic cells with one cone that move nearly as rigid bodies.
 
-    What rounding makes them dissipate may be more than all others do, where they are strong.
+    In strong cells, the dissipation from rounding may exceed that of all others.
 
     Args:
         body: The bodies.
@@ -147,7 +148,7 @@ def resting_in(body: Body, v: Floats) -> list[Longs]:
 
 
 def _columns(x: Floats, centre: Floats, revolved: bool) -> Floats:
-    """Return velocities at places by motions of size 1 about centres, shape (n, d, 3 or 6)."""
+    """Return velocities at points by unit motions about centres, shape (n, d, 3 or 6)."""
     d = x.shape[1]
     shifts = [np.broadcast_to(axis, x.shape) for axis in np.eye(d)]
     turns = [_turned(axis, x - centre) for axis in np.eye(2 * d - 3)]
@@ -156,7 +157,7 @@ def _columns(x: Floats, centre: Floats, revolved: bool) -> Floats:
 
 
 def _held(body: Body, places: Places) -> Flags:
-    """Return the components that supports hold, and of rings all on the axis."""
+    """Return the components that supports hold, and for rings all components on the axis."""
     held = np.zeros((places.count, body.dim), dtype=bool)
     for column in places.of_facets.T:
         np.logical_or.at(held, column, body.held)
@@ -168,7 +169,7 @@ def _held(body: Body, places: Places) -> Flags:
 
 
 def _guided(body: Body, places: Places, at: Balls, held: Flags) -> Balls:
-    """Return coefficients with nothing along the directions of guides beside what is held."""
+    """Return coefficients without components along the directions of guides."""
     some = np.flatnonzero(body.guided.any(axis=1))
     if not len(some):
         return at
@@ -181,18 +182,18 @@ def _guided(body: Body, places: Places, at: Balls, held: Flags) -> Balls:
 
 
 def _across(values: Balls, held: Flags, numbers: Longs, directions: Floats) -> Balls:
-    """Return vectors without what they have along some directions.
+    """Return vectors without their components along some directions.
 
-    They are zero where there are as many directions as axes, or more.
+    A vector becomes zero if it has at least as many directions as axes.
 
     Args:
-        values: Shape (n, d).
-        held: Axes that are such directions, shape (n, d).
-        numbers: Of the vectors that have others.
-        directions: Unit vectors, not two the same of one vector, shape (len(numbers), d).
+        values: Vectors, shape (n, d).
+        held: Held axes, shape (n, d).
+        numbers: Indices of the vectors with other directions.
+        directions: Unit vectors, shape (len(numbers), d), distinct for each vector.
     """
     d = held.shape[1]
-    known = (directions * ~held[numbers]).any(axis=1)  # not those along axes that are held
+    known = (directions * ~held[numbers]).any(axis=1)  # excludes those along held axes
     numbers, directions = numbers[known], directions[known]
     order = np.argsort(numbers, kind="stable")
     some, first, counts = np.unique(numbers[order], return_index=True, return_counts=True)
@@ -222,10 +223,10 @@ def _across(values: Balls, held: Flags, numbers: Longs, directions: Floats) -> B
 
 
 class _Units:
-    """Sets of places that move as rigid bodies.
+    """Sets of points that move as rigid bodies.
 
     Attributes:
-        of_place: Number of the unit of each place, −1 where there is no unit.
+        of_place: Index of the unit of each point, −1 without a unit.
     """
 
     def __init__(
@@ -279,7 +280,7 @@ class _Units:
         self._motions = motions
 
     def _allowed(self, mine: Longs, held: Flags, unit: int) -> tuple[Flags, Floats]:
-        """Return which components of a motion supports leave free, and its centre."""
+        """Return the free components of a motion, and its centre."""
         body, d = self._body, self._body.dim
         x = body.vertices[mine]
         fixed = held.any(axis=1)
@@ -301,7 +302,7 @@ class _Units:
         return free, centre
 
     def _fitted(self, mine: Longs, v: Floats, free: Flags, centre: Floats) -> Floats:
-        """Return the rigid motion next to velocities at vertices."""
+        """Return the rigid motion closest to velocities at vertices."""
         d, x = self._body.dim, self._body.vertices[mine]
         columns = _columns(x, centre, self._body.is_revolved) * free
         size = np.abs(columns).max(axis=(0, 1), initial=0.0)
@@ -311,7 +312,7 @@ class _Units:
         return np.asarray(found * free)
 
     def moved(self, at: Balls) -> Balls:
-        """Return coefficients with those of rigid bodies as their motions make them."""
+        """Return coefficients with those of rigid bodies replaced by their motions."""
         n, some = len(self._body.vertices), self.of_place >= 0
         if not some.any():
             return at
@@ -333,11 +334,11 @@ class _Units:
         return found * Balls.exact(x[:, :1]) if self._body.is_revolved else found
 
     def moved_with(self, bodies: "_Units", motions: Floats) -> None:
-        """Add motions of bodies that units are parts of.
+        """Add motions of bodies to their units.
 
         Args:
-            bodies: They.
-            motions: Of each, with rotations.
+            bodies: The bodies.
+            motions: Motion of each body, including rotations.
         """
         d = self._body.dim
         first = np.zeros(len(self._centres), dtype=np.int64)
@@ -351,7 +352,7 @@ class _Units:
         self._turns = np.asarray(self._turns + turns * self._free[:, d:])
 
     def lifted(self, at: Balls, jumps: "Jumps", units: "_Units") -> Balls:
-        """Return coefficients with whole bodies moved out of what they enter."""
+        """Return coefficients with whole bodies moved out of penetrations."""
         enters = jumps.enters(at)
         motions = self._lift(at, jumps, enters, np.ones(len(enters), dtype=bool))
         if motions is None:
@@ -363,7 +364,7 @@ class _Units:
         return units.moved(at + shift)
 
     def parted(self, at: Balls, jumps: "Jumps", enters: Floats, free: Flags) -> Balls:
-        """Return coefficients with rigid bodies moved out of what no free place makes room for."""
+        """Return coefficients with rigid bodies moved out of remaining penetrations."""
         motions = self._lift(at, jumps, enters, jumps.alone(free))
         if motions is None:
             return at
@@ -373,9 +374,9 @@ class _Units:
         return self.moved(at)
 
     def _lift(self, at: Balls, jumps: "Jumps", enters: Floats, some: Flags) -> Floats | None:
-        """Return motions with which chosen jumps part that enter; None if least squares find none.
+        """Return motions that separate the chosen penetrating jumps; None if least squares fails.
 
-        Those nearby do not enter by it.
+        Nearby jumps do not penetrate because of the motions.
         """
         if not self._free.any():
             return None
@@ -384,7 +385,7 @@ class _Units:
         near &= some & (sides[0] != sides[1])
         rows, at_rows = jumps.rows(np.flatnonzero(near))
         bad = enters[at_rows] > 0
-        most = 10_000_000  # numbers of a matrix that is solved with
+        most = 10_000_000  # largest number of matrix entries in a solve
         if not bad.any() or len(rows) * self._free.size > most:
             return None
         columns = np.zeros((len(rows), *self._free.shape))
@@ -413,7 +414,7 @@ class _Units:
         return np.asarray((scale * motion / size).reshape(self._free.shape) * self._free)
 
     def _middles(self) -> Floats:
-        """Return the places themselves; those of edges are in the middle."""
+        """Return the points; those of edges are in the middle."""
         x = self._body.vertices
         return np.concatenate([x, x[self._places.ends].mean(axis=1)])
 
@@ -443,7 +444,7 @@ def _hinges(x: Floats, held: Flags, first: Floats) -> Iterator[Floats]:
 
 
 def _join(labels: Longs, groups: Sequence[Longs]) -> None:
-    """Give all numbers in a row of a group the same label, in place."""
+    """Give all indices in a row of a group the same label, in place."""
     before = None
     while before is None or (labels != before).any():
         before = labels.copy()
@@ -457,7 +458,7 @@ def _join(labels: Longs, groups: Sequence[Longs]) -> None:
 
 
 def _turned(turn: Floats, arms: Floats) -> Floats:
-    """Return rotation × arms, shape (n, d), for one rotation or one of each arm."""
+    """Return rotation × arms, shape (n, d), for one rotation or one for each arm."""
     if arms.shape[1] == 2:
         return np.asarray(turn[..., :1] * np.column_stack([-arms[:, 1], arms[:, 0]]))
     return np.asarray(np.cross(turn, arms), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Residuals of a stress on outer facets: tractions of loads, of contact, and on rigid surfaces."""
+"""Compute residuals of a stress on outer facets: of loads, contact, and rigid surfaces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,12 +19,11 @@ class Outer:
     """Residuals on outer facets.
 
     Attributes:
-        ratios: Ratios of each condition, relative to the weakest that a row touches, or to what it
-            may be.
-        lost: Forces without balance of each facet, shape (num_facets,).
-        of_plates: The same of the plates of each rigid surface, shape (num_rigid,).
-        reacts: Magnitudes of forces of contact and of rigid surfaces on each facet.
-        reason: Why the conditions of contact cannot be checked, or None.
+        ratios: Ratios of each condition, relative to the weakest cell of a row, or to the limit.
+        lost: Unbalanced forces of each facet, shape (num_facets,).
+        of_plates: Unbalanced forces of the plate of each rigid surface, shape (num_rigid,).
+        reacts: Magnitudes of the forces of contact and of rigid surfaces on each facet.
+        reason: Why the contact conditions cannot be checked, or None.
     """
 
     ratios: dict[str, Floats]
@@ -37,7 +36,7 @@ class Outer:
 def tractions_on(
     body: Body, stress: Floats, sides: Longs, places: Longs, normals: Floats
 ) -> Floats:
-    """Tractions there."""
+    """Return the tractions on sides."""
     cells = sides // (body.dim + 1)
     tractions: Floats = np.einsum("fvij,fj->fvi", stress[cells[:, None], places], normals)
     return tractions
@@ -50,8 +49,8 @@ def outer_tractions(
 
     Args:
         body: The bodies.
-        stress: In equilibrium with the loads.
-        loads: All at once.
+        stress: Stress in equilibrium with the loads.
+        loads: All loads together.
         rigid: Rigid surfaces.
         strengths: Strengths of the cells (:func:`least_radii`).
     """
@@ -79,7 +78,7 @@ def outer_tractions(
             adhesion[facets], friction[facets] = c, mu
         held_at_first, at_second = body.held[pair.first], body.held[pair.second]
         if (c or mu) and (held_at_first.any(axis=1) & at_second.any(axis=1)).any():
-            reason = "supports hold both sides of facets that rub"
+            reason = "supports hold both sides of facets with friction"
     for tag, normal, c, mu in obstacles_of(body):
         facets = body.on(tag)
         into[facets] = normal
@@ -98,14 +97,14 @@ def outer_tractions(
     rest = rest * ~glued[:, None, None]
     share = np.where(free, into, 0.0)
     square = np.einsum("fi,fi->f", share, share)
-    # A contact whose normal leaves less than this free beside supports has no force to find.
+    # If supports leave less than this of a contact's normal free, its force cannot be determined.
     undetermined = 1e-12
     told = square > undetermined
     pressure = np.zeros(rest.shape[:2])
     pressure[told] = -np.einsum("fvi,fi->fv", rest[told], share[told]) / square[told, None]
     shears = (rest + pressure[..., None] * into[:, None]) * free[:, None]
     wrong = np.linalg.norm(shears, axis=2)
-    pressure[guided] = 0.0  # of supports, which pull as well
+    pressure[guided] = 0.0  # forces of supports may pull as well
     tension = np.maximum(-pressure, 0.0)
     unequal = np.zeros_like(pressure)
     for pair in pairs:
@@ -117,7 +116,7 @@ def outer_tractions(
     rubs = (adhesion > 0) | (friction > 0)
     if rubs.any():
         apart = _unequal_shears(body, pairs, shears, rubs)
-        rubs &= told  # what is not free to push has no shear that is known
+        rubs &= told  # where the normal is not free, the shear is unknown
         ringed = np.where(rho > 0, rho, 1.0)[rubs]
         told_of = (wrong[rubs] / ringed, pressure[rubs] / ringed, adhesion[rubs], friction[rubs])
         beyond = np.zeros_like(wrong)
@@ -141,7 +140,7 @@ def outer_tractions(
 
 
 def _order(body: Body, pair: Touching) -> Longs:
-    """Return places of what is known on facets opposite, in the order of that on the first ones."""
+    """Return indices of values on opposite facets, in the order of those on the first ones."""
     if not body.is_revolved:
         return pair.order
     return np.column_stack([pair.order, np.full(len(pair.order), 2)])
@@ -150,8 +149,7 @@ def _order(body: Body, pair: Touching) -> Longs:
 def _unequal_shears(body: Body, pairs: Sequence[Touching], shears: Floats, rubs: Flags) -> Floats:
     """Return differences of shear tractions on both sides of contact with friction.
 
-    Those of components that supports hold are not known of that side, and are what balances the
-    other's.
+    Components that supports hold are unknown on that side, and balance those of the other side.
     """
     found = np.zeros(shears.shape[:2])
     for pair in pairs:

@@ -1,8 +1,8 @@
-"""Whether cells overlap: whether what is just inside of outer facets is in another cell too.
+"""Detect overlapping cells: whether points just inside outer facets are in another cell too.
 
-Where inner facets have their cells on both sides, the number of cells around a point changes only
-where an outer facet is crossed. So where cells overlap, what is just inside of such a facet has a
-volume in common with another cell than its own.
+Since inner facets have their cells on opposite sides, the number of cells around a point changes
+only across an outer facet. So where cells overlap, the region just inside such a facet shares a
+volume with a cell other than its own.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from perfplast_fenicsx.proof.shared_cells import boxes_of, have_common_volume
 
 
 def overlapping(body: Body) -> int:
-    """Return how many outer facets have another cell just inside of them; a few of many."""
+    """Return how many outer facets have another cell just inside them; for many, only some."""
     slices, cells = _slices(body), body.vertices[body.cells]
     own = body.outer // (body.dim + 1)
     found = np.zeros(len(slices), dtype=bool)
@@ -21,15 +21,15 @@ def overlapping(body: Body) -> int:
         others = (own[a] != b) & ~found[a]
         a, b = a[others], b[others]
         found[a[have_common_volume(slices[a], cells[b])]] = True
-        if found.any():  # one is enough to refuse
+        if found.any():  # one is enough to refuse the bodies
             break
     return int(found.sum())
 
 
 def _slices(body: Body) -> Floats:
-    """Flat simplices under outer facets, as wide as these, each in its own cell."""
-    # How deep they begin, and how thick they are, as a share of their cell's height. Bodies that
-    # touch overlap by rounding, which is less.
+    """Return flat simplices just inside outer facets, each in its own cell."""
+    # Their depth and thickness, as a share of their cell's height. Touching bodies overlap only by
+    # rounding, which is less.
     depth = 1e-3
     cells = body.outer // (body.dim + 1)
     opposite = body.vertices[body.cells[cells, body.outer % (body.dim + 1)]][:, None]

@@ -1,4 +1,4 @@
-"""Parts of a simplex whose edges are halved some times."""
+"""Divide a simplex by repeatedly halving its edges."""
 
 from functools import lru_cache
 
@@ -13,13 +13,13 @@ CHILDREN = {
         *("01 02 03 13", "01 02 12 13", "02 03 13 23", "02 12 13 23"),
     ),
 }
-"""Parts of a simplex whose edges are halved, by dimension: ends of the edges whose middles are the
+"""Parts of a simplex with halved edges, by dimension: ends of the edges whose middles are the
 vertices. The order is that of J. Bey, Tetrahedral grid refinement, Computing 55 (1995), 355."""
 
 
 @lru_cache
 def parts_of(dim: int, times: int) -> Floats:
-    """Barycentric coordinates of their vertices, shape (num_parts, dim + 1, dim + 1)."""
+    """Return barycentric coordinates of their vertices, shape (num_parts, dim + 1, dim + 1)."""
     parts: Floats = np.eye(dim + 1)[None]
     ends = np.array([[list(map(int, edge)) for edge in child.split()] for child in CHILDREN[dim]])
     for _ in range(times):
@@ -31,12 +31,12 @@ def parts_of(dim: int, times: int) -> Floats:
 
 @lru_cache
 def halved(dim: int, times: int) -> tuple[Floats, Floats]:
-    """Return points and shares of the vertex rule on these parts.
+    """Return points and weights of the vertex rule on these parts.
 
     Returns:
-        Barycentric coordinates, shape (num_points, dim + 1), and shares of the volume, of the same
-        shape. A share is the mean of the hat function of a point times a barycentric coordinate.
-        Their sum over the coordinates is the share of the point.
+        Barycentric coordinates, shape (num_points, dim + 1), and shares of the volume, same shape.
+        A share is the mean of a point's hat function times a barycentric coordinate. The sum over
+        the coordinates is the weight of the point.
     """
     parts = parts_of(dim, times)
     points, inverse = np.unique(parts.reshape(-1, dim + 1), axis=0, return_inverse=True)
@@ -53,8 +53,8 @@ def mean_shares(values: Floats) -> Floats:
         values: Values of the functions at the vertices k, shape (..., dim + 1, n).
 
     Returns:
-        ∫ λ_k f over the volume, of the same shape as the values. It is the sum of f_k and of all
-        values, over (dim + 1)(dim + 2).
+        ∫ λ_k f divided by the volume, same shape as the values. It is the sum of f_k and of all
+        values, divided by (dim + 1)(dim + 2).
     """
     n = values.shape[-2]
     return np.asarray((values + values.sum(axis=-2, keepdims=True)) / (n * (n + 1)))

@@ -1,4 +1,4 @@
-"""Which cells hang together by facets, and whether each piece by itself is in equilibrium."""
+"""Find pieces of cells connected by facets, and check the equilibrium of each piece."""
 
 import numpy as np
 
@@ -6,18 +6,18 @@ from perfplast_fenicsx.proof.body import Body, Floats, Longs
 
 
 def pieces_of(body: Body) -> Longs:
-    """Return a number for each cell, the same of those that inner facets join, (num_cells,)."""
+    """Return an index for each cell, equal for cells joined by inner facets, shape (num_cells,)."""
     one, other = (body.sides[0] // (body.dim + 1)).T
     return joined(len(body.cells), one, other)
 
 
 def joined(count: int, one: Longs, other: Longs) -> Longs:
-    """Return a number for each of so many things, the same of those that pairs join.
+    """Return an index for each of ``count`` things, equal for those that pairs join.
 
     Args:
-        count: How many.
+        count: Number of things.
         one: The first of each pair.
-        other: The second.
+        other: The second of each pair.
     """
     found = np.arange(count)
     while (found[one] != found[other]).any():
@@ -32,16 +32,16 @@ def joined(count: int, one: Longs, other: Longs) -> Longs:
 def largest_share(
     body: Body, left: tuple[Floats, ...], applied: tuple[Floats, ...], strengths: Floats
 ) -> float:
-    """Return the largest share that forces without balance have of the loads of one piece.
+    """Return the largest unbalanced force of a piece relative to its loads.
 
-    A piece without loads could be free of stress, so that what is left there is harmless. A share
-    of all loads is rounding wherever it is left, but not more of it than the cells of a piece could
-    bear.
+    A piece without loads could be free of stress, so that its residual is harmless. A small share
+    of all loads counts as rounding in any piece, unless it exceeds the capacity of the piece's
+    cells.
 
     Args:
         body: The bodies.
-        left: Magnitudes of forces without balance of cells, inner facets and outer ones.
-        applied: Those of loads of cells, and of loads and forces of contact on outer facets.
+        left: Magnitudes of unbalanced forces of cells, inner facets and outer ones.
+        applied: Magnitudes of loads of cells, and of loads and contact forces on outer facets.
         strengths: Forces that cells bear.
     """
     pieces, wide = pieces_of(body), body.dim + 1
@@ -54,7 +54,7 @@ def largest_share(
 
     forces, loads = summed((pieces, inner, outer), left), summed((pieces, outer), applied)
     borne = np.bincount(pieces, weights=strengths, minlength=len(pieces))
-    of_all = 1e-3  # share of all loads whose rounding may be left in a piece
+    of_all = 1e-3  # share of all loads that counts as rounding in a piece
     sizes = loads + of_all * np.minimum(loads.sum(), borne)
     loaded = loads != 0
     return float(np.max(forces[loaded] / sizes[loaded], initial=0.0))

@@ -1,4 +1,4 @@
-"""Places of Bernstein's coefficients of a quadratic velocity: vertices and edges of cells."""
+"""Number the points of a quadratic velocity's Bernstein coefficients: vertices and edges."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -10,14 +10,14 @@ from perfplast_fenicsx.proof.body import Body, Longs
 
 @dataclass(frozen=True)
 class Places:
-    """Places of Bernstein's coefficients: the vertices, and then the edges.
+    """The points of Bernstein coefficients: first the vertices, then the edges.
 
     Attributes:
-        of_cells: Numbers of those of each cell: its vertices, and its edges 01, 02, ..., 12, ...;
-            shape (num_cells, 6 or 10).
-        of_facets: The same of outer facets, shape (num_facets, 3 or 6).
+        of_cells: Indices for each cell: its vertices, then its edges 01, 02, ..., 12, ...; shape
+            (num_cells, 6 or 10).
+        of_facets: Indices for outer facets in the same order, shape (num_facets, 3 or 6).
         ends: Vertices of the edges, shape (num_edges, 2).
-        count: How many there are.
+        count: Number of points.
     """
 
     of_cells: Longs
@@ -27,7 +27,7 @@ class Places:
 
 
 def places_of(body: Body) -> Places:
-    """Return the places of the coefficients of bodies."""
+    """Return the points of the coefficients of bodies."""
     d, n = body.dim, len(body.vertices)
     pairs = list(combinations(range(d + 1), 2))
     ends = np.sort(body.cells[:, pairs].reshape(-1, 2), axis=1)
@@ -42,7 +42,7 @@ def places_of(body: Body) -> Places:
 
 
 def numbers_in_cell(dim: int) -> Longs:
-    """Return the number of the coefficient of two vertices of a cell."""
+    """Return the index of the coefficient for each pair of vertices of a cell."""
     found = np.diag(np.arange(dim + 1))
     for number, (a, b) in enumerate(combinations(range(dim + 1), 2), start=dim + 1):
         found[a, b] = found[b, a] = number

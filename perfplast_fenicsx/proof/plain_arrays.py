@@ -1,4 +1,4 @@
-"""Arrays of numbers, as a file or a caller gives them, before anything is believed of them."""
+"""Read arrays of numbers from a file or a caller, and check them before use."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -21,20 +21,20 @@ NUMBERS = (
     *("bound", "factor", "any_factor", "inner_factor", "inner_any_factor"),
     *("revolved", "strength_factor"),
 )
-"""Attributes of a half."""
+"""Names of numbers that are attributes of a half."""
 
 FLAGS = ("held", "rigid_held", "revolved", "cell_kept", "contact_kept", "obstacle_kept")
 
 
 class ProofError(ValueError):
-    """A file that is no proof; the message is a sentence."""
+    """Raised for a file that is not a proof; the message is one sentence."""
 
 
 def plain(name: str, values: Any) -> npt.NDArray:
-    """Return an array of the kind that its name asks for: float64, int64 or bool.
+    """Return an array of the type for its name: float64, int64 or bool.
 
     Raises:
-        ProofError: If it has numbers of another kind, or flags that are neither 0 nor 1.
+        ProofError: If it has another type, or flags other than 0 and 1.
     """
     array = np.asarray(values)
     kinds, what = "fiu", "real numbers"
@@ -43,10 +43,12 @@ def plain(name: str, values: Any) -> npt.NDArray:
     elif name in FLAGS:
         kinds, what = "biu", "flags, 0 or 1"
     if array.dtype.kind not in kinds or array.dtype.itemsize > 8:
-        raise ProofError(f"{name} is not made of {what} of at most 8 bytes, but of {array.dtype}.")
+        raise ProofError(
+            f"{name} must consist of {what} of at most 8 bytes, but has the type {array.dtype}."
+        )
     if name in FLAGS:
         if not ((array == 0) | (array == 1)).all():
-            raise ProofError(f"{name} is not made of {what}.")
+            raise ProofError(f"{name} does not consist of {what}.")
         return array.astype(np.bool_)
     if name in LONGS:
         if array.size and not array.max() <= np.iinfo(np.int64).max:
@@ -58,23 +60,23 @@ def plain(name: str, values: Any) -> npt.NDArray:
 
 
 def check_sizes(name: str, sizes: npt.ArrayLike) -> None:
-    """Make sure that squares of numbers are neither too large nor lost.
+    """Refuse numbers whose squares overflow or underflow.
 
     Args:
-        name: What they are.
-        sizes: Not negative; an array of zeros does not count.
+        name: Name of the array.
+        sizes: Non-negative numbers; an array of zeros is accepted.
 
     Raises:
-        ProofError: If one is beyond 1e60, or below 1e-60.
+        ProofError: If a number is beyond 1e60, or below 1e-60.
     """
     largest = 1e60
     sizes = np.asarray(sizes)
     if not ((sizes == 0) | ((sizes >= 1 / largest) & (sizes <= largest))).all():
-        raise ProofError(f"{name} is of another size than 1e-60 to 1e60; choose other units.")
+        raise ProofError(f"{name} is outside the range 1e-60 to 1e60; choose other units.")
 
 
 def number_of(name: str, values: Any) -> float:
-    """Return a number that is claimed.
+    """Return a claimed number.
 
     Raises:
         ProofError: If it is not one finite real number.
@@ -88,15 +90,15 @@ def number_of(name: str, values: Any) -> float:
 
 
 def bound_of(values: Any, with_constant: bool) -> float:
-    """Return the bound that is claimed.
+    """Return the claimed bound.
 
     Args:
         values: As given.
-        with_constant: Whether there are constant loads: else the bodies carry no load at all, and a
-            negative bound is not one.
+        with_constant: Whether there are constant loads. Without them the bodies carry zero load,
+            and a negative bound is not valid.
 
     Raises:
-        ProofError: If it is not one finite real number, or negative for no reason.
+        ProofError: If it is not one finite real number, or is negative without constant loads.
     """
     bound = number_of("bound", values)
     if bound < 0 and not with_constant:
@@ -105,20 +107,20 @@ def bound_of(values: Any, with_constant: bool) -> float:
 
 
 def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
-    """Return the arrays of an HDF5 group, none of them compressed.
+    """Return the uncompressed arrays of an HDF5 group.
 
     Args:
-        file: Opened by :func:`stored_file.stored_file`.
+        file: File from :func:`stored_file.stored_file`.
         kind: Its name.
 
     Raises:
-        ProofError: If it is not a group of arrays, or an array is larger than what is stored.
+        ProofError: If it is not a group of arrays, or if an array is larger than its stored data.
     """
     group = file[kind]
     if not isinstance(group, h5py.Group):
         raise ProofError("a half is not a group of arrays.")
     found: dict[str, npt.NDArray] = {}
-    most_axes = 4  # of an array of a proof
+    most_axes = 4  # an array of a proof
     for name in (*FLOATS, *LONGS, *FLAGS):
         if name not in group or name == "revolved":  # a number of the group
             continue
@@ -126,12 +128,12 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
         if not isinstance(data, h5py.Dataset) or data.shape is None:
             raise ProofError(f"{name} is not an array.")
         if len(data.shape) > most_axes:
-            raise ProofError(f"the shape of {name} fits nothing.")
+            raise ProofError(f"the shape of {name} is not valid.")
         if data.dtype.kind not in "biuf":
-            raise ProofError(f"{name} is not made of numbers, but of {data.dtype}.")
+            raise ProofError(f"{name} does not consist of numbers, but has the type {data.dtype}.")
         size = int(np.prod([int(length) for length in data.shape], dtype=object))
         if size * data.dtype.itemsize > data.id.get_storage_size():
-            raise ProofError(f"{name} declares {size:.3g} numbers and has fewer in the file.")
+            raise ProofError(f"{name} declares {size:.3g} numbers, but the file contains fewer.")
         found[name] = np.asarray(data)
     if "bound" not in group.attrs:
         raise ProofError("bound is missing.")
@@ -139,15 +141,15 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
 
 
 def equal(one: npt.NDArray, other: npt.NDArray) -> bool:
-    """Return whether arrays are the same to the last digit; what is no number is so in both."""
+    """Return whether arrays are exactly equal; NaN equals NaN."""
     return np.array_equal(one, other, equal_nan=other.dtype.kind == "f")
 
 
 def checked(arrays: Mapping[str, npt.NDArray], names: tuple[str, ...]) -> dict[str, npt.NDArray]:
-    """Return arrays by name, of the kinds that they ought to have.
+    """Return arrays by name with the required types.
 
     Raises:
-        ProofError: If one is missing or of another kind.
+        ProofError: If an array is missing or of another type.
     """
     missing = [name for name in names if name not in arrays]
     if missing:

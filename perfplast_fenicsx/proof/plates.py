@@ -1,9 +1,9 @@
-"""Rigid plates in the balance of a stress: what their surfaces leave of the loads on them.
+"""Balance a stress on rigid plates: the residual of the loads on their surfaces.
 
-A plate exerts any tractions on the surface that it is glued to, if their resultant is that of its
-loads. So it passes on what lacks of that through one facet, as a cell does (:mod:`balance`). Along
-axes along which it is held, and about all axes then, it exerts any force besides. A plate that is
-glued to several pieces passes any force, and any moment, from one to another.
+A plate exerts any tractions on its surface whose resultant is that of its loads. So it transfers
+the missing part of the resultant through one facet, as a cell does (:mod:`balance`). Along held
+axes, and then about all axes, it exerts any further force. A plate that is glued to several pieces
+passes any force, and any moment, from one to another.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
 
 AROUND = Balls(np.asarray(1 / (2 * np.pi)), np.asarray(0.0), np.asarray(U))
-"""1/2π."""
+"""The number 1/2π."""
 
 
 @dataclass(frozen=True)
@@ -25,18 +25,18 @@ class Plates:
     """Forces and moments of plates.
 
     Attributes:
-        centres: Places that moments are about, shape (num_rigid, d).
-        extents: The largest distances of the surfaces from these.
-        missing: Forces, and moments over extents, that act on the bodies to make the resultants
-            those of the loads, shape (num_rigid, d + 1 or 3); zero along what is held.
-        errors: Of these.
-        through: The facet through which each passes that on.
+        centres: Points about which moments are taken, shape (num_rigid, d).
+        extents: The largest distances of the surfaces from these points.
+        missing: Forces, and moments over extents, that complete the resultants to those of the
+            loads, shape (num_rigid, d + 1 or 3); zero along held components.
+        errors: Their errors.
+        through: The facet through which each plate transfers them.
         first: A facet on which a further force of any size can act, shape (n,).
-        second: One on which it acts with the other sign, −1 for none.
-        plate: The plate of each.
-        component: Which of the forces and moments it is.
+        second: Facet on which it acts with the opposite sign, −1 for none.
+        plate: The plate of each force.
+        component: Index of the force or moment component.
         acts: Whether anything but the body itself acts on each plate along each axis, shape
-            (num_rigid, d): loads, what holds it, or another piece.
+            (num_rigid, d): loads, a support, or another piece.
     """
 
     centres: Floats
@@ -51,9 +51,9 @@ class Plates:
     acts: Flags
 
     def acts_on(self, body: Body, acts: Flags) -> Flags:
-        """Return whether anything outside of pieces acts on their facets along each axis.
+        """Return whether anything outside pieces acts on their facets along each axis.
 
-        What a plate and a piece exert on each other is within both of them together.
+        Forces between a plate and a piece are internal to both together.
 
         Args:
             body: The bodies.
@@ -69,21 +69,21 @@ class Plates:
         return found
 
     def wrenches(self) -> Floats:
-        """Return the further forces and moments of size 1, shape (n, d + 1 or 3)."""
+        """Return the further unit forces and moments, shape (n, d + 1 or 3)."""
         return np.asarray(np.eye(self.missing.shape[1])[self.component])
 
 
 def plates_of(
     body: Body, rest: Balls, kinds: Sequence[tuple[float, Loads]], pieces: Longs
 ) -> Plates:
-    """Return what plates lack of the resultants of their loads.
+    """Return the missing parts of the resultants of plates' loads.
 
     Args:
         body: The bodies.
-        rest: Tractions times areas at the vertices of facets, less those of loads there, shape
-            (num_facets, d, d), or coefficients of r times these, shape (num_facets, 3, 2).
+        rest: Tractions times areas at the vertices of facets, minus the loads, shape (num_facets,
+            d, d), or coefficients of r times these, shape (num_facets, 3, 2).
         kinds: Loads of each kind, and their factors.
-        pieces: Number of the piece of each cell.
+        pieces: Index of the piece of each cell.
     """
     d, count = body.dim, len(body.rigid)
     size = 3 * (d - 1)
@@ -126,7 +126,7 @@ def plates_of(
 
 
 def _of_tractions(body: Body, rest: Balls, x: Floats, centre: Floats) -> Balls:
-    """Return forces and moments of tractions of facets, with the other sign, (n, d + 1 or 3)."""
+    """Return forces and moments opposite to facet tractions, shape (n, d + 1 or 3)."""
     d = body.dim
     if body.is_revolved:
         force = -rest.sum(axis=1) * Balls.part(3)
@@ -152,7 +152,7 @@ def _columns(values: Balls) -> list[Balls]:
 
 
 def _through(body: Body, facets: Longs, pieces: Longs) -> tuple[int, list[int]]:
-    """Return the largest facet of a surface, and the largest ones on other pieces."""
+    """Return the largest facet of a surface, and the largest facets on other pieces."""
     of = pieces[body.outer[facets] // (body.dim + 1)]
     order = np.lexsort([facets, -body.areas[facets]])
     _, first = np.unique(of[order], return_index=True)

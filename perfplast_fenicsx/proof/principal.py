@@ -1,9 +1,9 @@
-"""Bounds of principal stresses, (1 + s)σ₁ − (1 − s)σ₃ ≤ c, with a tensile strength σ₁ ≤ f or none.
+"""Bound principal stresses: (1 + s)σ₁ − (1 − s)σ₃ ≤ c, with or without a tensile strength σ₁ ≤ f.
 
-In plane strain the stress out of the plane is free, and between those in it where it leaves them
-the most room. There is no rate of strain out of the plane. The sup of σ:ε is at the apex c/2s of
-all three, or with f at the vertices at which σ₁ = f, and σ₂ and σ₃ each are f or
-r = ((1 + s)f − c)/(1 − s).
+In plane strain the out-of-plane stress is free; some value of it between the in-plane stresses is
+always admissible. There is no out-of-plane strain rate. The supremum of σ:ε is at the apex c/2s for
+all three stresses, or with f at the vertices with σ₁ = f, where σ₂ and σ₃ are each f or r = ((1 +
+s)f − c)/(1 − s).
 """
 
 import numpy as np
@@ -18,20 +18,20 @@ Flags = npt.NDArray[np.bool_]
 def check_principal(
     bound: Floats, sine: Floats, tension: Floats, sines: tuple[float, float]
 ) -> None:
-    """Make sure that zero is inside, and that it is known what flow dissipates.
+    """Refuse bounds without zero inside, or whose dissipation is not supported.
 
     Args:
         bound: c, shape (n,).
-        sine: s, the same.
-        tension: f, NaN without one.
-        sines: The least that is not nearly zero, and the largest.
+        sine: s, same shape.
+        tension: f, same shape, NaN without one.
+        sines: The least value that is not nearly zero, and the largest value.
 
     Raises:
-        ProofError: If they are not.
+        ProofError: If a bound is refused.
     """
     least, largest = sines
     if not ((sine == 0) | ((sine > least) & (sine < largest))).all():
-        raise ProofError("cone_sine is nearly zero, negative or too near to 1.")
+        raise ProofError("cone_sine is nearly zero, negative or too close to 1.")
     if not (bound > 0).all():
         raise ProofError("a bound of principal stresses is not positive.")
     cut = ~np.isnan(tension)
@@ -41,7 +41,7 @@ def check_principal(
 
 
 def eigenvalues(vector: Floats) -> Floats:
-    """Principal values of stresses, the least first, shape (..., 3) of vectors (..., m)."""
+    """Return ascending principal values of stresses, shape (..., 3) from vectors (..., m)."""
     if vector.shape[-1] == 3:  # in the plane
         mean = vector[..., :2].mean(axis=-1)
         vector = np.insert(vector, 2, mean, axis=-1)
@@ -49,7 +49,7 @@ def eigenvalues(vector: Floats) -> Floats:
 
 
 def rate_sizes(rates: Floats) -> tuple[Floats, Floats]:
-    """Tr ε and Σ|ε_i|, shapes (...) of vectors (..., m)."""
+    """Return tr ε and Σ|ε_i|, shapes (...) from vectors (..., m)."""
     if rates.shape[-1] == 3:
         rates = np.insert(rates, 2, 0.0, axis=-1)
     return rates[..., :3].sum(axis=-1), np.abs(_values(rates)).sum(axis=-1)
@@ -60,8 +60,8 @@ def power_factors(bound: Floats, sine: Floats, tension: Floats) -> tuple[Floats,
 
     Args:
         bound: c, shape (n,).
-        sine: s, the same.
-        tension: f, NaN without one.
+        sine: s, same shape.
+        tension: f, same shape, NaN without one.
     """
     steep, cut = sine > 0, ~np.isnan(tension)
     apex = bound / np.where(steep, 2 * sine, 1.0)

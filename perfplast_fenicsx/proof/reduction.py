@@ -1,9 +1,9 @@
-"""Strengths that a factor of safety divides: what they are without it, and which it leaves alone.
+"""Handle strengths that a factor of safety divides, and those that it leaves unchanged.
 
-The strengths of a half with the number ``strength_factor`` are divided by it: cohesions, slopes of
-friction and yield stresses, but for those that ``cell_kept``, ``contact_kept`` and
-``obstacle_kept`` mark. All other conditions are of the strengths that are on file. What they would
-be without the factor is said here, to be compared with what the bodies have.
+In a half with the number ``strength_factor``, strengths are divided by it: cohesions, slopes of
+friction and yield stresses, except those marked by ``cell_kept``, ``contact_kept`` and
+``obstacle_kept``. All other conditions use the strengths on file. This module computes the
+strengths without the factor, so that a reader can compare them with the data of the bodies.
 """
 
 from collections.abc import Mapping
@@ -18,31 +18,31 @@ from perfplast_fenicsx.proof.plain_arrays import ProofError, checked, number_of
 from perfplast_fenicsx.proof.rings import around, normals_of
 
 KEPT = ("cell_kept", "contact_kept", "obstacle_kept")
-"""Flags of cells, contacts and obstacles whose strength is not divided."""
+"""Names of the flags of cells, contacts and obstacles whose strength is not divided."""
 
 MOST = 6
-"""So many strengths are named one by one."""
+"""Largest number of strengths that are named individually."""
 
 
 def reduction_of(
     body: Body, arrays: Mapping[str, npt.NDArray]
 ) -> tuple[float, dict[str, npt.NDArray]] | None:
-    """Return the factor that divides strengths, and the flags of what it leaves alone.
+    """Return the factor that divides strengths, and the flags of unchanged strengths.
 
     Args:
-        body: The bodies, with strengths that are divided.
+        body: The bodies with divided strengths.
         arrays: Arrays of the half.
 
     Returns:
-        None of a half without a factor.
+        None for a half without a factor.
 
     Raises:
-        ProofError: If the factor is not positive, the flags do not fit the bodies, or one strength
-            is divided in some cells and not in others.
+        ProofError: If the factor is not positive, if the flags do not fit the bodies, or if a
+            strength is divided in only some of its cells.
     """
     if "strength_factor" not in arrays:
         if any(name in arrays for name in KEPT):
-            raise ProofError(f"{KEPT} are flags beside strength_factor, which is missing.")
+            raise ProofError(f"{KEPT} are flags for strength_factor, which is missing.")
         return None
     factor = number_of("strength_factor", arrays["strength_factor"])
     if not factor > 0:
@@ -52,25 +52,25 @@ def reduction_of(
     kept = checked({**none, **arrays}, KEPT)
     for name, flags in none.items():
         if kept[name].shape != flags.shape:
-            raise ProofError(f"the shape of {name} fits nothing.")
+            raise ProofError(f"the shape of {name} does not fit the bodies.")
     cells = kept["cell_kept"]
     both = np.intersect1d(body.cone[cells & body.plastic], body.cone[~cells & body.plastic])
     if len(both):
-        raise ProofError("cell_kept divides a strength in some cells and not in others.")
+        raise ProofError("cell_kept divides a strength in some cells but not in others.")
     return factor, kept
 
 
 def whole_body(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> Body:
-    """Return the bodies with strengths before they are divided.
+    """Return the bodies with undivided strengths.
 
-    Cohesions, tangents of angles of friction, tensile strengths and friction are multiplied. Of
-    cones in space with a slope, and others of which no angle is known, only the apex is kept: they
-    get a slope of the size of their matrix.
+    The function multiplies cohesions, tangents of friction angles, tensile strengths and friction
+    by the factor. For cones without a known angle, such as cones with a slope in space, it
+    preserves only the apex and sets the slope to the size of the matrix.
 
     Args:
-        body: The bodies, with strengths that are divided.
-        factor: By which they are.
-        kept: Flags of those that are not (:func:`reduction_of`).
+        body: The bodies with divided strengths.
+        factor: The factor.
+        kept: Flags of unchanged strengths (:func:`reduction_of`).
     """
     bound, slope = body.cone_bound.copy(), body.cone_slope.copy()
     sine, tension = body.cone_sine.copy(), body.cone_tension.copy()
@@ -108,10 +108,10 @@ def whole_body(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> Bo
 
 
 def _angle_of(body: Body, number: np.int64) -> float | None:
-    """Return the sine of the angle of friction of a cone, None where no angle is known.
+    """Return the sine of the friction angle of a cone, None if no angle is known.
 
-    It is known of cones of principal stresses, and of cones about the axis of mean stress in the
-    plane: ‖dev σ‖ ≤ √2 (c cos φ − σ_m sin φ).
+    The angle is known for cones of principal stresses, and for plane cones about the axis of mean
+    stress: ‖dev σ‖ ≤ √2 (c cos φ − σ_m sin φ).
     """
     if body.cones.is_principal[number]:
         return float(body.cone_sine[number])
@@ -129,10 +129,10 @@ def _angle_of(body: Body, number: np.int64) -> float | None:
 
 
 def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
-    """Return a sentence on the factor that divides strengths; nothing of a half without one.
+    """Return a sentence on the factor that divides strengths; an empty list without a factor.
 
     Args:
-        body: The bodies, with strengths that are divided.
+        body: The bodies with divided strengths.
         arrays: Arrays of the half.
 
     Raises:
@@ -151,7 +151,7 @@ def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
     less = f" and {len(words) - MOST} more" if len(words) > MOST else ""
     told = f"F = {factor:.9g} divides no strength."
     if words:
-        told = f"Strengths are divided by F = {factor:.9g}; before that they are"
+        told = f"Strengths are divided by F = {factor:.9g}; before the division they are"
         told = f"{told} {', '.join(words[:MOST])}{less}."
     left = []
     if (cells & body.plastic).any():
@@ -164,9 +164,9 @@ def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
 
 
 def _whole(body: Body, number: np.int64, factor: float) -> str:
-    """Return a strength before it is divided, in words.
+    """Return an undivided strength in words.
 
-    Without a slope the bound is so many times larger. With one, cohesion and tan φ are.
+    Without a slope the bound is multiplied. With a slope, cohesion and tan φ are multiplied.
     """
     bound, slope = body.cone_bound[number], body.cone_slope[number]
     principal = bool(body.cones.is_principal[number])
@@ -185,7 +185,7 @@ def _whole(body: Body, number: np.int64, factor: float) -> str:
 
 
 def _rubbing(body: Body, kept: Mapping[str, npt.NDArray], factor: float) -> list[str]:
-    """Return friction before it is divided, of contacts and obstacles, in words."""
+    """Return the undivided friction of contacts and obstacles, in words."""
     told = []
     for of in ("contact", "obstacle"):
         adhesion, friction = (getattr(body, f"{of}_{kind}") for kind in ("adhesion", "friction"))

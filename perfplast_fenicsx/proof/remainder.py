@@ -1,12 +1,12 @@
-"""Forces that a stress leaves without balance, with bounds of the rounding errors.
+"""Compute the unbalanced forces of a stress, with bounds of the rounding errors.
 
-Forces on a cell are those per volume times the volume, and tractions at the vertices of its facets
-times their area. The real cell is meant, with the coordinates that are on file. Supports and
-contact exert forces on outer facets. These are chosen here, so that little is left:
+Forces on a cell are forces per volume times the volume, and tractions at the vertices of its facets
+times their area. The cell is the exact one, with the coordinates on file. Supports and contact
+exert forces on outer facets. The module chooses these so that the residual is small:
 
-- A support exerts what the stress has along what it holds.
-- Contact exerts q ≥ 0 times the normal of the first facet of a pair. Where it rubs, it exerts a
-  shear force of c + μq at most too. Both are opposite on the other side.
+- A support exerts the traction of the stress along its held directions.
+- Contact exerts q ≥ 0 times the normal of the first facet of a pair. With friction it also exerts a
+  shear force of at most c + μq. Both are opposite on the other side.
 """
 
 from collections.abc import Sequence
@@ -20,22 +20,22 @@ from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.touching import Touching, obstacles_of, touching
 
 UNIT = 4e-12
-"""Four times the error in length of unit vectors on file."""
+"""Four times the length error of unit vectors on file."""
 
 
 @dataclass(frozen=True)
 class Anchors:
-    """Tractions that supports and contact can exert besides.
+    """Tractions that supports and contact can exert in addition.
 
-    Each is linear on its facet, and zero at all vertices of that but one.
+    Each is linear on its facet, and zero at all vertices but one.
 
     Attributes:
-        facets: The facet of each, shape (n,).
-        corners: The place of the vertex among those of the facet.
-        opposite: The facet on which it acts with the other sign, or −1.
-        opposite_corners: The place of the vertex there.
-        along: Directions, vectors of a length of about 1, shape (n, d).
-        most: The largest traction times area at the vertex, ∞ where it is not limited.
+        facets: The facet of each traction, shape (n,).
+        corners: The index of the vertex in the facet.
+        opposite: The facet on which it acts with the opposite sign, or −1.
+        opposite_corners: The index of the vertex in the opposite facet.
+        along: Directions, vectors with a length of about 1, shape (n, d).
+        most: The largest traction times area at the vertex, ∞ if it is not limited.
     """
 
     facets: Longs
@@ -48,18 +48,18 @@ class Anchors:
 
 @dataclass(frozen=True)
 class Remainder:
-    """Forces without balance, and those that act.
+    """Unbalanced forces, and the places where forces act.
 
     Attributes:
-        cells: Forces per volume times the volume that nothing balances, shape (num_cells, d).
-        inner: Jumps of tractions times area at the vertices of inner facets, in the order of their
-            numbers, that act on the first of two cells, shape (num_inner, d, d).
-        outer: Tractions times area that outer facets have and nothing exerts, (num_facets, d, d).
-        acts: Whether anything acts on facets along each axis, shape (num_facets, d).
-        pulls: The same of cells, shape (num_cells, d).
-        anchors: Forces that can act besides.
-        plates: Tractions times area less those of loads, of which rigid surfaces ask that their
-            resultants are those of their loads, shape (num_facets, d, d).
+        cells: Unbalanced forces per volume times the volume, shape (num_cells, d).
+        inner: Jumps of tractions times area at the vertices of inner facets, ordered by vertex
+            number, acting on the first of two cells, shape (num_inner, d, d).
+        outer: Tractions times area on outer facets that nothing exerts, shape (num_facets, d, d).
+        acts: Whether any force acts on facets along each axis, shape (num_facets, d).
+        pulls: Whether any force acts on cells along each axis, shape (num_cells, d).
+        anchors: Additional forces that can act.
+        plates: Tractions times area minus those of loads, whose resultants on rigid surfaces must
+            equal those of the loads, shape (num_facets, d, d).
     """
 
     cells: Balls
@@ -73,11 +73,11 @@ class Remainder:
 
 @dataclass(frozen=True)
 class Shapes:
-    """Shapes of the cells.
+    """Volumes and area vectors of the cells.
 
     Attributes:
-        areas: Area vectors of the facets opposite each vertex, outward, (num_cells, d + 1, d).
-        volumes: Volumes; zero is inside of the ball of a cell whose shape is lost.
+        areas: Outward area vectors of the facets opposite each vertex, shape (num_cells, d + 1, d).
+        volumes: Volumes; for a cell whose shape is lost, the ball contains zero.
     """
 
     areas: Balls
@@ -107,11 +107,11 @@ def shapes_of(body: Body) -> Shapes:
 def remainder_of(
     body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]], shapes: Shapes
 ) -> Remainder:
-    """Return what a stress leaves.
+    """Return the remainder of a stress.
 
     Args:
         body: The bodies, of cells in the plane or in space.
-        stress: At the vertices of each cell, effective where there is a pressure in pores.
+        stress: Stress at the vertices of each cell, effective with a pore pressure.
         kinds: Loads of each kind, and their factors.
         shapes: Shapes of the cells.
     """
@@ -155,7 +155,7 @@ def summed(kinds: Sequence[tuple[float, Floats]]) -> Balls:
 
 
 def _alike(body: Body, sides: Longs) -> Longs:
-    """Return the places in their cells of the vertices of sides, in the order of their numbers."""
+    """Return indices in the cells of the vertices of sides, ordered by vertex number."""
     d = body.dim
     cells, places = sides // (d + 1), body.corners[sides % (d + 1)]
     numbers = np.take_along_axis(body.cells[cells], places, axis=1)
@@ -163,25 +163,25 @@ def _alike(body: Body, sides: Longs) -> Longs:
 
 
 class Outer:
-    """Outer facets, with n values on each: at vertices, or coefficients of what is quadratic.
+    """Outer facets with n values on each: at vertices, or coefficients of quadratics.
 
     Attributes:
-        rest: Tractions times area less those of loads, shape (num_facets, n, d).
-        left: Those that nothing exerts.
-        acting: Those that act.
+        rest: Tractions times area minus those of loads, shape (num_facets, n, d).
+        left: Tractions that nothing exerts.
+        acting: Tractions that act.
     """
 
     def __init__(
         self, body: Body, at: Balls, traction: Balls, areas: Balls, radii: Floats | None = None
     ) -> None:
-        """Choose what supports, contact and plates exert.
+        """Choose the tractions of supports, contact and plates.
 
         Args:
             body: The bodies.
             at: Tractions times area of the stress, shape (num_facets, n, d).
-            traction: Tractions of loads, the same shape.
+            traction: Tractions of loads, same shape.
             areas: Area vectors of the sides of cells.
-            radii: Coefficients of r around an axis, by which tractions are multiplied,
+            radii: In axisymmetry the coefficients of r, which multiply tractions, shape
                 (num_facets, n).
         """
         d = body.dim
@@ -198,7 +198,7 @@ class Outer:
         self._touches = np.zeros(count, dtype=bool)
         self._order = np.zeros(shape, dtype=np.int64)
         self._second = np.zeros(count, dtype=bool)
-        self._room = np.full(shape, np.inf)  # force that friction lets act besides
+        self._room = np.full(shape, np.inf)  # additional force allowed by friction
         self._rubs = np.zeros(count, dtype=bool)
         loads = traction * self._sizes[:, None, None]
         self.rest = at - loads
@@ -213,9 +213,9 @@ class Outer:
         self.acts = np.asarray((self.acting.size > 0).any(axis=1))
 
     def _exert(self) -> None:
-        """Choose what supports and contact exert."""
+        """Choose the tractions of supports and contact."""
         body = self._body
-        extra = self._order.shape[1] - body.dim  # the edge of a facet around an axis
+        extra = self._order.shape[1] - body.dim  # the edge of a facet in axisymmetry
         for pair, c, mu in self._pairs():
             self._into = put(self._into, pair.first, self._areas[pair.first])
             self._into = put(self._into, pair.second, -self._areas[pair.first])
@@ -249,14 +249,14 @@ class Outer:
         ]
 
     def _told(self, facets: Longs) -> Flags:
-        """Return where supports leave free what contact pushes along."""
+        """Return where supports leave the contact direction free."""
         share = self._into.mid[facets] * self._free[facets]
         squares = np.einsum("fi,fi->f", share, share)
         undetermined = 1e-12
         return np.asarray(squares > undetermined * self._sizes.mid[facets] ** 2)
 
     def _pushes(self, facets: Longs) -> Floats:
-        """Return the pressure that leaves least, at the vertices of facets."""
+        """Return the pressure with the smallest residual, at the vertices of facets."""
         share = self._into.mid[facets] * self._free[facets]
         squares = np.einsum("fi,fi->f", share, share)
         squares[~self._told(facets)] = np.inf
@@ -269,13 +269,13 @@ class Outer:
         terms: tuple[float, float],
         pair: tuple[Longs, Longs] | None,
     ) -> None:
-        """Choose the pressure on facets of contact, and shear forces if they rub.
+        """Choose the pressure on contact facets, and shear forces with friction.
 
         Args:
             facets: The facets.
-            pushes: Pressure that leaves least.
+            pushes: Pressure with the smallest residual.
             terms: Adhesion c and friction μ.
-            pair: Facets opposite, and the places of their values; None of obstacles.
+            pair: Opposite facets, and the indices of their values; None for obstacles.
         """
         pressure, shear = np.maximum(pushes, 0.0), None
         c, mu = terms[0] * self._radii[facets], terms[1]
@@ -287,7 +287,7 @@ class Outer:
             limit = (1 - rounding) * (c + mu * pressure) * least[:, None]
             shear *= np.minimum(1.0, limit / np.where(sizes > 0, sizes, 1.0))[..., None]
             sizes = np.minimum(sizes, limit)
-            # what is left along the normal of a shear force that is rounded has to be pressed on
+            # additional pressure covers the normal part of a rounded shear force
             pressure = pressure + rounding * sizes / least[:, None]
             self._shear[facets] = shear
             room = np.maximum(limit - sizes, 0.0) / (1 + mu)
@@ -300,7 +300,7 @@ class Outer:
                 self._shear[pair[0]] = -np.take_along_axis(shear, places[..., None], axis=1)
 
     def _shears(self, facets: Longs, pair: tuple[Longs, Longs] | None) -> Floats:
-        """Return what the stress has across contact, of the side that no support holds."""
+        """Return the tangential tractions of the stress, from the side without supports."""
         found = self._across(facets)
         if pair is not None:
             there = -np.take_along_axis(self._across(pair[0]), pair[1][..., None], axis=1)
@@ -311,13 +311,13 @@ class Outer:
     def _across(self, facets: Longs) -> Floats:
         rest, into = self.rest.mid[facets], self._into.mid[facets]
         squares = np.einsum("fi,fi->f", into, into)
-        for _ in range(2):  # the second time for what rounding has left
+        for _ in range(2):  # the second pass removes rounding errors
             along = np.einsum("fvi,fi->fv", rest, into) / squares[:, None]
             rest = rest - along[..., None] * into[:, None]
         return np.asarray(rest)
 
     def anchors(self) -> Anchors:
-        """Return what can act besides."""
+        """Return the additional forces that can act."""
         body, d = self._body, self._body.dim
         sizes = np.maximum(self._sizes.mid, np.finfo(float).tiny)
         unit = self._into * Balls.exact(1 / sizes)[:, None]
@@ -331,7 +331,7 @@ class Outer:
         ]
         least = self._sizes.mid - 2 * self._sizes.rad
         presses = np.maximum(self._pressure, 0.0) * least[:, None]
-        # Of what presses a part each, so that together they neither pull nor slip.
+        # Each takes a share of the pressure, so that together they neither pull nor slip.
         room = np.minimum(self._room, presses / 2) / (d + 1)
         presses_there = np.asarray((room > 0).any(axis=1))
         some = np.flatnonzero(self._touches & ~self._second & presses_there)

@@ -1,9 +1,10 @@
-"""Surfaces that a rigid plate is glued to: resultants of their tractions, and their motions.
+"""Handle surfaces glued to a rigid plate: resultants of their tractions, and their motions.
 
-Of what the plate pushes with nothing is known but force and moment on it, which are those of the
-tractions; a surface that is held along some axes does not turn, and has but the force along the
-others. Its velocity is a + ω × (x − c) with the centre c of the surface. Of bodies of revolution it
-moves along the axis, and of stresses S = rσ and velocities v = ru it is said over 2π.
+Of the tractions of the plate only force and moment are known, and equal those of its loads. A
+surface that is held along some axes does not rotate, and only the force along the other axes
+matters. The velocity of the plate is a + ω × (x − c) with the centre c of the surface. For bodies
+of revolution the plate moves along the axis. Stresses S = rσ and velocities v = ru are then divided
+by 2π.
 """
 
 from dataclasses import dataclass
@@ -22,13 +23,13 @@ class Rigid:
     """A rigid surface.
 
     Attributes:
-        number: Among those on file.
+        number: Index on file.
         facets: Its facets.
-        free: Which of the components of force and moment count, shape (3 or 6,).
-        middle: c.
-        extent: The largest distance from it.
-        area: Area of the surface; of a body of revolution over 2π.
-        turn: What forces on file are over: 2π of bodies of revolution, else 1.
+        free: Which components of force and moment matter, shape (3 or 6,).
+        middle: Centre c.
+        extent: The largest distance from the centre.
+        area: Area of the surface; for a body of revolution divided by 2π.
+        turn: Divisor of forces on file: 2π for bodies of revolution, else 1.
     """
 
     number: int
@@ -40,19 +41,19 @@ class Rigid:
     turn: float
 
     def wanted(self, loads: Loads) -> Floats:
-        """Force and moment about c over the extent, of loads; zero where the surface is held."""
+        """Return force and moment about c over the extent, of loads; zero for a held surface."""
         force, moment = loads.rigid_force[self.number], loads.rigid_moment[self.number]
         about = moment - moments(self.middle[None], force[None])[0]
         found: Floats = np.append(force, about / self.extent) * self.free / self.turn
         return found
 
     def resultant(self, body: Body, tractions: Floats) -> Floats:
-        """Return the same of tractions at the facets' vertices, linear between; exact.
+        """Return the exact resultant of tractions at the facets' vertices, linear between them.
 
         Args:
             body: The bodies.
-            tractions: Tractions of all facets, shape (num_facets, d, d); of bodies of revolution
-                coefficients of r times these, shape (num_facets, 3, 2).
+            tractions: Tractions of all facets, shape (num_facets, d, d); for bodies of revolution
+                coefficients of r times tractions, shape (num_facets, 3, 2).
         """
         d, here = body.dim, tractions[self.facets]
         areas = body.areas[self.facets]
@@ -60,21 +61,21 @@ class Rigid:
             return np.append(areas @ here.mean(axis=1), 0.0) * self.free
         places = body.vertices[body.facets[self.facets]]
         arms = np.reshape((places - self.middle) / self.extent, (-1, d))
-        means = (np.eye(d) + 1) / (d * (d + 1))  # of products of barycentric coordinates
+        means = (np.eye(d) + 1) / (d * (d + 1))  # integrals of products of barycentric coordinates
         weighted = np.einsum("f,ab,fbi->fai", areas, means, here)
         about = moments(np.asarray(arms, dtype=np.float64), weighted.reshape(-1, d)).sum(axis=0)
         found: Floats = np.append(areas @ here.mean(axis=1), about) * self.free
         return found
 
     def motion(self, x: Floats, v: Floats) -> tuple[Floats, float]:
-        """Return the rigid motion next to velocities, in the mean, and the largest difference.
+        """Return the rigid motion closest to velocities in the mean, and the largest difference.
 
         Args:
-            x: Places, shape (n, d).
-            v: Velocities there.
+            x: Points, shape (n, d).
+            v: Velocities at the points.
 
         Returns:
-            a and ω times the extent, zero where the surface is held.
+            Vectors a and ω times the extent, zero for held components.
         """
         d = x.shape[1]
         arms = np.asarray((x - self.middle) / self.extent, dtype=np.float64)
@@ -82,7 +83,7 @@ class Rigid:
         shifts = [np.broadcast_to(axis, x.shape) for axis in np.eye(d)]
         every = np.stack([*shifts, *turns], axis=2) * self.free
         if self.turn != 1:
-            every = every * x[:, :1, None]  # of v = ru
+            every = every * x[:, :1, None]  # for v = ru
         found = np.linalg.lstsq(every.reshape(-1, every.shape[2]), v.ravel(), rcond=None)[0]
         motion: Floats = found * self.free
         return motion, float(np.abs(v - every @ motion).max(initial=0))
@@ -105,46 +106,46 @@ def rigid_of(body: Body) -> list[Rigid]:
 
 
 def check_loaded(body: Body) -> None:
-    """Make sure that the loads whose factor is bounded push something that can move.
+    """Refuse loads, of those whose factor is bounded, that push only supports.
 
-    Tractions on a rigid surface push it by their resultant alone, along what is free.
+    Tractions on a rigid surface push it by their resultant along free components.
 
     Args:
         body: The bodies.
 
     Raises:
-        ProofError: If they push nothing but supports.
+        ProofError: If they push only supports.
     """
     loads, glued = body.sought, np.isin(body.surface, body.rigid)
     free = left_free(loads.traction, body.held, body.guided)[~body.on_axis & ~glued]
     if free.any() or loads.body_force.any() or loads.pore_pressure.any():
         return
-    rounding = 1e-12  # of a sum of tractions, relative to that of their sizes
+    rounding = 1e-12  # sum of tractions relative to the sum of their magnitudes
     for surface in rigid_of(body):
         pushes = surface.resultant(body, applied(body, loads))
         here = applied(body, loads)[surface.facets]
         size = float(body.areas[surface.facets] @ np.linalg.norm(here, axis=2).mean(axis=1))
         if surface.wanted(loads).any() or np.abs(pushes).max() > rounding * size:
             return
-    raise ProofError("nothing is loaded but supports: every load factor would be a bound.")
+    raise ProofError("only supports are loaded: every load factor would be a bound.")
 
 
 def sums_of(rigid: list[Rigid], loads: Loads) -> tuple[float, float]:
-    """The sum of forces, and of moments over extents, and the largest of them over its area."""
+    """Return the sum of forces, and moments over extents, and the largest of them over its area."""
     sizes = [float(np.abs(surface.wanted(loads)).sum()) for surface in rigid]
     stresses = [size / surface.area for size, surface in zip(sizes, rigid, strict=True)]
     return sum(sizes), max(stresses, default=0.0)
 
 
 def moments(arms: Floats, forces: Floats) -> Floats:
-    """Arms × forces, both of shape (n, d): shape (n, 1) in the plane, (n, 3) in space."""
+    """Return arms × forces, both of shape (n, d): shape (n, 1) in the plane, (n, 3) in space."""
     if arms.shape[1] == 2:
         return (arms[:, :1] * forces[:, 1:] - arms[:, 1:] * forces[:, :1])[:, :1]
     return np.asarray(np.cross(arms, forces), dtype=np.float64)
 
 
 def turned(turn: Floats, arms: Floats) -> Floats:
-    """Rotation × arms, shape (n, d)."""
+    """Return rotation × arms, shape (n, d)."""
     if arms.shape[1] == 2:
         return turn[0] * np.column_stack([-arms[:, 1], arms[:, 0]])
     return np.asarray(np.cross(turn, arms), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Arrays of rigid surfaces, of files that have none."""
+"""Provide defaults for rigid surfaces if a file has none."""
 
 from collections.abc import Mapping
 
@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 
 def with_rigid(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return arrays with no rigid surfaces where none are named."""
+    """Return arrays with empty rigid surfaces if a file has none."""
     d = np.shape(arrays.get("vertices", ()))[1:]
     none: dict[str, npt.NDArray] = {}
     if "rigid" not in arrays:

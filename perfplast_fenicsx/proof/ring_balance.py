@@ -1,17 +1,19 @@
-"""Cost of forces without balance around an axis (:mod:`rings`, :mod:`balance`).
+"""Compute the cost of unbalanced forces in axisymmetry (:mod:`rings`, :mod:`balance`).
 
-The stress S = rσ is quadratic in each section. Its hoop part follows from equilibrium along r, so
-that only forces along the axis, and jumps of tractions, are left.
+The stress S = rσ is quadratic in each section. Its hoop component follows from equilibrium along r.
+Only forces along the axis and jumps of tractions remain.
 
 1. Supports and contact exert further forces along the axis, so that each piece is in equilibrium.
-2. Each cell passes on the forces along the axis beyond it, by tractions that are zero on the axis.
-3. Radial forces in a cell, linear in it, put it in balance as a plane body. They are hoop stresses.
-4. Consider tractions that are quadratic on each side of a triangle, in balance with forces that are
-   linear in it. They are those of a stress that is quadratic in each of the three parts into which
-   the centre divides it (D. N. Arnold, J. Douglas, C. P. Gupta, doi:10.1007/BF01379659). On the
-   regular triangle :data:`SIZE` bounds its coefficients. Where tractions are zero at vertices on
-   the axis it is zero there, and of a side on the axis it may be zero, too. Then S/r is at most
-   2C/r' with the largest coefficient C and the least positive radius r' of vertices and centre.
+2. Each cell transfers the axial forces of all cells beyond it, by tractions that are zero on the
+   axis.
+3. Radial forces in a cell, linear in it, balance it as a plane body. They are the hoop stresses.
+4. Consider tractions that are quadratic on each side of a triangle, in equilibrium with forces that
+   are linear in it. They belong to a stress that is quadratic in each of the three parts into which
+   the centre divides the triangle (D. N. Arnold, J. Douglas, C. P. Gupta, doi:10.1007/BF01379659).
+   On the regular triangle :data:`SIZE` bounds its coefficients. The stress is zero at vertices on
+   the axis where the tractions are zero, and can be zero on a side on the axis, too. Then S/r is at
+   most 2C/r' with the largest coefficient C and the least positive radius r' of vertices and
+   centre.
 """
 
 from collections.abc import Sequence
@@ -44,23 +46,23 @@ from perfplast_fenicsx.proof.rings import (
 )
 
 SIZE = (3.7, 1.56)
-"""Bounds of the coefficients on the regular triangle with edges 1. The first is a factor of the
-largest coefficient of traction times length, added up over the sides, the second one of the largest
-force. They are the larger ones of triangles with a side on the axis, and without. A test computes
-them."""
+"""Bounds of the coefficients on the regular triangle with edges 1. The first factor multiplies the
+largest coefficient of traction times length, summed over the sides; the second multiplies the
+largest force. They are the larger values of triangles with and without a side on the axis. A test
+computes both."""
 
 ALONG = 1
-"""The component along the axis."""
+"""Index of the axial component."""
 
 
 @dataclass(frozen=True)
 class RingStress:
-    """A stress in sections of rings, and what it leaves.
+    """A stress in sections of rings, and its residual.
 
     Attributes:
         vectors: Coefficients of (rr, zz, θθ, √2 rz) of S, shape (num_cells, 6, 4).
         errors: Errors of the hoop stress, shape (num_cells,).
-        cost: Of the forces without balance.
+        cost: Cost of the unbalanced forces.
     """
 
     vectors: Floats
@@ -71,7 +73,7 @@ class RingStress:
 def ring_stress(
     body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]], shapes: Shapes
 ) -> RingStress:
-    """Return the stress with its hoop part, and what it costs to balance the rest.
+    """Return the stress with its hoop component, and the cost of balancing the residual.
 
     Args:
         body: The bodies of revolution.
@@ -98,7 +100,7 @@ def ring_stress(
     flat = areas.each(lambda part: part.reshape(-1, 2))
 
     def at(sides: Longs) -> Balls:
-        """Return tractions times length, by the number of the vertex, and at the edge."""
+        """Return tractions times length, ordered by vertex number, then at the edge."""
         numbers = facet_coefficients(body, sides)
         return contracted(total[(sides // 3)[:, None], numbers], flat[sides][:, None, None])
 
@@ -138,15 +140,16 @@ def _times_radius(body: Body, traction: Floats) -> Balls:
 
 
 class _Acting:
-    """Forces along the axis that act on each cell, over 2π.
+    """Axial forces that act on each cell, divided by 2π.
 
     Attributes:
-        on_sides: The largest coefficient of tractions times length on each side, added up.
-        within: The largest force along the axis in each cell times its area.
-        forces: Forces along the axis.
-        errors: Of them.
-        pieces: Number of the piece of each cell.
-        volumes: Areas from below.
+        on_sides: The largest coefficient of tractions times length on each side, summed over the
+            sides.
+        within: The largest axial force in each cell times its area.
+        forces: Axial forces.
+        errors: Their errors.
+        pieces: Index of the piece of each cell.
+        volumes: Areas, bounded from below.
     """
 
     def __init__(self, body: Body, shapes: Shapes, rate: Balls, jumps: Balls, outer: Balls) -> None:
@@ -163,21 +166,21 @@ class _Acting:
         self._put(body.outer // 3, outer)
 
     def _put(self, cells: Longs, tractions: Balls) -> None:
-        """Let tractions act on cells, with the other sign."""
+        """Add tractions on cells, with the opposite sign."""
         np.add.at(self.on_sides, cells, tractions.norms().max(axis=1, initial=0.0))
         mean = tractions[..., ALONG].sum(axis=1) * Balls.part(3)
         np.add.at(self.forces, cells, -mean.mid)
         np.add.at(self.errors, cells, mean.rad + np.abs(mean.low) + 8 * U * np.abs(mean.mid))
 
     def carry(self, body: Body, facets: Longs, forces: Floats, errors: Floats) -> None:
-        """Let forces act through facets, by tractions that are zero on the axis."""
+        """Add forces through facets, by tractions that are zero on the axis."""
         cells = body.outer[facets] // 3
         np.add.at(self.on_sides, cells, 1.5 * (np.abs(forces) + errors))
         np.add.at(self.forces, cells, forces)
         np.add.at(self.errors, cells, errors + 8 * U * np.abs(forces))
 
     def push(self, body: Body, anchors: Anchors, forces: Floats) -> None:
-        """Let forces of anchors act."""
+        """Add the forces of anchors."""
         for facets, sign in ((anchors.facets, -1.0), (anchors.opposite, 1.0)):
             at = np.flatnonzero((facets >= 0) & (forces != 0))
             values = anchors.along[at] * Balls.exact(sign * forces[at])[:, None]
@@ -185,7 +188,7 @@ class _Acting:
             self._put(body.outer[facets[at]] // 3, values[:, None].where(first[:, None]))
 
     def missing(self, idle: Flags) -> tuple[Floats, Floats]:
-        """Return the forces on each piece, and their errors, zero where nothing acts along it."""
+        """Return the forces on each piece and their errors, zero for idle pieces."""
         count = len(idle)
         found, size, errors = (
             _summed(self.pieces, values, count)
@@ -198,17 +201,17 @@ class _Acting:
 def _reactions(
     body: Body, acting: _Acting, anchors: Anchors, plates: Plates, idle: Flags
 ) -> tuple[Floats | None, str | None]:
-    """Return sizes of forces that supports, contact and plates exert besides, of each facet.
+    """Return sizes of the additional forces of supports, contact and plates on each facet.
 
     Args:
         body: The bodies.
-        acting: What acts on cells.
-        anchors: Supports and contact.
+        acting: Forces on cells.
+        anchors: Anchors of supports and contact.
         plates: Rigid surfaces.
         idle: Pieces on which nothing acts along the axis.
 
     Returns:
-        None where there are no such forces, and why.
+        None and the reason if there are no such forces.
     """
     pieces = acting.pieces[body.outer // 3]
     first = np.append(anchors.facets, plates.first)
@@ -225,7 +228,7 @@ def _reactions(
         rad[pieces[facets[at]], columns[at]] += lost[at] + U * np.abs(values[at])
 
     def push(forces: Floats) -> tuple[Floats, Floats]:
-        """Return what is missing, and its errors, when forces act besides."""
+        """Return the unbalanced forces with some additional forces, and their errors."""
         acting.push(body, anchors, forces[:own])
         for facets, sign in ((plates.first, 1.0), (plates.second, -1.0)):
             there = facets >= 0
@@ -249,14 +252,14 @@ def _summed(of: Longs, values: Floats, count: int) -> Floats:
 
 
 def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats:
-    """Return the size of a stress that balances what acts, of each cell."""
+    """Return the size of a stress that balances the forces, in each cell."""
     count = len(body.cells)
     more = _summed(body.outer // 3, pushes, count)
     sides = acting.on_sides + more + 1.5 * _passed(body, acting, more)
     x, radii = body.vertices[body.cells], radii_of(body)
     extent = np.linalg.norm(np.ptp(x, axis=1), axis=1)
     heights = x[..., ALONG] - x[..., ALONG].mean(axis=1, keepdims=True)
-    spread = (heights**2).sum(axis=1) / 12  # mean square of the height above the middle
+    spread = (heights**2).sum(axis=1) / 12  # mean squared height above the middle
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         turn = (sides + acting.within) * extent / spread
         radial = sides + turn * np.abs(heights).max(axis=1)
@@ -272,7 +275,7 @@ def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats
 
 
 def _passed(body: Body, acting: _Acting, pushes: Floats) -> Floats:
-    """Return the sum over the sides of each cell of what it passes on, and what is passed to it."""
+    """Return for each cell the sum over its sides of the transferred tractions."""
     count, across = len(body.cells), across_of(body)
     levels, back = tree_of(body, across, acting.volumes, acting.pieces)
     forces, errors = acting.forces.copy(), acting.errors + pushes
@@ -286,5 +289,5 @@ def _passed(body: Body, acting: _Acting, pushes: Floats) -> Floats:
         np.add.at(sizes, towards, sizes[cells])
         np.add.at(forces, towards, forces[cells])
         np.add.at(errors, towards, errors[cells])
-    # Sums of numbers that are not negative: each is rounded once for each cell that follows.
+    # Sums of non-negative numbers: each is rounded once for each cell that follows.
     return upwards(found * (1 + 1e-12), 2 * count + 64)

@@ -1,8 +1,8 @@
-"""Contacts and obstacles that rub, as they are on file: adhesion c (stress) and friction μ of each.
+"""Handle contacts and obstacles with friction: adhesion c (stress) and friction μ of each.
 
-Tractions of a contact that push with the pressure p ≥ 0 may have the shear ‖τ‖ ≤ c + μp. These are
-a convex set, the sum of a disc ‖τ‖ ≤ c and a cone ‖τ‖ ≤ μp. If slip w_t follows its normal, the
-surfaces part by w_n ≥ μ‖w_t‖, and c‖w_t‖ is dissipated.
+Contact tractions with the pressure p ≥ 0 may have the shear ‖τ‖ ≤ c + μp. These tractions form a
+convex set, the sum of a disc ‖τ‖ ≤ c and a cone ‖τ‖ ≤ μp. If slip w_t is associated, the surfaces
+separate by w_n ≥ μ‖w_t‖, and the dissipation is c‖w_t‖.
 """
 
 from collections.abc import Mapping
@@ -18,11 +18,11 @@ OF = {
     "obstacle_adhesion": "obstacles",
     "obstacle_friction": "obstacles",
 }
-"""Arrays with a number for each of others; a file without them has zeros."""
+"""Arrays with one number for each entry of another array; a file without them has zeros."""
 
 
 def with_rubbing(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return arrays with zeros for what does not rub."""
+    """Return arrays with zeros for missing adhesion and friction."""
     none = {
         name: np.zeros(np.asarray(arrays[of]).shape[:1])
         for name, of in OF.items()
@@ -32,27 +32,27 @@ def with_rubbing(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
 
 
 def fault_of(values: Floats) -> str | None:
-    """Return the fault of numbers of adhesion or friction in words, or None."""
+    """Return the fault of adhesion or friction numbers in words, or None."""
     fine = (values >= 0) & np.isfinite(values)
     return None if fine.all() else "is negative or not finite"
 
 
 def loose(adhesion: Floats, friction: Floats) -> bool:
-    """Return whether any slips and parts, and dissipates nothing by that."""
+    """Return whether any contact with friction separates without dissipation."""
     return bool(((friction > 0) & (adhesion == 0)).any())
 
 
 def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
     """Return shear tractions beyond the friction of the pressure, relative to the adhesion.
 
-    At most 1 where they may be so large. A stress divided by the largest of these keeps to the set,
-    as 0 is inside. Without adhesion it is not a number, and :func:`unheld` decides.
+    Admissible tractions have values of at most 1. A stress divided by the largest value lies in the
+    set, as 0 is inside. Without adhesion the value is not a number, and :func:`unheld` decides.
 
     Args:
         shear: ‖τ‖ at the vertices of facets, shape (n, d).
-        pressure: As ``shear``.
+        pressure: Pressure at the vertices of facets, shape (n, d).
         adhesion: Adhesion of each facet, shape (n,).
-        friction: As ``adhesion``.
+        friction: Friction of each facet, shape (n,).
     """
     beyond = shear - friction[:, None] * pressure
     adheres = adhesion > 0
@@ -62,6 +62,6 @@ def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) 
 
 
 def unheld(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
-    """Shear tractions beyond the pressure's friction where nothing adheres; shapes as above."""
+    """Return shear beyond the friction of the pressure without adhesion; shapes as above."""
     beyond = np.maximum(shear - friction[:, None] * pressure, 0.0)
     return np.where(adhesion[:, None] > 0, 0.0, beyond)

@@ -1,8 +1,8 @@
-"""Which cells of two halves have a volume in common: those that no plane parts.
+"""Find cells of two halves with a common volume: those that no plane separates.
 
-Two simplices are apart if their shadows on the normal of a facet of one, or in space of an edge of
-each, are (the theorem of separating axes). Shadows that overlap by less than a share of both only
-touch.
+Two simplices are separate if their projections on some axis are: a normal of a facet of either, or
+in space of an edge of each (separating axis theorem). Projections that overlap by less than a share
+of both only touch.
 """
 
 from collections.abc import Callable
@@ -14,19 +14,19 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.box_pairs import box_pairs
 
 TOUCHING = 1e-6
-"""Share of the narrower shadow that two may overlap by and only touch."""
+"""Largest overlap of touching projections, as a share of the narrower one."""
 
 
 def shared_cells(
     one: Body, other: Body, differ: Callable[[Longs, Longs], Flags]
 ) -> tuple[Longs, Longs]:
-    """Return pairs of cells that have a volume in common and differ.
+    """Return pairs of cells that have a common volume and differ.
 
     Args:
         one: The cells of a half.
-        other: Those of the other.
-        differ: Which of many pairs do; only for these the checker decides whether they share a
-            volume.
+        other: The cells of the other half.
+        differ: Function that returns which of many pairs differ; only for these the checker decides
+            whether they share a volume.
     """
     if np.array_equal(one.vertices, other.vertices) and np.array_equal(one.cells, other.cells):
         every: Longs = np.arange(len(one.cells))
@@ -45,19 +45,19 @@ def shared_cells(
 
 
 def boxes_of(places: Floats) -> Floats:
-    """Least and largest coordinates of simplices, shape (2, n, d) of (n, k, d)."""
+    """Return least and largest coordinates of simplices, shape (2, n, d) from (n, k, d)."""
     return np.stack([places.min(axis=1), places.max(axis=1)])
 
 
 def have_common_volume(ones: Floats, others: Floats) -> Flags:
-    """Return whether simplices have.
+    """Return whether pairs of simplices have a common volume.
 
     Args:
-        ones: Places of their vertices, shape (num_pairs, d + 1, d).
-        others: The same of those beside them.
+        ones: Coordinates of their vertices, shape (num_pairs, d + 1, d).
+        others: The other simplex of each pair, same shape.
     """
     d, found = ones.shape[2], np.ones(len(ones), dtype=bool)
-    at_once = 20_000  # pairs that are looked at together, for the memory they take
+    at_once = 20_000  # number of pairs processed together, limited by memory
     for some in np.array_split(np.arange(len(ones)), len(ones) // at_once + 1):
         middle = ones[some].mean(axis=1, keepdims=True)
         a, b = ones[some] - middle, others[some] - middle
@@ -71,19 +71,19 @@ def have_common_volume(ones: Floats, others: Floats) -> Flags:
 
 
 def overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Flags]:
-    """Return places whose convex hull is the overlap of two simplices.
+    """Return points whose convex hull is the overlap of two simplices.
 
-    They are the ends of the part of each edge of the one that lies in the other, and the other way
-    round. Every vertex of the overlap is such an end.
+    They are the ends of the part of each edge of one simplex that lies in the other. Every vertex
+    of the overlap is such an end.
 
     Args:
         ones: Vertices of simplices, shape (num_pairs, d + 1, d).
-        others: The same of those beside them.
+        others: The other simplex of each pair, same shape.
 
     Returns:
-        The places, shape (num_pairs, n, d), and which of them there are.
+        The points, shape (num_pairs, n, d), and which of them exist.
     """
-    rounding = 1e-9  # of barycentric coordinates
+    rounding = 1e-9  # tolerance for barycentric coordinates
     found, there = [], []
     for x, y in ((ones, others), (others, ones)):
         ends = np.array(list(combinations(range(x.shape[1]), 2)))
@@ -118,7 +118,7 @@ def _facing(simplices: Floats) -> Floats:
 
 
 def _apart(ones: Floats, others: Floats, axes: Floats) -> Flags:
-    """Return whether shadows on one of the axes do not overlap; axes of no length do not count."""
+    """Return whether projections on an axis are separate; axes of length zero do not count."""
     with np.errstate(all="ignore"):
         axes = axes / np.linalg.norm(axes, axis=2, keepdims=True)
     first, second = (np.einsum("pvi,pai->pav", x, axes) for x in (ones, others))

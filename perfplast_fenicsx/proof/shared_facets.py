@@ -1,8 +1,8 @@
-"""Which outer facets of two halves lie on each other, and how much of each is covered.
+"""Find coinciding outer facets of two halves, and how much of each is covered.
 
-Two sets of cells with the same outer facets, seen from outside, fill the same room: what both
-differ by has no boundary then, and nothing bounded is without one. Facets may be divided in
-different ways.
+Two sets of cells with the same outer facets, seen from outside, fill the same region: their
+difference would have no boundary, but every bounded region has one. Facets may be divided
+differently.
 """
 
 from dataclasses import dataclass
@@ -13,21 +13,21 @@ from perfplast_fenicsx.proof.body import Body, Floats, Longs
 from perfplast_fenicsx.proof.box_pairs import box_pairs
 
 CLOSE = 1e-11
-"""Distance from the plane of a facet that counts as none, relative to its largest coordinate:
-rounding of cells that were divided often."""
+"""Distance from the plane of a facet that counts as zero, relative to its largest coordinate:
+rounding of repeatedly divided cells."""
 
 COVERED = 1e-6
-"""Share of a facet whose lack of another one counts as none, and that no pair is of."""
+"""Uncovered share of a facet that counts as zero, and least share of a pair."""
 
 
 @dataclass(frozen=True)
 class SharedFacets:
-    """Pairs of facets that lie on each other, on the same side of their cells.
+    """Pairs of facets that coincide, on the same side of their cells.
 
     Attributes:
-        first: Numbers of facets of one half, shape (num_pairs,).
-        second: Those of the other.
-        alone: Centres of facets of either that are not covered, shape (n, d).
+        first: Indices of facets of one half, shape (num_pairs,).
+        second: Indices of facets of the other half.
+        alone: Centres of facets of either half that are not covered, shape (n, d).
     """
 
     first: Longs
@@ -36,7 +36,7 @@ class SharedFacets:
 
 
 def shared_facets(one: Body, other: Body) -> SharedFacets:
-    """Find them."""
+    """Return the coinciding facets of two halves."""
     halves = (one, other)
     places = [body.vertices[body.facets] for body in halves]
     reach = [CLOSE * np.abs(x).max(axis=(1, 2)) for x in places]
@@ -77,13 +77,13 @@ def _widths(body: Body, facets: Longs) -> Floats:
 
 
 def _common(large: Floats, small: Floats, normals: Floats, slack: Floats) -> Floats:
-    """Length or area that facets of one plane have in common.
+    """Return the common length or area of facets in one plane.
 
     Args:
-        large: Places of vertices, shape (num_pairs, d, d).
-        small: As ``large``.
+        large: Coordinates of vertices, shape (num_pairs, d, d).
+        small: Coordinates of vertices, shape (num_pairs, d, d).
         normals: Normals of the plane.
-        slack: Distance that counts as none.
+        slack: Distance that counts as zero.
     """
     if large.shape[2] == 2:
         along = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
@@ -94,26 +94,26 @@ def _common(large: Floats, small: Floats, normals: Floats, slack: Floats) -> Flo
         np.concatenate([normals[:, :, None], np.tile(np.eye(3), (len(normals), 1, 1))], axis=2)
     )[0][:, :, 1:]
     flat = [_turned((x - large[:, :1]) @ frames) for x in (large, small)]
-    # by Green: of each boundary what is inside of the other, once what is of both
+    # Green's theorem: of each boundary the part inside the other, with common parts once
     once = _swept(flat[0], flat[1], slack, with_common=True)
     return once + _swept(flat[1], flat[0], slack, with_common=False)
 
 
 def _turned(triangles: Floats) -> Floats:
-    """Return triangles in the plane whose vertices follow each other to the left."""
+    """Return plane triangles with vertices in counterclockwise order."""
     sides = triangles[:, 1:] - triangles[:, :1]
     left = np.linalg.det(sides) > 0
     return np.where(left[:, None, None], triangles, triangles[:, [0, 2, 1]])
 
 
 def _swept(triangles: Floats, inside: Floats, slack: Floats, with_common: bool) -> Floats:
-    """Area that edges sweep about the origin where they are inside of other triangles.
+    """Return the area that edges sweep about the origin inside other triangles.
 
     Args:
-        triangles: Vertices of those with the edges, shape (num_pairs, 3, 2).
-        inside: Of the others.
-        slack: Distance that counts as none.
-        with_common: Whether to count edges, too, that go along those of the others.
+        triangles: Vertices of the triangles with the edges, shape (num_pairs, 3, 2).
+        inside: Vertices of the other triangles.
+        slack: Distance that counts as zero.
+        with_common: Whether to include edges along those of the other triangles.
     """
     ends = np.roll(triangles, -1, axis=1)
     sides = np.roll(inside, -1, axis=1) - inside

@@ -1,7 +1,8 @@
-"""Open HDF5 files that somebody else may have written: all numbers are in the file itself.
+"""Open HDF5 files from untrusted sources: all numbers must be in the file itself.
 
-A file can name data of other files (links, virtual and external arrays), can claim more numbers
-than it has, and can have groups that contain each other. A path can name a pipe that nobody writes.
+A file can refer to data in other files (links, virtual and external arrays), can claim more numbers
+than it has, and can have groups that contain each other. A path can be a pipe to which nobody
+writes.
 """
 
 import errno
@@ -14,32 +15,32 @@ import h5py
 import numpy as np
 
 MOST_OBJECTS = 100_000
-"""Groups and arrays that a file may have."""
+"""Largest number of groups and arrays of a file."""
 
 MOST_TEXTS = 1000
-"""Texts that an array may have: each of them may name the same long one."""
+"""Largest number of texts of an array: each of them may refer to the same long text."""
 
 SMALL = 1 << 27
-"""Bytes that a compressed array may have however few are stored."""
+"""Allowed size of a compressed array in bytes, however few are stored."""
 
 MOST_COMPRESSED = 100
-"""How many times as large as what is stored a compressed array may be, if it is larger."""
+"""Largest ratio of a larger compressed array to its stored size."""
 
 
 @contextmanager
 def stored_file(path: str | Path, beside: tuple[str, ...] = ()) -> Iterator[h5py.File]:
-    """Open a file, after all that is in it was looked at.
+    """Open a file after checking all its contents.
 
     Args:
         path: The file.
         beside: Files to which links may lead, relative to the folder of this one.
 
     Yields:
-        The file, open for reading.
+        The file, opened for reading.
 
     Raises:
-        OSError: If there is no such file, or it cannot be read as HDF5.
-        ValueError: If something in it is not stored in the file itself.
+        OSError: If there is no such file, or if it cannot be read as HDF5.
+        ValueError: If some data are not stored in the file itself.
     """
     path = Path(path)
     check_regular(path)
@@ -49,20 +50,20 @@ def stored_file(path: str | Path, beside: tuple[str, ...] = ()) -> Iterator[h5py
 
 
 def check_regular(path: Path) -> None:
-    """Make sure that a path leads to a file, and to no pipe, folder or device.
+    """Check that a path leads to a regular file, not to a pipe, folder or device.
 
     Raises:
-        OSError: If it does not, or there is nothing.
+        OSError: If it does not, or if nothing exists there.
     """
     if not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "it is not a regular file")
 
 
 def _check(file: h5py.File, folder: Path, beside: frozenset[str]) -> None:
-    """Look at all groups and arrays, each once.
+    """Check all groups and arrays, each once.
 
     Raises:
-        ValueError: If one is not stored in the file itself, or there are too many.
+        ValueError: If one is not stored in the file itself, or if there are too many.
     """
     waiting: list[h5py.Group] = [file]
     seen = {_address(file)}
@@ -80,7 +81,7 @@ def _check(file: h5py.File, folder: Path, beside: frozenset[str]) -> None:
                 raise ValueError(f"{name} is a link.")
             there = group[name]
             if (address := _address(there)) in seen:
-                raise ValueError(f"{name} is another name of something in the same file.")
+                raise ValueError(f"{name} is another name of an object in the same file.")
             seen.add(address)
             if len(seen) > MOST_OBJECTS:
                 raise ValueError(f"there are more than {MOST_OBJECTS} groups and arrays.")
@@ -93,12 +94,12 @@ def _check(file: h5py.File, folder: Path, beside: frozenset[str]) -> None:
 
 
 def _address(there: h5py.Group | h5py.Dataset) -> int:
-    """Return where in the file a group or an array begins."""
+    """Return the address of a group or an array in the file."""
     return int(h5py.h5o.get_info(there.id).addr)
 
 
 def _check_linked(folder: Path, other: str, places: list[str]) -> None:
-    """Make sure that another file is in the folder and has what links name.
+    """Check that another file is in the folder and contains the linked data.
 
     Raises:
         ValueError: If it does not.
@@ -112,7 +113,7 @@ def _check_linked(folder: Path, other: str, places: list[str]) -> None:
 
 
 def _check_array(name: str, data: h5py.Dataset) -> None:
-    """Make sure that the numbers of an array are in the file.
+    """Check that the numbers of an array are in the file.
 
     Raises:
         ValueError: If they are not.
@@ -128,4 +129,4 @@ def _check_array(name: str, data: h5py.Dataset) -> None:
     filtered = data.id.get_create_plist().get_nfilters() > 0
     most = max(stored, min(SMALL, 2000 * stored), MOST_COMPRESSED * stored) if filtered else stored
     if size > most:
-        raise ValueError(f"{name} declares {count:.3g} numbers and has fewer in the file.")
+        raise ValueError(f"{name} declares {count:.3g} numbers, but the file contains fewer.")

@@ -1,4 +1,4 @@
-"""The data of a proof in words: what the checker cannot know, and the reader can."""
+"""Describe the data of a proof, which the reader must check because the checker cannot."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from perfplast_fenicsx.proof.rings import around, normals_of, times_radius
 
 
 def taken_as_written(body: Body) -> str:
-    """Return the bodies, strengths, supports, contact and loads of a half, in one sentence."""
+    """Return in one sentence the bodies, strengths, supports, contact and loads of a half."""
     d = body.dim
     shape = "triangles" if d == 2 else "tetrahedra"
     shape += ", sections of rings around x = 0," if body.is_revolved else ""
@@ -24,7 +24,7 @@ def taken_as_written(body: Body) -> str:
         f"loads whose resultants at λ = 1 are {_loads(body, body.sought)}",
     ]
     if body.constant:
-        parts.append(f"loads that stay, whose resultants are {_loads(body, body.constant)}")
+        parts.append(f"permanent loads, whose resultants are {_loads(body, body.constant)}")
     if body.others:
         words = _loads(body, body.others)
         parts.append(f"loads of any factor, whose resultants at factor 1 are {words}")
@@ -32,20 +32,20 @@ def taken_as_written(body: Body) -> str:
 
 
 def _listed(words: list[str]) -> str:
-    """Words, and how many more there are."""
-    most_words = 6  # materials, surfaces and so on that are named one by one
+    """Return words as a list, with the number of omitted ones."""
+    most_words = 6  # largest number of materials, surfaces and so on that are named individually
     more = len(words) - most_words
     return ", ".join(words[:most_words]) + (f" and {more} more" if more > 0 else "")
 
 
 def _cuts(body: Body) -> list[str]:
-    """Facets on each other that nothing joins; nothing of sound bodies."""
+    """Return words on coinciding facets that nothing joins; an empty list for sound bodies."""
     places = cuts_of(body)
     if not len(places):
         return []
     return [
-        f"cut open between {len(places)} pairs of facets that lie on each other without contact, as"
-        f" at {_vector(places[0])}: the bound is one of bodies with that cut"
+        f"cut open between {len(places)} pairs of coinciding facets without contact, as at "
+        f"{_vector(places[0])}: the bound is for bodies with this cut"
     ]
 
 
@@ -64,7 +64,7 @@ def _strengths(body: Body) -> str:
 
 
 def _cone(body: Body, number: np.int64) -> str:
-    """A cone in words: radius and slope of those about the axis of mean stress, else all of it."""
+    """Return a cone in words: radius and slope if its axis is mean stress, else all numbers."""
     if body.cones.is_principal[number]:
         s = body.cone_sine[number]
         what = f"{1 + s:.6g} σ₁ − {1 - s:.6g} σ₃" if s else "σ₁ − σ₃"
@@ -99,7 +99,7 @@ def _supports(body: Body) -> str:
     for tag in np.unique(body.surface[guided]):
         here = np.intersect1d(body.on(tag), guided)
         cosines = np.einsum("fi,fi->f", body.guided[here], body.normals[here])
-        oblique = np.abs(cosines).min() < 1 - 1e-8  # angles of 1.4e-4 and more
+        oblique = np.abs(cosines).min() < 1 - 1e-8  # angles of at least 1.4e-4
         what = "a direction oblique to it, " if oblique else "its normal "
         along = f"{what}{_vector(body.guided[here[0]])}"
         words.append(f"surface {tag} along {along} ({len(here)} facets)")
@@ -128,7 +128,7 @@ def _rigid(body: Body) -> list[str]:
         axes = ", ".join(
             axis for axis, is_so in zip("xyz", np.atleast_1d(held), strict=False) if is_so
         )
-        words.append(f"surface {tag}" + (f" (held in {axes}, and not turning)" if axes else ""))
+        words.append(f"surface {tag}" + (f" (held in {axes}, without rotation)" if axes else ""))
     return [f"rigid plates glued to {_listed(words)}"] if words else []
 
 
@@ -159,8 +159,8 @@ def _loads(body: Body, loads: Loads) -> str:
         there = body.volumes[loads.pore_pressure.any(axis=1)].sum()
         least, most = loads.pore_pressure.min(), loads.pore_pressure.max()
         words.append(
-            f"a pressure of {least:.6g} to {most:.6g} in the pores of a volume of {there:.6g},"
-            " whose stresses are effective ones"
+            f"a pressure of {least:.6g} to {most:.6g} in the pores of a volume of "
+            f"{there:.6g}, whose stresses are effective stresses"
         )
     return _listed(words)
 

@@ -1,4 +1,4 @@
-"""Which facets of two surfaces lie opposite each other, found from their coordinates."""
+"""Find opposite facets of two surfaces from their coordinates."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,21 +8,22 @@ import numpy as np
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
 
 AT_ONCE = 2_000_000
-"""Pairs of facets that are looked at together, for the memory they take."""
+"""Number of pairs of facets processed together, limited by memory."""
 
 
 @dataclass(frozen=True)
 class Touching:
-    """Facets of one surface and those of the other that are the same but for a shift along n.
+    """Facets of one surface and those of the other that differ only by a shift along n.
 
-    Of bodies of revolution the shift leaves radii as they are.
+    For bodies of revolution the shift preserves radii.
 
     Attributes:
-        first: Numbers of facets, shape (num_pairs,).
-        second: Those opposite.
-        order: Places of the latters' vertices, in the order of those opposite, (num_pairs, d).
-        apart: Facets of the first surface that lie opposite others without matching them, 0 for
-            none; not all of many.
+        first: Indices of facets, shape (num_pairs,).
+        second: Indices of the opposite facets.
+        order: Indices of their vertices, in the order of the vertices that they are opposite, shape
+            (num_pairs, d).
+        apart: Number of facets of the first surface that are opposite others without matching them,
+            0 for none; for many, only some.
     """
 
     first: Longs
@@ -32,7 +33,7 @@ class Touching:
 
 
 def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
-    """Match the facets of two surfaces.
+    """Return the matching facets of two surfaces.
 
     Args:
         body: The bodies.
@@ -49,13 +50,13 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
     order = np.argmin(gaps, axis=2)
     whole = (gaps.min(axis=2) <= _close(body, a)[:, None]).all(axis=1)
     whole &= (np.sort(order, axis=1) == np.arange(body.dim)).all(axis=1)
-    if body.is_revolved:  # rings of one size
+    if body.is_revolved:  # rings of equal size
         off = np.take_along_axis(x[b][..., 0], order, axis=1) - x[a][..., 0]
         whole &= (np.abs(off) <= _close(body, a)[:, None]).all(axis=1)
     first, second = a[whole], b[whole]
     left = np.setdiff1d(firsts, first), np.setdiff1d(seconds, second)
     apart = _overlapping(body, *left)
-    # A facet that another one of its surface hides faces the partner of that one.
+    # A facet hidden by another one of its surface faces the partner of that facet.
     apart = apart or _overlapping(body, left[0], second, in_front=True)
     apart = apart or _overlapping(body, left[1], first, in_front=True)
     return Touching(first, second, order[whole], apart)
@@ -65,16 +66,16 @@ def _close(body: Body, facets: Longs) -> Floats:
     """Return the distance below which facets touch, at each facet."""
     x = body.vertices[body.facets[facets]]
     sizes = np.ptp(x, axis=1).max(axis=1)
-    if body.is_revolved:  # rings differ in size by the radius that one has
+    if body.is_revolved:  # rings differ in size by the radius of one of them
         sizes = np.minimum(sizes, x[..., 0].max(axis=1))
-    rounding = 1e-6  # distance across the normal that counts as none, relative to the facet
+    rounding = 1e-6  # tangential distance that counts as zero, relative to the facet
     return rounding * np.asarray(sizes)
 
 
 def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs]:
-    """Return pairs of facets that may lie on one line along their normal, among them all that do.
+    """Return pairs of facets that may share a line along their normal, including all that do.
 
-    Normal and foot of the line, put together, are seen along one direction, and sorted there.
+    The function projects normal and foot of each line on one direction, and sorts the results.
     """
     none = np.zeros(0, dtype=np.int64)
     if not (len(firsts) and len(seconds)):
@@ -95,8 +96,8 @@ def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs
 
     of_first, of_second = seen(firsts, 1.0), seen(seconds, -1.0)
     order = np.argsort(of_second)
-    same_normal = 1e-8  # normals whose components differ by less are the same
-    # a foot is moved by a normal's error times its distance, of at most 2 extents
+    same_normal = 1e-8  # normals whose components differ by less are equal
+    # a normal's error moves a foot by at most this error times 2 extents
     reach = along.sum() * (5 * body.dim * same_normal + close / size)
     start = np.searchsorted(of_second[order], of_first - reach)
     number = np.searchsorted(of_second[order], of_first + reach, side="right") - start
@@ -118,7 +119,7 @@ def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs
 
 
 def _each_other(body: Body, a: Longs, b: Longs) -> tuple[Longs, Longs]:
-    """Return the pairs, of those on one line, in which each is the nearest to the other."""
+    """Return the pairs on common lines in which each facet is the nearest to the other."""
     centres = body.vertices[body.facets].mean(axis=1)
     height = np.sum((centres[b] - centres[a]) * body.normals[a], axis=1)
     nearest = np.ones(len(a), dtype=bool)
@@ -129,23 +130,23 @@ def _each_other(body: Body, a: Longs, b: Longs) -> tuple[Longs, Longs]:
 
 
 def _overlapping(body: Body, a: Longs, b: Longs, in_front: bool = False) -> int:
-    """How many of a have boxes, seen along their normals, that overlap one of b's facing them.
+    """Return how many of a overlap, along their normals, the box of an opposite facet of b.
 
-    Those of the first part of a that has any are enough to refuse, and all pairs of many thousand
-    facets would take long.
+    The function stops at the first batch of a with a result: this is enough to refuse, and all
+    pairs of many thousand facets would take long.
 
     Args:
         body: The bodies.
-        a: Numbers of facets.
-        b: Those of others.
-        in_front: Whether only facets count that lie in front of each other.
+        a: Indices of facets.
+        b: Indices of other facets.
+        in_front: Whether only facets in front of each other count.
     """
     if not (len(a) and len(b)):
         return 0
     x = body.vertices[body.facets]
     centres = x.mean(axis=1)
     radii = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1)
-    # Facets face each other where their normals point so much against each other.
+    # Facets face each other if the cosine of their normals is below this.
     facing = 0.1
     for some in np.array_split(a, len(a) * len(b) // AT_ONCE + 1):
         n = body.normals[some]
@@ -172,7 +173,7 @@ def _overlapping(body: Body, a: Longs, b: Longs, in_front: bool = False) -> int:
 
 
 def obstacles_of(body: Body) -> Iterator[tuple[np.int64, Floats, np.float64, np.float64]]:
-    """Tag, normal, adhesion and friction of each rigid obstacle.
+    """Yield tag, normal, adhesion and friction of each rigid obstacle.
 
     Args:
         body: The bodies.

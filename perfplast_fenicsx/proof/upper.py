@@ -1,13 +1,13 @@
-"""Does a velocity prove an upper bound? It is quadratic in each cell, and continuous.
+"""Check whether a velocity proves an upper bound. It is quadratic in each cell, and continuous.
 
-(∫D(ε(v)) − L₀(v))/L(v), with the work L₀(v) of loads that stay, is an upper bound of the limit load
-of the bodies where v = 0 at supports, ε(v) = 0 in elastic bodies, and v enters nothing. D is the
-sup of σ:ε over the cone of each cell (:mod:`cones`), and where it is finite ε is admissible
-(kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). The velocity
-on file is bent until all that holds (:mod:`mechanism`), but for volume changes, and another one
-undoes these (:mod:`volume_change`). It dissipates something (:mod:`dissipation`), and loads do work
-on it. Both raise the bound, and nothing that is left is taken as zero. Of bodies of revolution the
-velocity is v = ru (:mod:`rings`), and works are over 2π.
+(∫D(ε(v)) − L₀(v))/L(v), with the work L₀(v) of permanent loads, is an upper bound of the limit load
+if v = 0 at supports, ε(v) = 0 in elastic bodies, and v causes no penetration. D is the supremum of
+σ:ε over the cone of each cell (:mod:`cones`); where it is finite, ε is admissible (kinematic
+theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). The checker corrects the
+velocity on file until all this holds (:mod:`mechanism`), apart from volume changes, which another
+velocity undoes (:mod:`volume_change`). That velocity dissipates power (:mod:`dissipation`), and
+loads do work on it. Both raise the bound, and no residual is neglected. For bodies of revolution
+the velocity is v = ru (:mod:`rings`), and works are divided by 2π.
 """
 
 from dataclasses import dataclass
@@ -30,13 +30,13 @@ from perfplast_fenicsx.proof.work_of_others import most_work, usual_speed
 
 
 def check_nodes(body: Body, nodes: Longs, count: int) -> None:
-    """Make sure that the velocity is continuous.
+    """Refuse velocities that are not continuous.
 
     Args:
         body: The bodies.
-        nodes: Nodes of each cell: those at its vertices and then those at the middles of its edges
-            01, 02, ..., 12, ...
-        count: How many there are.
+        nodes: Nodes of each cell: at its vertices, then at the middles of its edges 01, 02, ...,
+            12, ...
+        count: Number of nodes.
 
     Raises:
         ProofError: If a vertex or an edge has another node in another cell.
@@ -45,7 +45,7 @@ def check_nodes(body: Body, nodes: Longs, count: int) -> None:
     if nodes.shape != (len(body.cells), body.dim + 1 + len(pairs)):
         raise ProofError("nodes do not fit the cells.")
     if nodes.size and not (nodes.min() >= 0 and nodes.max() < count):
-        raise ProofError("nodes without a velocity.")
+        raise ProofError("some nodes have no velocity.")
     ends = np.sort(body.cells[:, pairs].reshape(-1, 2), axis=1)
     edges = ends[:, 0] * len(body.vertices) + ends[:, 1]
     for things, theirs in (
@@ -54,7 +54,7 @@ def check_nodes(body: Body, nodes: Longs, count: int) -> None:
     ):
         _, first, inverse = np.unique(things, return_index=True, return_inverse=True)
         if (theirs[first][inverse.ravel()] != theirs).any():
-            raise ProofError("the velocity is not continuous: a place has two nodes.")
+            raise ProofError("the velocity is not continuous: a point has two nodes.")
 
 
 @dataclass(frozen=True)
@@ -62,15 +62,15 @@ class Flow:
     """The bound that a velocity proves.
 
     Attributes:
-        measured: ``work_of_others``, the work of loads of any factor, relative to what they could
-            do where they are, each with the largest velocity or strain of its own facet or cell.
-        bound: The upper bound, None where there is none.
-        reasons: Why there is none.
-        cost: The part of it that comes of what is undone and of rounding.
+        measured: ``work_of_others``: the work of the free loads, relative to their largest possible
+            work, each with the largest velocity or strain of its own facet or cell.
+        bound: The upper bound, None if nothing is proven.
+        reasons: Why nothing is proven.
+        cost: The part of the bound due to undone volume changes and rounding.
         speed: The largest velocity over the work.
-        power: What is dissipated, or the loads do if that is more, over the work.
-        work: That of the loads whose factor is bounded, from below.
-        others: What loads of any factor 1 can do in all.
+        power: The dissipation, or the work of the loads if larger, divided by the work.
+        work: Work of the loads whose factor is bounded, from below.
+        others: Largest possible work of the free loads at factor 1.
     """
 
     measured: dict[str, float]
@@ -95,14 +95,14 @@ def measure_velocity(body: Body, v: Floats) -> Flow:
     found = _measured(body, v, shapes, mechanism_of(body, v, shapes, resting))
     if not resting:
         return found
-    # Bodies that may strain give way to each other at each place.
+    # Deformable bodies make way for each other at each point.
     other = _measured(body, v, shapes, mechanism_of(body, v, shapes))
     known = [np.inf if of.bound is None else of.bound for of in (found, other)]
     return found if known[0] < known[1] else other
 
 
 def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Flow:
-    """Return what a mechanism proves, near the velocity on file."""
+    """Return what a mechanism near the velocity on file proves."""
     rates = rates_of(body, mechanism, shapes)
     of_cells = dissipated(body, rates)
     keeps, takes = (of & ~mechanism.rigid for of in _kinds(body))
@@ -110,16 +110,16 @@ def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Fl
     more = left.gradients * rates.of_gradient
     some, alert = body.plastic, np.zeros(len(body.cells))
     alert[some] = body.cones.alertness[body.cone[some]]
-    # Cells around an axis have rates of r²ε, and gradients of v are r times as much there.
+    # In axisymmetry rates are those of r²ε, and gradients of v are r times as large.
     radius = body.vertices[body.cells][..., 0].max(axis=1) if body.is_revolved else 1.0
     short = of_cells.short + alert * more * radius
     reasons = [why for why in (mechanism.reason, left.reason) if why is not None]
     if not (short <= 0).all():
-        reasons.append(_at(body, short, "cells that dilate grow too little for their strain"))
+        reasons.append(_at(body, short, "dilating cells dilate too little for their strain"))
     known = ~some | mechanism.rigid | keeps | takes
     known[some] |= body.cones.grows[body.cone[some]]
     if not known.all():
-        reasons.append("a cone leaves another stress free than the mean one")
+        reasons.append("a cone leaves a stress free that is not the mean stress")
     cost = float((body.steepness * more)[more > 0].sum() * (1 + 1e-9))
     dissipation = (of_cells.total + cost + mechanism.slip) * (1 + 64 * U)
     works = [_work(body, of, mechanism, rates, shapes) for of in _loads(body)]
@@ -158,7 +158,7 @@ def _loads(body: Body) -> tuple[Loads, Loads, Loads]:
 
 
 def _kinds(body: Body) -> tuple[Flags, Flags]:
-    """Return which cells keep their volume, and of which any rate is admissible."""
+    """Return which cells preserve their volume, and for which any rate is admissible."""
     of_cones = (body.cones.keeps_volume(normals_of(body)), body.cones.takes_any)
     keeps, takes = (np.append(of, False)[body.cone] for of in of_cones)
     return keeps, takes
@@ -172,14 +172,14 @@ def _at(body: Body, values: Floats, words: str) -> str:
 def _work(
     body: Body, loads: Loads, mechanism: Mechanism, rates: Rates, shapes: Shapes
 ) -> tuple[float, float]:
-    """Return the work of loads, and its error.
+    """Return the work of loads and its error.
 
     Args:
         body: The bodies.
-        loads: Of one kind.
-        mechanism: Their velocity.
-        rates: Of that.
-        shapes: Of the cells.
+        loads: Loads of one kind.
+        mechanism: Velocity of the bodies.
+        rates: Rates of the velocity.
+        shapes: Shapes of the cells.
     """
     if not loads:
         return 0.0, 0.0
@@ -229,12 +229,12 @@ def _work(
 
 
 def _undone_work(body: Body, loads: Loads, left: Undone) -> float:
-    """Return what loads can do at most on the velocity that undoes volume changes."""
+    """Return the largest work of loads on the velocity that undoes volume changes."""
     if not loads:
         return 0.0
     x = body.vertices[body.cells]
     reach = np.linalg.norm(np.ptp(x, axis=1), axis=1)
-    # w is zero at vertices, and no farther from one than a cell is wide
+    # w is zero at vertices, and every point is within a cell's width of one
     forces = np.linalg.norm(loads.body_force, axis=1) * reach * left.gradients
     pores = np.abs(loads.pore_pressure).max(axis=1) * left.change
     pushes = np.linalg.norm(loads.traction, axis=2).max(axis=1) * left.through
@@ -243,7 +243,7 @@ def _undone_work(body: Body, loads: Loads, left: Undone) -> float:
 
 
 def _share_of_others(body: Body, v: Floats, other_work: float, work: float) -> float:
-    """Return the work of loads of any factor relative to what they could do."""
+    """Return the work of the free loads relative to their largest possible work."""
     d = body.dim
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
     usual = usual_speed(body, body.sought, work)
@@ -254,7 +254,7 @@ def _share_of_others(body: Body, v: Floats, other_work: float, work: float) -> f
 
 
 def strain_rates(body: Body, v: Floats) -> Floats:
-    """ε(v) at the vertices of each cell, shape (num_cells, d + 1, d, d)."""
+    """Return ε(v) at the vertices of each cell, shape (num_cells, d + 1, d, d)."""
     g, d = body.gradients, body.dim
     gradient = np.einsum("cvi,cvj,kv->ckij", v[:, : d + 1], g, 4 * np.eye(d + 1) - 1)
     for node, (a, b) in enumerate(combinations(range(d + 1), 2), start=d + 1):
@@ -265,7 +265,7 @@ def strain_rates(body: Body, v: Floats) -> Floats:
 
 
 def _facet_nodes(body: Body) -> Longs:
-    """Places in the cell of each facet's vertices and of the middles of its edges."""
+    """Return the indices in the cell of each facet's vertices and edge middles."""
     d = body.dim
     number = np.zeros((d + 1, d + 1), dtype=np.int64)
     for node, (a, b) in enumerate(combinations(range(d + 1), 2), start=d + 1):
@@ -276,9 +276,9 @@ def _facet_nodes(body: Body) -> Longs:
 
 
 def _means(dim: int) -> Floats:
-    """Return means over a facet of linear functions times Bernstein's polynomials.
+    """Return means over a facet of linear functions times Bernstein polynomials.
 
-    They are times (d − 1)!/((d + 2)!) as whole numbers, shape (d, 3 or 6).
+    They are integers times (d − 1)!/((d + 2)!), shape (d, 3 or 6).
     """
     groups = [(a, a) for a in range(dim)] + list(combinations(range(dim), 2))
     found = np.zeros((dim, len(groups)))

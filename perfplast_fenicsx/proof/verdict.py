@@ -1,14 +1,15 @@
-"""Verdicts on a stress or a velocity, and the limits of residuals."""
+"""Define verdicts on a stress or a velocity, and the limits of residuals."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 ROUNDING = 1e-9
-"""Limit of a residual that has no limit of its own in :data:`LIMITS`."""
+"""Limit of a residual that is not in :data:`LIMITS`."""
 
 ROUNDED = 1e-8
-"""Share by which a file may claim more than it proves. The checker prints what is proven."""
+"""Relative excess of the claim over the proven bound that is allowed. The checker prints the proven
+bound."""
 
 LIMITS: Mapping[str, float] = {
     "asymmetry": 0.0,
@@ -28,14 +29,14 @@ LIMITS: Mapping[str, float] = {
     "yield_ratio": 1 + 1e-9,
     "shear_ratio": 1 + 1e-9,
 }
-"""Limits of residuals. Symmetry is exact, as a program can write it. Rows of a stress have the
-rounding of mean stresses that may be 1e5 yield radii. All forces together are a millionth of the
-least distance at which bounds are sought, 1e-4, and a ten-millionth of what the weakest cell could
-bear. Most are of cones without a bound and of blocks alone, as elsewhere residuals make a
-lower bound smaller. Those of a velocity make an upper bound larger."""
+"""Limits of residuals. Symmetry must be exact, since a program can write symmetric tensors. Rows of
+a stress allow the rounding of mean stresses of up to 1e5 yield radii. The sum of all unbalanced
+forces may be a millionth of the smallest usual tolerance of bounds, 1e-4, and a ten-millionth of
+the weakest cell's capacity. Most limits apply only to cones without a bound and to blocks;
+elsewhere residuals reduce a lower bound. Residuals of a velocity increase an upper bound."""
 
 RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"}
-"""Conditions that a stress keeps to when it is divided by what is measured."""
+"""Conditions that a stress satisfies after division by the measured ratio."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +45,12 @@ class Checked:
 
     Attributes:
         kind: "lower" or "upper".
-        claimed: The bound that the file names.
-        proven: The bound that was found; None where a condition fails.
-        measured: What is left of each condition.
-        faults: Which fail, in words; nothing where what is claimed holds.
-        words: What it is a proof about, and what is left in all, a sentence each.
-        reached: The bound that the numbers prove, whatever is claimed; None where they prove
-            nothing.
+        claimed: The bound that the file claims.
+        proven: The proven bound; None if a condition fails.
+        measured: The residual of each condition.
+        faults: Failed conditions in words; empty if the claim holds.
+        words: Sentences on the subject of the proof and on the residuals.
+        reached: The bound that the numbers prove, whatever is claimed; None if they prove nothing.
     """
 
     kind: str
@@ -70,28 +70,28 @@ class Checked:
 
 
 def rounding_of(bound: float, power: float) -> float:
-    """Return by how much an upper bound may be below the one that is proven, to be the same.
+    """Return the difference from the proven upper bound that counts as equal.
 
     Args:
-        bound: What is left of what is dissipated when loads that stay have done their work.
-        power: All that is dissipated, over the work of the loads whose factor is bounded: its sums
-            are rounded, however little is left.
+        bound: The dissipation minus the work of permanent loads, relative to the work.
+        power: The whole dissipation over the work of the loads whose factor is bounded; rounding
+            errors of its sums scale with it.
     """
     sums = 1e-12  # rounding of sums over all cells
     return ROUNDED * abs(bound) + sums * power
 
 
 def share_of(part: float, whole: float) -> float:
-    """Return a part of a whole, ∞ if it is no number, or something of nothing."""
+    """Return a part relative to a whole, ∞ if it is not a number or if the whole is zero."""
     if part == 0:
         return 0.0
     return part / whole if math.isfinite(part) and whole > 0 else math.inf
 
 
 def faults_of(measured: Mapping[str, float]) -> list[str]:
-    """Return the conditions that fail."""
+    """Return the failed conditions."""
     faults = [
-        f"{name.replace('_', ' ')} of {value:.1e} is left"
+        f"the residual {name.replace('_', ' ')} is {value:.1e}"
         for name, value in measured.items()
         if name not in RATIOS and not value <= LIMITS.get(name, ROUNDING)
     ]

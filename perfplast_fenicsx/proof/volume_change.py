@@ -1,21 +1,22 @@
-"""Cost of volume changes: the size of a velocity that undoes them.
+"""Compute the cost of volume changes: the size of a velocity that undoes them.
 
-A velocity v is admissible but for volume changes in cells that keep their volume. If w undoes them,
-v + w is admissible, and D(ε(v + w)) ≤ D(ε(v)) + D(ε(w)), as D is convex and of first degree. So the
-size of ∇w in each cell is enough, and only that is computed, from above.
+A velocity v is admissible apart from volume changes in cells that preserve their volume. If w
+undoes them, v + w is admissible, and D(ε(v + w)) ≤ D(ε(v)) + D(ε(w)), as D is convex and
+homogeneous of degree 1. So the size of ∇w in each cell is enough, and the module computes only an
+upper bound of it.
 
-1. Volume leaves each cell through one facet, to the next cell of a tree, and at last through a way
-   out: a free surface, a cell whose flow may change its volume, or contact that it parts. On facets
-   w is a bump b(x)a, zero at their edges, with ∫b = A for the area A. For the area vector A n it is
-   a = n/A, so that the flux is 1. In both cells div w is constant.
-2. What is left of div v in a cell is linear with the mean zero, and w is zero on all facets.
+1. Volume leaves each cell through one facet, to the next cell of a tree, and finally through an
+   outlet: a free surface, a cell whose volume may change, or a separating contact. On facets w is a
+   bump b(x)a, zero at their edges, with ∫b = A for the area A. For the area vector A n, a = n/A, so
+   that the flux is 1. In both cells div w is constant.
+2. The rest of div v in a cell is linear with zero mean, and w is zero on all facets.
 3. Such w are continuous and of degree d in each of the d + 1 parts into which the centre divides a
    cell (of degree 2 in the plane, D. N. Arnold, J. Qin, 1992; of degree 3 in space, S. Zhang,
    doi:10.1090/S0025-5718-04-01711-9). On the regular simplex with edges 1 :data:`SIZE` bounds their
-   gradients. The map x = By onto the cell gives w = Bw'/det B, so that fluxes are the same, and
-   ∇w = B∇w'B⁻¹/det B. A bump a is det B B⁻¹a there.
+   gradients. The map x = By onto the cell gives w = Bw'/det B. Fluxes are unchanged, and ∇w =
+   B∇w'B⁻¹/det B. A bump a becomes det B B⁻¹a on the regular simplex.
 
-Around an axis r tr ε(u) = div v for v = ru in the section, so that all this is the same there.
+In axisymmetry r tr ε(u) = div v for v = ru in the section, so that the same holds.
 """
 
 from dataclasses import dataclass
@@ -32,10 +33,10 @@ from perfplast_fenicsx.proof.remainder import Shapes
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 SIZE = {2: (2.67, 16.3), 3: (4.51, 79.0)}
-"""Bounds of gradients on a regular simplex, by dimension. The first is a factor of the largest
-divergence of mean zero, the second one of the vector of a bump. A test computes them."""
+"""Bounds of gradients on a regular simplex, by dimension. The first factor multiplies the largest
+divergence of zero mean, the second the vector of a bump. A test computes both."""
 
-LOST = "volume of cells has no way out, as at"
+LOST = "volume of cells has no outlet, as at"
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Undone:
         gradients: The largest ‖∇w‖ in each cell times its volume, shape (num_cells,).
         change: The largest |div w| at a vertex times the volume, shape (num_cells,).
         through: ∫|w| on outer facets, shape (num_facets,).
-        reason: Why there is none, or None.
+        reason: Why there is no such velocity, or None.
     """
 
     gradients: Floats
@@ -62,10 +63,10 @@ def undone(
 
     Args:
         body: The bodies.
-        mechanism: Their velocity.
+        mechanism: Velocity of the bodies.
         change: div v times the volume at the vertices of cells, shape (num_cells, d + 1).
-        kinds: Cells that keep their volume, and those whose rates are all admissible.
-        shapes: Of the cells.
+        kinds: Cells that preserve their volume, and those for which all rates are admissible.
+        shapes: Shapes of the cells.
     """
     d, count = body.dim, len(body.cells)
     keeps, takes = kinds
@@ -84,7 +85,7 @@ def undone(
     fluxes, errors = ways.fluxes(-(mean.mid + mean.low), mean.rad + 2 * U * np.abs(mean.mid))
     most = np.abs(fluxes) + errors
     reason = ways.fault(fluxes, errors)
-    on_sides = np.zeros(count * (d + 1))  # |flux| over the part of the area vector that is free
+    on_sides = np.zeros(count * (d + 1))  # |flux| over the free part of the area vector
     some = np.flatnonzero((ways.out >= 0) & (most > 0))
     side = ways.out[some]
     shares = most[some] / ways.free_area[some]
@@ -106,13 +107,13 @@ def undone(
 
 
 class _Ways:
-    """The way of volume out of each cell that keeps its own.
+    """The path of volume out of each cell that preserves its volume.
 
     Attributes:
-        out: Side through which it leaves, −1 of other cells and of roots without a way out.
-        free_area: Size of the part of the area vector there along which nothing is held.
-        tilt: Area over that.
-        across: Side on the other side of each, −1 of outer ones.
+        out: Side through which it leaves, −1 for other cells and for roots without an outlet.
+        free_area: Size of the free part of the area vector of this side.
+        tilt: Area over the free part.
+        across: Opposite side of each side, −1 for outer ones.
     """
 
     def __init__(
@@ -131,8 +132,8 @@ class _Ways:
         shut = np.isin(body.surface, body.rigid) | body.guided.any(axis=1)
         shut |= np.asarray(body.on_axis) | (pressed & body.held.any(axis=1))
         cells = np.arange(count * wide) // wide
-        opens = np.full(count * wide, 9)  # less is better
-        least = 0.1  # of the area vector that has to be free
+        opens = np.full(count * wide, 9)  # smaller values are better
+        least = 0.1  # least free part of the area vector
         outer = np.where(shut | (loose < least * self._sizes)[body.outer], 9, 0)
         opens[body.outer] = np.where(outer == 0, np.where(pressed, 2, 0), 9)
         opens[body.outer[_sticks(body)]] = 9
@@ -171,7 +172,7 @@ class _Ways:
     def _join_contacts(self, shut: Flags) -> None:
         """Let volume pass through contact, with the same bump on both sides.
 
-        Areas of facets that touch differ by rounding, and so do the fluxes.
+        Areas of touching facets, and so the fluxes, differ by rounding.
         """
         body, wide, d = self._body, self._body.dim + 1, self._body.dim
         areas = self._shapes.areas.mid.reshape(-1, d)
@@ -187,7 +188,10 @@ class _Ways:
                 self._unlike[here] = np.abs(1 + dots / self._sizes[here] ** 2) + 64 * U
 
     def _tree(self, roots: Longs) -> list[Longs]:
-        """Find ways to the roots, over large facets; return cells by their distance from these."""
+        """Build paths to the roots over large facets.
+
+        Return cells by their distance from the roots.
+        """
         wide = self._body.dim + 1
         seen = ~self._keeps
         seen[roots] = True
@@ -204,7 +208,7 @@ class _Ways:
         return levels
 
     def fluxes(self, needed: Floats, errors: Floats) -> tuple[Floats, Floats]:
-        """Return the flux out of each cell that all beyond it and itself need, and errors."""
+        """Return the flux out of each cell for itself and all cells beyond it, and errors."""
         wide = self._body.dim + 1
         found, off = np.where(self._keeps, needed, 0.0), np.where(self._keeps, errors, 0.0)
         sizes = np.abs(found)
@@ -217,10 +221,10 @@ class _Ways:
         return found, upwards(off + 8 * U * sizes, len(found))
 
     def fault(self, fluxes: Floats, errors: Floats) -> str | None:
-        """Return why some volume has no way out, or None.
+        """Return why some volume has no outlet, or None.
 
-        Contact parts, and does not enter. Without a way the flux is that of v through the surface.
-        That has to vanish in exact numbers, as it does where all of it is held.
+        Contact can separate, but not penetrate. Without an outlet the flux is that of v through the
+        surface. It must vanish exactly, as it does where all components are held.
         """
         body, wide = self._body, self._body.dim + 1
         some = np.flatnonzero(self.out >= 0)
@@ -248,9 +252,9 @@ class _Ways:
 
 
 def _sticks(body: Body) -> Flags:
-    """Return which facets cannot part from what they touch along their own normals, at no cost."""
+    """Return which facets cannot separate along their normals without dissipation."""
     found = np.zeros(len(body.facets), dtype=bool)
-    most = 1e6  # friction beside which normals of two facets that touch are not the same
+    most = 1e6  # friction above which the normals of two touching facets count as different
     rubs = zip(body.contact_adhesion, body.contact_friction, strict=True)
     for pair, (c, mu) in zip(body.contacts, rubs, strict=True):
         found[np.isin(body.surface, pair)] |= mu > most or c > 0
@@ -263,7 +267,7 @@ def _sticks(body: Body) -> Flags:
 
 
 def sides_places(body: Body, of_cells: Longs, sides: Longs) -> Longs:
-    """Return the places of coefficients on sides, shape (n, 3 or 6)."""
+    """Return the points of coefficients on sides, shape (n, 3 or 6)."""
     d = body.dim
     corners, number = body.corners[sides % (d + 1)], numbers_in_cell(d)
     columns = [number[corners[:, a], corners[:, b]] for a in range(d) for b in range(a, d)]

@@ -1,4 +1,4 @@
-"""The largest possible work of loads of any factor, as the measure of their work on a velocity."""
+"""Compute the largest possible work of the free loads, as the scale of their work on a velocity."""
 
 import numpy as np
 
@@ -8,14 +8,14 @@ from perfplast_fenicsx.proof.load_kinds import Loads
 
 
 def usual_speed(body: Body, loads: Loads, work: float) -> float:
-    """The mean velocity with which loads do their work; 0 where no tractions or forces do it.
+    """Return the mean velocity at which loads do their work; 0 without tractions and forces.
 
-    It depends only on loads, so that no cell is fast enough to hide what others leave.
+    It depends only on loads, so that no fast cell can hide the work of the free loads.
 
     Args:
         body: The bodies.
-        loads: Those whose factor is bounded.
-        work: Theirs.
+        loads: Loads whose factor is bounded.
+        work: Their work.
     """
     free = left_free(loads.traction, body.held, body.guided)
     pushes = np.linalg.norm(free, axis=2).mean(axis=1)
@@ -26,16 +26,16 @@ def usual_speed(body: Body, loads: Loads, work: float) -> float:
 def most_work(
     body: Body, loads: Loads, v: Floats, at_facets: Floats, rates: Floats, usual: float
 ) -> float:
-    """Return the largest possible work of loads with velocities as large as there.
+    """Return the largest possible work of loads at velocities of this size.
 
     Args:
         body: The bodies.
-        loads: Those of any factor.
+        loads: The free loads.
         v: Velocity at the nodes of each cell, shape (num_cells, nodes_per_cell, d).
-        at_facets: At those of each facet, shape (num_facets, nodes_per_facet, d).
+        at_facets: Velocity at the nodes of each facet, shape (num_facets, nodes_per_facet, d).
         rates: Rates of strain at the vertices of each cell, shape (num_cells, d + 1, d, d).
-        usual: Velocity that counts at least: what rests moves by rounding alone, and the factor
-            that this leaves is reported.
+        usual: Least velocity that counts: bodies at rest move by rounding, and the resulting factor
+            is reported.
     """
     free = left_free(loads.traction, body.held, body.guided)
     pushes = np.linalg.norm(free, axis=2).mean(axis=1)

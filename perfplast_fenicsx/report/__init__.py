@@ -1,4 +1,4 @@
-"""One page of HTML about a run, which any browser opens."""
+"""Write a report on a run as one HTML page for any browser."""
 
 import lazy_loader
 

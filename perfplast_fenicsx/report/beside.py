@@ -1,4 +1,4 @@
-"""A page of two runs beside each other: verdicts, numbers with differences, pictures, cases."""
+"""Write a page on two runs side by side: verdicts, numbers with differences, pictures, cases."""
 
 import difflib
 from collections.abc import Sequence
@@ -25,24 +25,24 @@ LETTERS = ("A", "B")
 
 
 def write_beside(folders: Sequence[str | Path], output: str | Path | None = None) -> Path:
-    """Write a page of two runs beside each other. Not collective.
+    """Write a page on two runs side by side. Not collective.
 
     Args:
-        folders: Folders of the results, two.
-        output: The file; by default ``beside_NAME.html`` in the first folder, with the second
-            one's name.
+        folders: Two result folders.
+        output: The file; by default ``beside_NAME.html`` in the first folder, with the name of the
+            second.
 
     Returns:
-        The file.
+        The path of the file.
 
     Raises:
-        InputError: If there are not two folders, one has no results, they cannot be read, or the
-            file not be written.
+        InputError: If there are not two folders, if one has no results, if they cannot be read, or
+            if the file cannot be written.
     """
     if len(folders) != 2:
         raise InputError(
-            f"a page is of one run, or of two beside each other, but {len(folders)} folders are"
-            " given; give two."
+            f"a page shows one run, or two side by side, but {len(folders)} folders are "
+            "given; give two."
         )
     readers = [ResultReader(folder) for folder in folders]
     for reader in readers:
@@ -72,7 +72,7 @@ def beside(readers: Sequence[ResultReader]) -> str:
         remarks=_remarks(readers),
         numbers=_section("numbers", "Numbers", _numbers(readers)),
         pictures=_section("pictures", "Pictures", _pictures(readers)),
-        cases=_section("cases", "What the cases say differently", _cases(readers)),
+        cases=_section("cases", "Differences of the cases", _cases(readers)),
         version=escape(__version__),
     )
     return framed(body, title, ["page.css"])
@@ -83,10 +83,10 @@ def apart(readers: Sequence[ResultReader]) -> list[str]:
     a, b = (reader.summary for reader in readers)
     told = []
     if _units(readers[0]) != _units(readers[1]):
-        both = [_units(reader) or "units that are not known" for reader in readers]
+        both = [_units(reader) or "unknown units" for reader in readers]
         told.append(
-            f"The units differ: A is in {both[0]}, B in {both[1]}. Nothing is converted, and there"
-            " are no differences of numbers that have units."
+            f"The units differ: A uses {both[0]}, B uses {both[1]}. Numbers are not "
+            "converted, and numbers with units have no differences."
         )
     if a.model["kind"] != b.model["kind"]:
         kinds = [MODELS.get(one.model["kind"], one.model["kind"]) for one in (a, b)]
@@ -94,8 +94,9 @@ def apart(readers: Sequence[ResultReader]) -> list[str]:
     meant = [_meaning(reader) for reader in readers]
     if meant[0] != meant[1]:
         told.append(
-            "ζ does not mean the same in both, so that load factors cannot be compared as they"
-            f" are. A: {meant[0] or 'nothing grows.'} B: {meant[1] or 'nothing grows.'}"
+            "ζ has a different meaning in each run, so that load factors cannot be "
+            f"compared directly. A: {meant[0] or 'nothing grows.'} B: "
+            f"{meant[1] or 'nothing grows.'}"
         )
     return told
 
@@ -136,9 +137,10 @@ def _numbers(readers: Sequence[ResultReader]) -> str:
         comparable &= same_end or not quantity.at_end
         rows.append([quantity.words, *cells, _difference(*known) if comparable else "–"])
     note = (
-        "<p>Differences are relative to A. – is what a run does not have, or what cannot be"
-        " compared, as displacements of last levels at different ζ. A limit load of a mesh is an"
-        " estimate; what is proven holds for the bodies.</p>"
+        "<p>Differences are relative to A. A dash – marks a number that a run does not "
+        "have or that cannot be compared, such as displacements of last levels at "
+        "different ζ. A limit load of a mesh is an estimate; a proven bound holds for the "
+        "bodies.</p>"
     )
     return table(heads, rows) + note
 
@@ -159,7 +161,7 @@ def _difference(a: float | None, b: float | None) -> str:
 
 
 def _pictures(readers: Sequence[ResultReader]) -> str:
-    """Return the pictures on file, each beside that of the other run."""
+    """Return the stored pictures, each next to that of the other run."""
     text = ""
     for figure in figures():
         words, files = figure.title, [reader.path / figure.file for reader in readers]
@@ -180,17 +182,22 @@ def _figure(letter: str, file: Path, words: str) -> str:
 
 
 def _cases(readers: Sequence[ResultReader]) -> str:
-    """Return lines of the case files that are not in both."""
+    """Return the lines of the case files that are not in both."""
     cases = [reader.summary.case for reader in readers]
     if not all(cases):
-        return "<p>A Python program has made one of the runs, so that there are no two cases.</p>"
+        return (
+            "<p>One of the runs was made by a Python program, so that there are not two case "
+            "files.</p>"
+        )
     texts = [case["text"].splitlines() for case in cases]
     if texts[0] == texts[1]:
-        return "<p>Nothing: the case files are the same.</p>"
+        return "<p>There are none: the case files are the same.</p>"
     a, b = (f"{letter}: {case['file']}" for letter, case in zip(LETTERS, cases, strict=True))
     lines = difflib.unified_diff(texts[0], texts[1], a, b, n=2, lineterm="")
     told = escape("\n".join(lines))
-    return f"<p>Lines with − are of A alone, those with + of B.</p><pre><code>{told}</code></pre>"
+    return (
+        f"<p>Lines with − are only in A, lines with + only in B.</p><pre><code>{told}</code></pre>"
+    )
 
 
 def _meaning(reader: ResultReader) -> str:

@@ -1,4 +1,4 @@
-"""The case in words: model, bodies, supports, loads, contacts, with the units of the case."""
+"""Describe the case in words: model, bodies, supports, loads, contacts, with units."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -26,8 +26,8 @@ NUMBERS = {
     "friction_angle": ("angle of friction in degrees", ""),
     "tensile_strength": ("tensile strength", "stress"),
     "dilatancy_angle": ("angle of dilatancy in degrees", ""),
-    "nonassociated": ("of ground that dilates by less", ""),
-    "match": ("as strong as Mohr–Coulomb in", ""),
+    "nonassociated": ("for ground with less dilatancy", ""),
+    "match": ("strength of Mohr–Coulomb in", ""),
     "isotropic": ("isotropic hardening", "stress"),
     "kinematic": ("kinematic hardening", "stress"),
     "r11": ("ratio of yield stresses, first axis", ""),
@@ -58,15 +58,15 @@ HARDENING = "von-mises-hardening"
 
 
 class CaseWords:
-    """Says what was given."""
+    """A description of the case in words."""
 
     def __init__(
         self, given: Table, units: Mapping[str, str], axes: str, staged: bool = False
     ) -> None:
-        """Take what ``summary.json`` says.
+        """Store the data of ``summary.json``.
 
         Args:
-            given: What the problem was made of.
+            given: The declaration of the problem.
             units: Units of numbers by kind.
             axes: Letters of the model's axes.
             staged: Whether there are stages, with a factor for each name.
@@ -77,7 +77,7 @@ class CaseWords:
         self._full = "in full all the time" if staged else "in full at any ζ"
 
     def bodies(self) -> list[Row]:
-        """Return each body's name, and its material."""
+        """Return the name and the material of each body."""
         rows = []
         for name, material in self._given.get("materials", {}).items():
             numbers, remembers = material, ""
@@ -88,7 +88,7 @@ class CaseWords:
         return folded(rows, "bodies")
 
     def supports(self) -> list[Row]:
-        """Return each held surface, and how."""
+        """Return each held surface and its support."""
         rows = []
         for support in self._given.get("supports", []):
             along = self._letters(support["components"])
@@ -101,7 +101,7 @@ class CaseWords:
             rows.append((support["on"], text))
         for rigid in self._given.get("rigid", []):
             moved = rigid["displacement"] or rigid["rotation"]
-            how = "moves as given" if moved else "is free to move"
+            how = "moves as prescribed" if moved else "is free to move"
             if rigid.get("held"):
                 how = f"moves without turning, held in {self._letters(rigid['held'])}"
             rows.append((rigid["on"], f"rigid, {how}"))
@@ -120,16 +120,16 @@ class CaseWords:
             elif first["kind"] == "bolt":
                 text = f"bolt, tightened to {self.number(first['preload'], 'force')}"
             else:
-                text = f"stress at first {self.number(first['stress'], 'stress')}"
+                text = f"initial stress {self.number(first['stress'], 'stress')}"
             rows.append((first["on"], text))
         return rows
 
     def meaning(self, driven: bool, several: bool = False) -> str:
-        """Return a sentence on what ζ multiplies; empty if nothing grows with it.
+        """Return a sentence on what ζ multiplies; empty if it multiplies nothing.
 
         Args:
-            driven: Whether it moves supports, obstacles or overlaps, and no load does work.
-            several: Whether loads have factors of their own in its place.
+            driven: Whether ζ moves supports, obstacles or overlaps, and no load does work.
+            several: Whether loads have their own factors instead.
         """
         if self._staged:
             return "ζ is the time: it grows by 1 in each stage."
@@ -141,7 +141,9 @@ class CaseWords:
                 live.append(f"{self._load(load)} on {load['on']}")
         if not live:
             return ""
-        most_named = 4  # loads that are named where ζ is explained; all stand in the case
+        most_named = (
+            4  # largest number of loads that the explanation of ζ names; the case lists all
+        )
         more = f" and {len(live) - most_named} more loads" if len(live) > most_named else ""
         one = "A factor of 1" if several else "ζ is the load factor: ζ = 1"
         return f"{one} is {', '.join(live[:most_named])}{more}."
@@ -166,19 +168,19 @@ class CaseWords:
         return folded(rows, "places")
 
     def assumptions(self, kind: str, taken: Sequence[str], of_bodies: bool) -> list[str]:
-        """Return what the results take for granted, in sentences.
+        """Return the assumptions of the results, in sentences.
 
         Args:
             kind: Kind of the model.
             taken: Idealisations that the bounds name, in clauses.
-            of_bodies: Whether there are bounds of the bodies, and not only results of a mesh.
+            of_bodies: Whether there are bounds of the bodies, not only results of a mesh.
         """
         listed = [MEANINGS[kind]] if kind in MEANINGS else []
         listed.append("Displacements are small: forces balance on the undeformed bodies.")
         listed.append("Loads act slowly. Buckling, fracture and fatigue are not examined.")
         listed += self._assumed_flow()
         if self._given.get("contacts") or self._given.get("obstacles"):
-            listed.append("Surfaces in contact can press and part; they cannot pull.")
+            listed.append("Surfaces in contact can push and separate, but not pull.")
         if self._given.get("ties"):
             listed.append("Surfaces that are glued together never part, whatever they carry.")
         if not any(self._units.values()):
@@ -188,7 +190,7 @@ class CaseWords:
         return [*listed, *(f"{text[:1].upper()}{text[1:].rstrip('.')}." for text in taken)]
 
     def _assumed_flow(self) -> list[str]:
-        """Return what the laws of the bodies assume, each with the names of its bodies."""
+        """Return the assumptions of the bodies' laws, each with the names of its bodies."""
         bodies: dict[str, list[str]] = {}
         for name, material in self._given.get("materials", {}).items():
             numbers = material["body"] if material["kind"] == "Flow" else material
@@ -196,7 +198,7 @@ class CaseWords:
             if law == "elastic":
                 text = "elastic at any stress"
             elif law == HARDENING:
-                text = "hardening without end, at any strain"
+                text = "unlimited hardening at any strain"
             else:
                 text = "perfectly plastic at any strain"
                 dilates = numbers.get("dilatancy_angle")
@@ -214,7 +216,7 @@ class CaseWords:
         return f"{text} {self._units.get(kind, '')}".rstrip()
 
     def _load(self, load: Table) -> str:
-        """Return a load's kind and size."""
+        """Return the kind and size of a load."""
         known = LOADS.get(load["kind"])
         words, unit = (known.words, known.quantities["value"]) if known else (load["kind"], "")
         acts = [f"{words} {self.number(load['value'], unit)}"] if load["value"] != [] else []
@@ -224,7 +226,7 @@ class CaseWords:
 
     def _letters(self, components: str) -> str:
         """Return components by the letters of the model's axes."""
-        # The letters that case files have for components, whatever the axes are called.
+        # Letters of components in case files, whatever the names of the axes.
         axes = "xyz"
         names = dict(zip(axes, self._axes, strict=False))
         return ", ".join(names[a] for a in components if a in names)
@@ -234,7 +236,7 @@ class CaseWords:
         if place.get("coulomb"):
             law = "Coulomb, associated" if place.get("associated") else "Coulomb"
             words = f"friction coefficient {plain(place['coulomb'])} ({law})"
-            return f"{words} beside an adhesion of {adhesion}" if adhesion else words
+            return f"{words} in addition to an adhesion of {adhesion}" if adhesion else words
         return f"friction {adhesion} (Tresca)" if adhesion else "without friction"
 
     def _numbers(self, material: Table) -> str:
@@ -251,17 +253,17 @@ class CaseWords:
 
 
 def folded(rows: Sequence[Row], what: str) -> list[Row]:
-    """Return rows of which many say the same, those in one row with all their names.
+    """Return rows, with those that say the same merged into one row with all names.
 
     Args:
-        rows: Names and what is said of them.
-        what: What the names are of, such as "bodies".
+        rows: Names and their descriptions.
+        what: The kind of the names, such as "bodies".
     """
     names: dict[str, list[str]] = {}
     for name, text in rows:
         names.setdefault(text, []).append(name)
     told = []
-    least_alike = 3  # rows that say the same and become one
+    least_alike = 3  # number of equal rows that are merged
     for name, text in rows:
         alike = names[text]
         if len(alike) < least_alike:
@@ -272,5 +274,5 @@ def folded(rows: Sequence[Row], what: str) -> list[Row]:
 
 
 def plain(value: Any) -> str:
-    """Return a number in a few digits; a formula as it is."""
+    """Return a number with few digits; a formula unchanged."""
     return f"{value + 0.0:.6g}" if isinstance(value, int | float) else str(value)

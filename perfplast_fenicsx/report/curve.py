@@ -1,4 +1,4 @@
-"""The loading curve as inline SVG: ζ over α, force over stroke, or factors over works."""
+"""Draw the loading curve as inline SVG: ζ over α, force over stroke, or factors over works."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -14,19 +14,20 @@ BOTTOM, EDGE = 46, 14
 COLOURS = ("#1f5a99", "#a34700", "#1b6e3c", "#7a3b8f", "#5b5b00", "#9c1c3a")
 MARKS = ("circle", "square", "diamond")
 DASHES = ("", "8 4", "2 3")
-"""Dashes of curves: three curves with each, so that none differ only by their colour."""
+"""Dash patterns of curves: three curves share each pattern, so that curves differ by more than
+colour."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """The size of a drawing; lengths are pixels at full width.
+    """The layout of a drawing; lengths are pixels at full width.
 
     Attributes:
-        name: Class of the drawing, by which the page chooses.
-        width: Width of all.
-        height: Height of all.
-        left: Room for the numbers of the axis at the left.
-        most: Numbers along x.
+        name: CSS class of the drawing, by which the page selects it.
+        width: Total width.
+        height: Total height.
+        left: Space for the numbers of the left axis.
+        most: Largest number of labels along x.
     """
 
     name: str
@@ -41,7 +42,7 @@ WIDE, NARROW = Sheet("wide", 640, 360, 72, 7), Sheet("narrow", 358, 300, 62, 4)
 
 @dataclass(frozen=True)
 class Line:
-    """Points of a curve, with the words of each."""
+    """Points of a curve, with a text for each."""
 
     name: str
     x: list[float]
@@ -58,8 +59,8 @@ class Curve:
         y_label: Label of the axis.
         lines: The curves.
         band: Bounds of y, shaded; None without.
-        band_words: What they bound.
-        far: Where x has so many times this number, its axis is logarithmic beyond it; 0 if not.
+        band_words: Name of these bounds.
+        far: The x axis is logarithmic beyond this value times its unit; 0 for a linear axis.
     """
 
     x_label: str
@@ -73,7 +74,7 @@ class Curve:
 def curve_of(
     reports: Sequence[LevelReport], limit: StoredLimit | None, driven: bool, unit: str
 ) -> Curve | None:
-    """Return the curve of a run; None where it has no two points."""
+    """Return the curve of a run; None if it has fewer than two points."""
     solved = [a for a in reports if a.converged and math.isfinite(a.alpha)]
     if not solved:
         return None
@@ -95,8 +96,8 @@ def curve_of(
     zetas = [report.zeta for report in solved]
     if driven:
         forces = [report.driving_force for report in solved]
-        name = f"driving force (work for each 1 of ζ, {unit})" if unit else "driving force"
-        return Curve("ζ, how far it is moved", name, [Line("", zetas, forces, words)])
+        name = f"driving force (work per unit of ζ, {unit})" if unit else "driving force"
+        return Curve("ζ, size of the motion", name, [Line("", zetas, forces, words)])
     alphas = [report.alpha for report in solved]
     x, y = from_rest(solved)
     line = Line("", x, y, words if len(x) == len(words) else ["no load", *words])
@@ -107,7 +108,7 @@ def curve_of(
 
 
 def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]:
-    """Bounds of the limit load of the bodies where both are proven, else the sides of the mesh."""
+    """Return proven bounds of the bodies' limit load, or else both sides of the mesh."""
     if limit is None:
         return None, ""
     lower, upper = limit.body.get("lower"), limit.body.get("upper")
@@ -120,7 +121,7 @@ def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]
 
 
 def to_svg(curve: Curve, sheet: Sheet = WIDE) -> str:
-    """Return the drawing, with a text for those who do not see it."""
+    """Return the drawing with an alternative text."""
     left, right, foot = sheet.left, sheet.width - EDGE, sheet.height - BOTTOM
     x_of = _axis(curve.far)
     xs = [x_of(a) for line in curve.lines for a in line.x] + [0.0]
@@ -166,7 +167,7 @@ def to_svg(curve: Curve, sheet: Sheet = WIDE) -> str:
 
 
 def ticks(low: float, high: float, most: int = 7) -> list[float]:
-    """Round numbers between two others, a few."""
+    """Return a few round numbers between two others."""
     rough = (high - low) / most
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(a * power for a in (1, 2, 5, 10) if a * power >= rough)
@@ -175,7 +176,7 @@ def ticks(low: float, high: float, most: int = 7) -> list[float]:
 
 
 def far_ticks(near: float, top: float) -> list[float]:
-    """0 and powers of ten, from about ``near`` to ``top``; of few of them, numbers between."""
+    """Return 0 and powers of ten from about ``near`` to ``top``, with numbers between if few."""
     first, last = math.ceil(math.log10(near)), math.floor(math.log10(top))
     steps = (1, 2, 5) if last - first < 2 else (1,)
     found = [step * 10.0**power for power in range(first - 1, last + 1) for step in steps]
@@ -183,12 +184,12 @@ def far_ticks(near: float, top: float) -> list[float]:
 
 
 def _axis(far: float) -> Callable[[float], float]:
-    """Return the axis of x: straight near 0 and logarithmic far from it, where ``far`` says so."""
+    """Return the x axis: linear near 0 and logarithmic far from it, as ``far`` says."""
     return (lambda x: math.asinh(x / far)) if far > 0 else (lambda x: x)
 
 
 def _range(values: Sequence[float]) -> tuple[float, float]:
-    """From the smallest to the largest, with some room where that is not 0."""
+    """Return the range of values, with a margin at ends other than 0."""
     low, high = min(values), max(values)
     room = 0.05 * (high - low) or 1.0
     return low - room * (low < 0), high + room
@@ -206,7 +207,7 @@ def _drawn(
     left: int,
     curved: bool,
 ) -> str:
-    """Return a curve with a mark at each point, whose words are shown below the mouse."""
+    """Return a curve with a mark at each point, whose text appears under the mouse."""
     colour, shape = COLOURS[number % len(COLOURS)], MARKS[number % len(MARKS)]
     points = [place(x, y) for x, y in zip(line.x, line.y, strict=True)]
     along = [place(x, y) for x, y in zip(*between(line.x, line.y), strict=True)]

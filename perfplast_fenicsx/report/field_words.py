@@ -1,4 +1,4 @@
-"""Names of the fields of results on the page, and their units."""
+"""Name the fields of results on the page, with their units."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,31 +18,31 @@ WORDS: dict[str, tuple[str, Literal["stress", "length", ""]]] = {
     "mechanism": ("velocity of the collapse", ""),
     "dissipation": ("plastic work of the collapse", ""),
     "lower_bound_stress": ("von Mises stress of the lower bound", "stress"),
-    "gap_share": ("share in the gap between the bounds", ""),
+    "gap_share": ("contribution to the gap between the bounds", ""),
 }
-"""Name and kind of number by field, in the order in which they are offered."""
+"""Name and kind of number by field, in the order of the menu."""
 
 
 @dataclass(frozen=True)
 class FieldWords:
-    """Attributes: the name of a field, and the unit after its numbers."""
+    """The name of a field and the unit of its numbers."""
 
     label: str
     unit: str
 
 
 def words_of(name: str, units: Mapping[str, str]) -> FieldWords:
-    """Return the name of a field; an unknown field keeps its own name.
+    """Return the words for a field; an unknown field keeps its own name.
 
     Args:
-        name: In the result files.
-        units: By quantity (:meth:`units.Units.table`).
+        name: Name in the result files.
+        units: Units by quantity (:meth:`units.Units.table`).
     """
     label, kind = WORDS.get(name, (name.replace("_", " "), ""))
     return FieldWords(label, units.get(kind, ""))
 
 
 def rank_of(name: str) -> int:
-    """Return its place among the fields that are offered; those not known come last."""
+    """Return the position of a field in the menu; unknown fields come last."""
     order = list(WORDS)
     return order.index(name) if name in order else len(order)

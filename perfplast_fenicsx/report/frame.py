@@ -1,4 +1,4 @@
-"""The frame of all pages: one HTML file that requests nothing from a network."""
+"""Frame all pages: one HTML file that requests nothing from a network."""
 
 import json
 from collections.abc import Sequence
@@ -8,25 +8,25 @@ from string import Template
 from typing import Any
 
 SCRIPTS = "; script-src 'unsafe-inline'"
-"""Permissions that a page with scripts needs besides."""
+"""Additional permissions of a page with scripts."""
 
 WORKERS = f"{SCRIPTS}; worker-src blob:"
 """Permissions of a page whose scripts start workers."""
 
 
 def asset(name: str) -> str:
-    """Return a file that pages are made of."""
+    """Return the contents of a file that pages include."""
     return resources.files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
 
 
 def framed(body: str, title: str, styles: Sequence[str], allowed: str = "") -> str:
-    """Return a page.
+    """Return the HTML of a page.
 
     Args:
         body: The element <body>.
         title: Its title, as text.
         styles: Names of its style sheets.
-        allowed: Its permissions besides text, styles and its own pictures: :data:`SCRIPTS`,
+        allowed: Its permissions in addition to text, styles and its own pictures: :data:`SCRIPTS`,
             :data:`WORKERS`, or none.
     """
     return Template(asset("frame.html")).substitute(
@@ -52,8 +52,8 @@ def scripts_of(data: Any, names: Sequence[str]) -> str:
     """Return the elements of a page's scripts and of their data.
 
     Args:
-        data: What the scripts show.
-        names: Names of their files without .js, in the order in which they are read.
+        data: Data for the scripts.
+        names: Names of the files without .js, in reading order.
     """
     source = "\n".join(asset(f"{name}.js") for name in names)
     return (

@@ -1,4 +1,4 @@
-"""Arrays as text that a page decodes: quantised, deflated, base64."""
+"""Pack arrays as text that a page decodes: quantised, deflated, base64."""
 
 import base64
 import zlib
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 STEPS = 65535
-"""Steps of quantised numbers, between the smallest and the largest."""
+"""Number of steps of quantised numbers between the smallest and the largest."""
 
 Packed = dict[str, Any]
 """A packed array for the page's ``decode.js``: ``type``, ``data``, and for quantised numbers
@@ -16,14 +16,17 @@ Packed = dict[str, Any]
 
 
 def pack_integers(values: npt.NDArray[np.integer[Any]]) -> Packed:
-    """Indices, none of them negative, in the smallest type that has room."""
+    """Return non-negative indices packed in the smallest sufficient type."""
     largest = int(values.max(initial=0))
     kind = next(a for a in (np.uint8, np.uint16, np.uint32) if largest <= np.iinfo(a).max)
     return {"type": kind.__name__, "data": deflated(values.astype(kind))}
 
 
 def pack_numbers(values: npt.NDArray[np.floating[Any]]) -> Packed:
-    """Return numbers to 1/65535 of their range; those that are not finite become the smallest."""
+    """Return numbers packed to 1/65535 of their range.
+
+    Those that are not finite become the smallest.
+    """
     values = values.astype(np.float64)
     finite = np.isfinite(values)
     seen = values[finite] if finite.any() else np.zeros(1)
@@ -39,7 +42,7 @@ def pack_numbers(values: npt.NDArray[np.floating[Any]]) -> Packed:
 
 
 def size_of(packed: Any) -> int:
-    """Return characters that packed arrays take, at any depth."""
+    """Return the number of characters of packed arrays, at any depth."""
     if isinstance(packed, dict):
         return sum(map(size_of, packed.values()))
     if isinstance(packed, list):
@@ -48,9 +51,9 @@ def size_of(packed: Any) -> int:
 
 
 def deflated(values: npt.NDArray[Any]) -> str:
-    """Little-endian bytes, those of the same place value together, deflated, as base64.
+    """Return the little-endian bytes, grouped by place value, deflated, as base64.
 
-    Bytes of the same place value resemble each other, so that they deflate to less.
+    Bytes of the same place value are similar, so that they compress better.
     """
     flat = np.ascontiguousarray(values.ravel())
     little = flat.astype(flat.dtype.newbyteorder("<"), copy=False)

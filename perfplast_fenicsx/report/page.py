@@ -1,4 +1,4 @@
-"""The page: its parts put into the template, with style and programs inlined."""
+"""Build the page: put its parts into the template, with style and scripts inlined."""
 
 import re
 from collections.abc import Mapping
@@ -41,7 +41,7 @@ VIEW = (
     *("decode", "camera", "shaders", "colours", "drawing", "viewer", "sides"),
     *("gestures", "controls"),
 )
-"""Files of the view, in the order in which they are read."""
+"""Files of the view, in reading order."""
 
 
 def page_of(reader: ResultReader, view: View, running: str = "") -> str:
@@ -53,7 +53,8 @@ def page_of(reader: ResultReader, view: View, running: str = "") -> str:
         running: HTML above the verdict, on a run that goes on.
 
     Raises:
-        InputError: If a file of the results cannot be read, or claims what is not proven.
+        InputError: If a file of the results cannot be read, or claims a bound that it does not
+            prove.
     """
     summary, scene = reader.summary, reader.scene
     proofs = proofs_of(reader)
@@ -87,21 +88,21 @@ def page_of(reader: ResultReader, view: View, running: str = "") -> str:
 
 
 SIGNED = ("prepared", "checked", "approved")
-"""Keys of [report] with the names of those who sign."""
+"""Keys of [report] with the names of the persons who sign."""
 
 HANDED_IN = ("client", "revision", *SIGNED)
 """Keys of [report] that ask for lines to sign."""
 
 
 def head_of(summary: Summary) -> str:
-    """Return what [report] says of the document, with the date of the run; empty if nothing."""
+    """Return the document data of [report] with the date of the run; empty without [report]."""
     rows = [(key.capitalize(), text) for key, text in summary.report.items() if key not in SIGNED]
     began = summary.surroundings.get("began", "")
     return pairs([*rows, ("Date", began)] if rows and began else rows)
 
 
 def signatures(head: Mapping[str, str]) -> str:
-    """Return a table with a line to sign for each person; empty if [report] asks for none."""
+    """Return a table with a signature line for each person; empty if [report] names no one."""
     if not any(key in head for key in HANDED_IN):
         return ""
     rows = [[key.capitalize(), escape(head.get(key, "")), "", ""] for key in SIGNED]
@@ -113,7 +114,7 @@ HEADING = re.compile(r'<h2 id="([a-z]+)-h">(.*?)</h2>')
 
 
 def contents_of(body: str) -> str:
-    """Return links to all sections, which a page shows when it is printed."""
+    """Return links to all sections, shown when the page is printed."""
     links = "".join(
         f'<li><a href="#{name}">{head}</a></li>' for name, head in HEADING.findall(body)
     )
@@ -121,7 +122,7 @@ def contents_of(body: str) -> str:
 
 
 def _proof(reader: ResultReader, proofs: Proofs, view: View) -> str:
-    """Return what the proof files prove, and what proves it again on the page."""
+    """Return the section on the proof files, with the checker in the browser."""
     paths = [reader.path / name for name in (PROOF, LEAST, STANDS, FALLS) if name in proofs]
     room = ROOM - size_of(view.data)
     return proof_section(reader.path, proofs) + prove_again(paths, room)
@@ -144,7 +145,7 @@ def _verdict(verdict: Verdict, meaning: str) -> str:
 
 
 def _words(text: str) -> str:
-    """Return a sentence whose load factors are not torn apart at the end of a line."""
+    """Return a sentence with load factors protected against line breaks."""
     return escape(text).replace("ζ = ", "ζ&nbsp;=&nbsp;").replace(" %", "&nbsp;%")
 
 
@@ -202,7 +203,7 @@ def _meshes(summary: Summary) -> str:
 
 
 def _water(reader: ResultReader) -> str:
-    """Return the section of water that flows: what enters and leaves where, and its picture."""
+    """Return the section on seepage: discharges, and the picture."""
     flow = reader.summary.seepage
     if flow is None:
         return ""
@@ -212,8 +213,9 @@ def _water(reader: ResultReader) -> str:
     ]
     unit = reader.summary.units.get("stress", "")
     note = (
-        f"<p>Largest pore pressure {flow['largest_pressure']:.5g} {escape(unit)}. What enters and"
-        f" leaves differs by {flow['imbalance']:.1e} of it. Proofs take the pressure as data.</p>"
+        f"<p>Largest pore pressure {flow['largest_pressure']:.5g} {escape(unit)}. Inflow "
+        f"and outflow differ by {flow['imbalance']:.1e} of the discharge. Proofs take the "
+        "pressure as data.</p>"
     )
     figure = next(figure for figure in FIGURES if figure.file == "seepage.png")
     file = reader.path / figure.file
@@ -223,7 +225,7 @@ def _water(reader: ResultReader) -> str:
 
 
 def _pictures(reader: ResultReader) -> str:
-    """Return the pictures that installed packages add; the page draws what the others show."""
+    """Return the pictures of installed packages; the page draws the other data itself."""
     added = [figure for figure in figures() if figure not in FIGURES]
     shown = [
         f"<h3>{escape(figure.title)}</h3>{captioned(image(file, figure.title), figure.title)}"
@@ -239,7 +241,7 @@ def _reactions(reader: ResultReader) -> str:
         return ""
     last, model = steps[-1], reader.summary.model
     if ((reader.summary.limit or {}).get("forces") or {}).get("zeta") == last["zeta"]:
-        return ""  # printed with the limit load
+        return ""  # the limit load has its own table
     table = reaction_table(last["reactions"], model["axes"], reader.summary.units.get("force", ""))
     of = f", {model['forces']}" if model["forces"] else ""
     note = f"<p>At the last solved step, ζ = {last['zeta']:.6g}{escape(of)}.</p>"
@@ -249,16 +251,17 @@ def _reactions(reader: ResultReader) -> str:
 def _bolts(reader: ResultReader) -> str:
     table = bolt_table(reader.reports, reader.summary.units.get("force", ""))
     note = (
-        "<p>Tension in each shank. Bolts are tightened to their preloads before any load acts, and"
-        " keep their length from then on. While a joint is closed a bolt takes a share of the load"
-        " besides its preload, and where it has opened the load alone. <b>Preloads change no limit"
-        " load</b> of perfectly plastic bodies, but forces, gaps and stiffness below it.</p>"
+        "<p>Tension in each shank. Bolts are tightened to their preloads before any load "
+        "acts, and then keep their length. While a joint is closed, a bolt carries a "
+        "share of the load in addition to its preload; after the joint has opened, it "
+        "carries only the load. <b>Preloads do not change the limit load</b> of perfectly "
+        "plastic bodies, but they change forces, gaps and stiffness below it.</p>"
     )
     return _section("bolts", "Forces of bolts", table and table + note)
 
 
 def _limit_forces(reader: ResultReader) -> str:
-    """Return forces and moments of loads and supports where a limit load was sought."""
+    """Return forces and moments of loads and supports at the limit load."""
     summary = reader.summary
     limit = summary.limit or {}
     body = limit.get("body") or {}
@@ -277,14 +280,14 @@ def _limit_forces(reader: ResultReader) -> str:
     if found := limit.get("forces"):
         whose = "proves the lower bound" if found.get("strict") else "was found on the mesh"
         text += (
-            f"<p>Forces of supports and contacts are those of the stress that {whose};"
-            " where they can share a force in several ways, it is one of them.</p>"
+            f"<p>Forces of supports and contacts are those of the stress that {whose}; if "
+            "they can share a force in several ways, this is one of them.</p>"
         )
     return _section("loads", "Forces and moments", text)
 
 
 def _combinations(reader: ResultReader) -> str:
-    """Return the table of all combinations of which this run is one, the worst first."""
+    """Return the table of all combinations that include this run, the worst first."""
     rows = read_table(reader.path.parent)
     name = reader.path.name
     if name not in [row["combination"] for row in rows]:
@@ -294,7 +297,9 @@ def _combinations(reader: ResultReader) -> str:
     for line, row in zip(shown, rows, strict=True):
         if row["combination"] == name:
             line[0] += " (this page)"
-    note = "<p>Of each, ζ that is carried for certain and at which it collapses for certain.</p>"
+    note = (
+        "<p>For each: ζ that is carried for certain, and ζ at which it collapses for certain.</p>"
+    )
     return _section("combinations", "All combinations", table(heads, shown) + note)
 
 
@@ -324,7 +329,7 @@ def _case(summary: Summary, words: CaseWords) -> str:
 
 
 def mesh_in_words(summary: Summary) -> str:
-    """Sizes of the mesh; where there are several, of the last one, which the results are of."""
+    """Return the size of the mesh; of several meshes, that of the last one."""
     mesh, degree = summary.mesh, summary.given.get("degree")
     elements = "" if degree is None else f", elements of degree {degree}"
     size = f"{mesh['cells']} cells, {mesh['vertices']} vertices, {mesh['dofs']} unknowns"
@@ -347,7 +352,7 @@ def _again(summary: Summary) -> str:
         ("Versions", versions or f"perfplast {summary.version}"),
     ]
     command = command_of(summary)
-    text = "<p>A Python program has made this run; run that again.</p>"
+    text = "<p>A Python program made this run; run that program again.</p>"
     if command:
         text = f"<p>To run it again:</p><pre><code>{escape(command)}</code></pre>"
     text += pairs([row for row in rows if row[1]])

@@ -1,4 +1,4 @@
-"""The file that a page is written to."""
+"""Write the file of a page."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,18 +8,18 @@ from perfplast_fenicsx.errors import InputError
 
 
 def write_page(output: str | Path | None, default: Path, make: Callable[[], str]) -> Path:
-    """Write a page, whole or not at all. Not collective.
+    """Write a page completely or not at all. Not collective.
 
     Args:
         output: The file.
-        default: That without one.
-        make: Makes the HTML; asked where the file is no folder.
+        default: The default file.
+        make: Function that makes the HTML; called only if the file is not a folder.
 
     Returns:
-        The file.
+        The path of the file.
 
     Raises:
-        InputError: If the file is a folder, or cannot be written.
+        InputError: If the file is a folder, or if it cannot be written.
     """
     target = Path(output) if output else default
     if target.is_dir():

@@ -1,7 +1,8 @@
-"""The part of a page in which the reader's browser proves the bounds again, from their numbers.
+"""Add the part of a page in which the reader's browser proves the bounds again.
 
-``assets/proof_*.js`` are a second checker. It is written from ``docs/proof.md``, and has nothing of
-this program but the numbers of the proof file. It computes residuals in whole numbers.
+The scripts ``assets/proof_*.js`` are a second checker. It is written from ``docs/proof.md`` and
+shares only the numbers of the proof file with this program. It computes residuals in integer
+arithmetic.
 """
 
 from collections.abc import Sequence
@@ -39,7 +40,7 @@ CHECKER = (
 
 
 def checker_source() -> str:
-    """Return the program of the checker."""
+    """Return the source of the checker."""
     return "\n".join(asset(f"proof_{name}.js") for name in CHECKER)
 
 
@@ -48,8 +49,8 @@ def prove_again(paths: Sequence[Path], room: int) -> str:
 
     Args:
         paths: Proof files that were checked.
-        room: Characters that packed files may have together. Of a file that has no room the page
-            says so.
+        room: Largest number of characters of all packed files. For a file that does not fit, the
+            page says so.
     """
     packed: dict[str, dict[str, Packed]] = {}
     large = []
@@ -80,15 +81,15 @@ def prove_again(paths: Sequence[Path], room: int) -> str:
 def packed_proof(path: Path) -> dict[str, Packed]:
     """Return the halves of a proof file: ``numbers``, and ``arrays`` by name.
 
-    Where the upper half has the arrays of the lower one, those that are equal are there once. It
-    then has ``same`` = true, and of arrays those alone that are its own.
+    Arrays that are equal in both halves occur only once. The upper half then has ``same`` = true,
+    and only the arrays that differ.
 
     Args:
-        path: The file, which the checker has read before.
+        path: The file, which the checker has already read.
 
     Raises:
-        OSError: If it cannot be read.
-        ValueError: If it is not made of arrays of numbers.
+        OSError: If the file cannot be read.
+        ValueError: If it does not consist of arrays of numbers.
     """
     with stored_file(path) as file:
         halves = {kind: stored_arrays(file, kind) for kind in ("lower", "upper") if kind in file}
@@ -125,8 +126,8 @@ def _is(arrays: dict[str, npt.NDArray], name: str, values: npt.NDArray) -> bool:
 
 
 def _packed(values: npt.NDArray[Any]) -> Packed:
-    """Return an array to the last bit: shape, type and bytes."""
-    kind: np.dtype[Any] = np.dtype(np.float64)  # has room for all whole numbers up to 2⁵³
+    """Return an array exactly: shape, type and bytes."""
+    kind: np.dtype[Any] = np.dtype(np.float64)  # a double represents all integers up to 2⁵³
     if values.dtype.kind == "b":
         kind = np.dtype(np.uint8)
     elif values.dtype.kind == "i" and (np.abs(values) < 2**31).all():

@@ -1,4 +1,4 @@
-"""Say on a page what the proof files prove, and how they are checked."""
+"""Describe on a page what the proof files prove, and how they are checked."""
 
 import hashlib
 import shlex
@@ -15,10 +15,11 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
 def proofs_of(reader: ResultReader) -> Proofs:
-    """Return what the proof files of a result folder prove, checked again.
+    """Return what the proof files of a result folder prove, after checking them again.
 
     Raises:
-        InputError: If a file cannot be read, or ``summary.json`` claims what no file proves.
+        InputError: If a file cannot be read, or if ``summary.json`` claims a bound that no file
+            proves.
     """
     proofs = proofs_in(reader.path)
     if reader.summary.limit is not None:
@@ -28,20 +29,20 @@ def proofs_of(reader: ResultReader) -> Proofs:
 
 
 def proof_section(folder: Path, proofs: Proofs) -> str:
-    """Return what the proof files prove, with their fingerprints and the command that checks one.
+    """Return HTML on the proof files, with fingerprints and the command of the checker.
 
     Args:
-        folder: The results.
-        proofs: What its files prove.
+        folder: The result folder.
+        proofs: The proofs of its files.
 
     Returns:
-        HTML; empty where there is no such file.
+        The HTML; empty without proof files.
     """
     if not proofs:
         return ""
-    holds = {  # as far as there is a bound
+    holds = {  # for each existing bound
         PROOF: "a stress that proves the lower bound, and a mechanism that proves the upper one",
-        LEAST: "the same of the smallest load factor that is carried",
+        LEAST: "the same for the smallest load factor that is carried",
         STANDS: "a stress within the strengths of the smaller factor of safety",
         FALLS: "a mechanism with the strengths of the larger factor of safety",
     }
@@ -60,14 +61,14 @@ def proof_section(folder: Path, proofs: Proofs) -> str:
         ["python3", "-m", "perfplast_fenicsx.proof", str(folder / next(iter(proofs)))]
     )
     return (
-        "<p>Numbers on file prove the bounds of the bodies. The checker, which needs NumPy and h5py"
-        " alone, proved them again when this page was made. It also runs by itself:</p>"
-        f"<pre><code>{escape(command)}</code></pre>{pairs(rows)}"
+        "<p>Numbers on file prove the bounds of the bodies. The checker, which needs only "
+        "NumPy and h5py, proved them again when this page was made. It also runs on its "
+        f"own:</p><pre><code>{escape(command)}</code></pre>{pairs(rows)}"
     )
 
 
 def _in_words(halves: Mapping[str, Checked]) -> str:
-    """Return what each half of a file proves."""
+    """Return in words what each half of a file proves."""
     words = []
     for kind, half in halves.items():
         if half.proven is None:
@@ -79,7 +80,7 @@ def _in_words(halves: Mapping[str, Checked]) -> str:
 
 
 def fingerprint(paths: Sequence[Path]) -> str:
-    """Return the SHA-256 of files one after the other, as ``cat FILES | sha256sum`` has it."""
+    """Return the SHA-256 of concatenated files, as ``cat FILES | sha256sum`` prints it."""
     found = hashlib.sha256()
     for path in paths:
         with path.open("rb") as file:

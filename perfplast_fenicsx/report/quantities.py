@@ -1,4 +1,4 @@
-"""Numbers of a run that are compared with those of another one."""
+"""Define the numbers of a run that are compared with those of another run."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,12 +14,13 @@ class Quantity:
     """A number of a run.
 
     Attributes:
-        words: What it is, as HTML.
-        of: Computes it from a run's results; None where there is none.
-        shown: Writes it.
-        unit: Kind of its unit; nothing of pure numbers.
-        is_load: Whether it is a load factor, which runs with other loads do not share.
-        at_end: Whether it is one at the last solved level, which may be at another load.
+        words: Its name as HTML.
+        of: Function that computes it from a run's results; None if there is none.
+        shown: Function that formats it.
+        unit: Kind of its unit; empty for pure numbers.
+        is_load: Whether it is a load factor, which cannot be compared between runs with other
+            loads.
+        at_end: Whether it belongs to the last solved level, which may be at another load.
     """
 
     words: str
@@ -31,7 +32,7 @@ class Quantity:
 
 
 def last_load(reader: ResultReader) -> float | None:
-    """ζ of the last solved level."""
+    """Return ζ of the last solved level."""
     found = _last("zeta")(reader)
     return None if found is None else float(found)
 
@@ -71,7 +72,7 @@ def _width(reader: ResultReader) -> float | None:
 
 
 def bolts(readers: Sequence[ResultReader]) -> list[Quantity]:
-    """Return the forces of bolts at the last solved level, of all that some run has."""
+    """Return the forces of bolts at the last solved level, for all bolts of the runs."""
     forces = [_last("bolts")(reader) or {} for reader in readers]
     names = dict.fromkeys(name for of_run in forces for name in of_run)
 
@@ -79,13 +80,15 @@ def bolts(readers: Sequence[ResultReader]) -> list[Quantity]:
         return lambda reader: (_last("bolts")(reader) or {}).get(name)
 
     return [
-        Quantity(f"force of bolt {escape(name)} there", force(name), unit="force", at_end=True)
+        Quantity(
+            f"force of bolt {escape(name)} at this level", force(name), unit="force", at_end=True
+        )
         for name in names
     ]
 
 
 QUANTITIES = (
-    Quantity("cells of the mesh, of the last one of several", _cells, "{:.0f}".format),
+    Quantity("cells of the mesh (the last of several)", _cells, "{:.0f}".format),
     Quantity("unknowns of the first mesh", _of_mesh("dofs"), "{:.0f}".format),
     Quantity("degree of the elements", lambda reader: reader.summary.given.get("degree")),
     Quantity("mean size of the cells", lambda a: a.summary.element_size or None, unit="length"),
@@ -94,12 +97,16 @@ QUANTITIES = (
     Quantity("width of this bracket", _width, "{:.2%}".format),
     Quantity("limit load of the mesh, estimate", _of_limit("estimate"), is_load=True),
     Quantity("levels that are solved", _solved),
-    Quantity("ζ of the last of them", last_load, is_load=True),
-    Quantity("largest displacement there", _last("max_displacement"), unit="length", at_end=True),
-    Quantity("work of the loads there, α", _last("alpha"), unit="work", at_end=True),
-    Quantity("plastic share there", _last("plastic_fraction"), "{:.1%}".format, at_end=True),
+    Quantity("ζ of the last solved level", last_load, is_load=True),
+    Quantity(
+        "largest displacement at this level", _last("max_displacement"), unit="length", at_end=True
+    ),
+    Quantity("work of the loads at this level, α", _last("alpha"), unit="work", at_end=True),
+    Quantity(
+        "plastic share at this level", _last("plastic_fraction"), "{:.1%}".format, at_end=True
+    ),
     Quantity("processes", lambda reader: float(reader.summary.ranks), "{:.0f}".format),
     Quantity("wall time (s)", lambda a: a.summary.timings.get("total"), "{:.1f}".format),
     Quantity("memory of all processes (MiB)", lambda a: a.summary.peak_memory_mb, "{:.0f}".format),
 )
-"""The quantities that are compared."""
+"""The quantities that pages compare."""

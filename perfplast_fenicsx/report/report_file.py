@@ -32,17 +32,18 @@ class Reporting(StrEnum):
 
 
 def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
-    """Write a page about the results of a run, which may still be going on. Not collective.
+    """Write a page about the results of a run, which may still be in progress. Not collective.
 
     Args:
-        folder: The results.
+        folder: The result folder.
         output: The file; by default ``report.html`` in the folder.
 
     Returns:
-        The file.
+        The path of the file.
 
     Raises:
-        InputError: If the folder has no results, they cannot be read, or the file not be written.
+        InputError: If the folder has no results, if they cannot be read, or if the file cannot be
+            written.
     """
     reader = ResultReader(folder)
 
@@ -56,11 +57,11 @@ def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
 def report_on(folder: "ResultFolder") -> Path | None:
     """Write the report of a run into its folder. Collective.
 
-    Where it cannot be written, rank 0 logs why, a fault with its traceback: a report is no reason
-    to stop.
+    If the report cannot be written, rank 0 logs why, with a traceback for a fault of the program.
+    The run does not stop.
 
     Returns:
-        The file, on every rank alike; None if there is none.
+        The path of the file, the same on every rank; None if there is none.
     """
     found = None
     if folder.comm.rank == 0:
@@ -69,7 +70,7 @@ def report_on(folder: "ResultFolder") -> Path | None:
         except InputError as error:
             log.warning("%s", error)
         except Exception:  # the other ranks wait
-            log.exception("no report was written, by a fault of the program")
+            log.exception("no report was written, because of a fault of the program")
     return folder.comm.bcast(found)
 
 

@@ -1,4 +1,4 @@
-"""The command that makes the same run again."""
+"""Return the command that repeats a run."""
 
 import re
 import shlex
@@ -6,11 +6,11 @@ import shlex
 from perfplast_fenicsx.io.results.summary import Summary
 
 OF_SOLVERS = re.compile(r"-perfplast_([a-z]+_)?\d+_\S+ \S+ ?")
-"""Options that solvers set for themselves, each after its own number."""
+"""Options that solvers set for themselves, each with its own number."""
 
 
 def command_of(summary: Summary) -> str:
-    """Return the command, as a shell has it; empty where a Python program has made the run."""
+    """Return the shell command; empty if a Python program made the run."""
     if not summary.case:
         return ""
     launch = f"mpirun -n {summary.ranks} " if summary.ranks > 1 else ""

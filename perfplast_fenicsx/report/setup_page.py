@@ -1,4 +1,4 @@
-"""The page that sets up a case: the bodies, whose faces are chosen by clicks, and the case file."""
+"""Write the page that sets up a case: faces are chosen by clicks, and the case file is edited."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from perfplast_fenicsx.report.tables import scrolled
 from perfplast_fenicsx.report.view_data import view_mesh
 
 SETUP = ("toml", "case_check", "setup")
-"""Files of the forms, in the order in which they are read, after those of the view."""
+"""Files of the forms, read in this order after those of the view."""
 
 
 @dataclass(frozen=True)
@@ -26,13 +26,13 @@ class FaceRow:
     """A free face in words.
 
     Attributes:
-        number: From 1, as in the skin.
-        name: In the mesh.
-        shape: In words.
-        area: As text; in the plane the length.
-        cad: The same of the file; "-" where it is not known.
+        number: Number from 1, as in the skin.
+        name: Name in the mesh.
+        shape: Shape in words.
+        area: Area as text; in the plane the length.
+        cad: Area in the CAD file; "-" if it is unknown.
         centre: Coordinates, as text.
-        together: Names that it has together with other faces, with its share, as text.
+        together: Names that it shares with other faces, with its share, as text.
     """
 
     number: int
@@ -45,7 +45,7 @@ class FaceRow:
 
     @property
     def in_words(self) -> str:
-        """Return what a click on it shows."""
+        """Return the text that a click on the face shows."""
         words = f"{self.name}: {self.shape}, area {self.area}, centre ({self.centre})"
         return f"{words}; one of {self.together}" if self.together else words
 
@@ -109,7 +109,7 @@ def setup_page(
 
 
 def _face_table(faces: Sequence[FaceRow], size: str) -> str:
-    """Return the table of free faces; a click on a row chooses its face."""
+    """Return the table of free faces; a click on a row selects its face."""
     titles = ["No.", "Name", "Shape", size, "Of CAD", "Centre"]
     together = any(face.together for face in faces)
     if together:
@@ -129,7 +129,7 @@ def _face_table(faces: Sequence[FaceRow], size: str) -> str:
 
 
 def _section(heading: str, table: Sequence[Sequence[str]]) -> str:
-    """Return a section with a table, whose first row are its heads."""
+    """Return a section with a table, whose first row contains the headings."""
     rows = "".join(
         f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in table[1:]
     )

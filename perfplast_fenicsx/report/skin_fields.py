@@ -1,6 +1,6 @@
-"""Fields of a file of results as numbers at the skin of the bodies. Single-process.
+"""Read fields of a result file as numbers at the skin of the bodies. Single-process.
 
-No field is held as a whole: it is read slab by slab, and only what lies on the skin is kept.
+The module reads a field in slabs of rows and keeps only the values on the skin.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof.stored_file import stored_file
 
 SLAB = 1 << 17
-"""So many rows are read at a time."""
+"""Number of rows that are read at once."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class SkinField:
     """A number at each point or triangle of the skin.
 
     Attributes:
-        name: As in the file.
-        at: Where.
+        name: Name in the file.
+        at: Whether the values are at points or triangles.
         values: Shape (num_points,) or (num_triangles,).
     """
 
@@ -36,11 +36,11 @@ class SkinField:
 
 @dataclass(frozen=True)
 class SkinState:
-    """The skin at a level, or the mechanism.
+    """The skin at a level, or of the mechanism.
 
     Attributes:
         motion: Displacement or velocity of its points, shape (num_points, 3).
-        fields: The others, as numbers.
+        fields: The other fields, as numbers.
     """
 
     motion: Floats
@@ -48,18 +48,18 @@ class SkinState:
 
 
 def read_state(reader: ResultReader, name: str) -> SkinState:
-    """Read all fields of a file at the skin.
+    """Return all fields of a file at the skin.
 
     Args:
         reader: The results.
-        name: A file of fields in its folder.
+        name: Name of a field file in the folder.
 
     Raises:
-        InputError: If it cannot be read, or has no displacement or velocity.
+        InputError: If it cannot be read, or if it has no displacement or velocity.
     """
     skin = reader.skin
 
-    # Fields that say where points go; the second is a velocity.
+    # Fields that give the motion of points; the second is a velocity.
     motions = ("displacement", "mechanism")
 
     def read(path: Path) -> SkinState:
@@ -85,11 +85,11 @@ def read_state(reader: ResultReader, name: str) -> SkinState:
 
 
 def rows_of(data: Any, rows: Longs) -> npt.NDArray[Any]:
-    """Return rows of a data set, in single precision.
+    """Return rows of a data set in single precision.
 
     Args:
         data: The data set.
-        rows: Their numbers, which do not fall.
+        rows: Their numbers, in ascending order.
     """
     found = np.empty((len(rows), *data.shape[1:]), dtype=np.float32)
     for first in range(0, len(data), SLAB):
@@ -100,14 +100,14 @@ def rows_of(data: Any, rows: Longs) -> npt.NDArray[Any]:
 
 
 def as_number(name: str, values: Floats) -> Floats:
-    """Return the numbers that are shown of a field.
+    """Return the displayed numbers of a field.
 
     Args:
         name: Name of the field.
         values: Numbers, vectors (n, 3) or tensors (n, 9) or (n, 3, 3).
 
     Returns:
-        Numbers as they are, the length of vectors, of stresses that of von Mises √(3/2) ‖dev σ‖, of
+        Numbers unchanged; for vectors the norm; for stresses von Mises' stress √(3/2) ‖dev σ‖; for
         other tensors, which are strains, √(2/3) ‖ε‖.
     """
     if values.ndim == 1:

@@ -1,4 +1,4 @@
-"""The lines that show the shape of a skin: its sharp edges, and where bodies or the plane end."""
+"""Find the lines that show the shape of a skin: sharp edges, and boundaries of bodies."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from perfplast_fenicsx.pictures.boundary_surface import Surface
 
 
 def skin_lines(surface: Surface) -> tuple[Longs, Longs]:
-    """Return edges of triangles that are shown as lines.
+    """Return edges of triangles that are drawn as lines.
 
     Returns:
-        Indices of points, shape (num_lines, 2), and the body of each, in rising order.
+        Indices of points, shape (num_lines, 2), and the body of each line, in ascending order.
     """
     corners = np.concatenate([surface.triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
     edges = np.sort(corners, axis=1)
@@ -20,7 +20,7 @@ def skin_lines(surface: Surface) -> tuple[Longs, Longs]:
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     a, b = order[first], order[first + (count > 1)]
     normals = _unit_normals(surface)
-    # Triangles that meet at a larger angle meet at a line.
+    # Triangles at a larger angle meet at a line.
     least_cosine = np.cos(np.radians(30.0))
     smooth = np.einsum("ni,ni->n", normals[triangle[a]], normals[triangle[b]]) > least_cosine
     same = surface.body[triangle[a]] == surface.body[triangle[b]]

@@ -1,6 +1,6 @@
-"""The part of ``summary.json`` that the page needs, checked before a page is made of it.
+"""Check the parts of ``summary.json`` that the page needs, before the page is made.
 
-After these checks a fault is one of the program, and not of a file.
+After these checks a fault is one of the program, not of a file.
 """
 
 from collections.abc import Iterator
@@ -253,10 +253,10 @@ def _missing(summary: _Summary) -> Iterator[str]:
 
 
 def check_summary(reader: ResultReader) -> None:
-    """Look whether ``summary.json`` has what the page says.
+    """Check that ``summary.json`` has the data of the page.
 
     Raises:
-        InputError: If it has not.
+        InputError: If data are missing.
     """
 
     def check(path: Path) -> None:

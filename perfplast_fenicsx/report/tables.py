@@ -1,4 +1,4 @@
-"""Tables of the page: levels with marks that judge them, forces, and pairs of words."""
+"""Make the tables of the page: levels with marks, forces, and pairs of words."""
 
 import base64
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,12 +13,12 @@ from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
 TIGHT = 1e-6
-"""A certificate that is no larger is met but for rounding, for all that an engineer asks."""
+"""Certificate up to which a condition counts as satisfied for engineering purposes."""
 
 
 @dataclass(frozen=True)
 class Grade:
-    """How well something is fulfilled: a sign, a word, and the class of its colour."""
+    """How well a condition is satisfied: a sign, a word, and the CSS class of its colour."""
 
     sign: str
     word: str
@@ -29,7 +29,7 @@ GRADES = (Grade("✓", "met", "good"), Grade("≈", "nearly", "fair"), Grade("�
 
 
 def grade(certificate: float) -> Grade:
-    """Return the grade of what is 0 for a solution."""
+    """Return the grade of a residual that is 0 at a solution."""
     size = abs(certificate)
     return GRADES[0] if size <= TIGHT else GRADES[1] if size <= CREDIBLE else GRADES[2]
 
@@ -46,7 +46,7 @@ def judged(certificate: float) -> str:
 def level_table(
     reports: Sequence[LevelReport], driven: bool, unit_of_work: str = "", unit_of_length: str = ""
 ) -> str:
-    """Return a row for each level; units stand in brackets where they are known."""
+    """Return a row for each level; known units are in brackets."""
     staged = any(report.stage for report in reports)
     rubs = any(report.friction_dissipation or report.slipping for report in reports)
     heads = ["step", *(["stage"] if staged else []), "ζ", "driving force" if driven else "work α"]
@@ -88,7 +88,7 @@ def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: st
 
 
 def bolt_table(reports: Sequence[LevelReport], unit: str) -> str:
-    """Return the force of each bolt, a row for each solved level; nothing without bolts."""
+    """Return the force of each bolt, a row for each solved level; empty without bolts."""
     solved = [(n, report) for n, report in enumerate(reports, 1) if report.converged]
     if not solved or not solved[0][1].bolts:
         return ""
@@ -102,7 +102,7 @@ def bolt_table(reports: Sequence[LevelReport], unit: str) -> str:
 
 
 def force_table(what: str, axes: str, unit: str, rows: Sequence[tuple[str, list[float]]]) -> str:
-    """Return a row for each force, or moment, that :func:`force_rows.force_rows` has."""
+    """Return a row for each force or moment of :func:`force_rows.force_rows`."""
     heads = [what, *(f"{axis}{_bracket(unit)}" for axis in axes)]
     cells = [[escape(name), *(f"{number:.6g}" for number in row)] for name, row in rows]
     return table(heads, cells)
@@ -113,13 +113,13 @@ def _bracket(unit: str) -> str:
 
 
 def pairs(rows: Iterable[tuple[str, str]]) -> str:
-    """Return names and what is said of them."""
+    """Return a table of names and descriptions."""
     items = "".join(f"<div><dt>{escape(a)}</dt><dd>{escape(b)}</dd></div>" for a, b in rows)
     return f"<dl>{items}</dl>" if items else ""
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Return a table that scrolls in itself where the page is narrow; the cells are HTML."""
+    """Return a table that scrolls sideways on a narrow page; the cells are HTML."""
     body = "".join(
         f'<tr><th scope="row">{row[0]}</th>{"".join(f"<td>{cell}</td>" for cell in row[1:])}</tr>'
         for row in rows
@@ -128,10 +128,10 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def scrolled(heads: Sequence[str], rows: str) -> str:
-    """Return a table that scrolls in itself where the page is narrow.
+    """Return a table that scrolls sideways on a narrow page.
 
     Args:
-        heads: HTML of the heads of its columns.
+        heads: HTML of the headings of its columns.
         rows: HTML of its rows.
     """
     head = "".join(f'<th scope="col">{name}</th>' for name in heads)
@@ -142,7 +142,7 @@ def scrolled(heads: Sequence[str], rows: str) -> str:
 
 
 def image(file: Path, words: str) -> str:
-    """Return an <img> that holds a PNG file, with words for those who do not see it.
+    """Return an <img> that holds a PNG file, with an alternative text.
 
     Raises:
         InputError: If the file cannot be read.
@@ -155,7 +155,7 @@ def image(file: Path, words: str) -> str:
 
 
 def captioned(picture: str, words: str) -> str:
-    """Return a figure; the page's style numbers all of them.
+    """Return a figure; the page's style numbers all figures.
 
     Args:
         picture: Its HTML.

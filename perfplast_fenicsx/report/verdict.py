@@ -1,4 +1,4 @@
-"""The outcome of a run in one sentence, and what it holds for."""
+"""Summarise the outcome of a run in one sentence, with its validity."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 Mark = Literal["proven", "one-sided", "found", "open"]
 
 FINER = "A finer mesh may give another load, mostly a lower one."
-"""The sentence for results without a proof for the bodies."""
+"""The sentence for results that are not proven for the bodies."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class Verdict:
     """The outcome of a run.
 
     Attributes:
-        mark: "proven" of the bodies, "one-sided" if one bound of them is, "found" on this mesh, or
+        mark: "proven" for the bodies, "one-sided" with one proven bound, "found" on this mesh, or
             "open".
         sentence: The outcome.
-        details: What it holds for, and what it does not, in sentences.
+        details: Sentences on the validity of the outcome.
     """
 
     mark: Mark
@@ -37,7 +37,7 @@ class Verdict:
 
 
 def verdict_on(reader: ResultReader) -> Verdict:
-    """Return the verdict on the results that are on file."""
+    """Return the verdict on stored results."""
     if reader.limit is not None:
         table = reader.summary.limit or {}
         found = _of_limit(reader.limit, table)
@@ -57,28 +57,28 @@ def verdict_on(reader: ResultReader) -> Verdict:
 
 
 def _of_path(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
-    """Return where a path loses equilibrium for which no limit theorem holds."""
+    """Return where a path without a limit theorem loses equilibrium."""
     found = PathBracket(limit.lower, limit.upper).in_words("ζ = ")
     pair = table.get("drucker")
     beside = f"Beside it: {pair['words']}." if pair else NO_PAIR
     mark: Mark = "found" if table["levelled_off"] else "open"
-    details = [SAID, beside, f"How the search ended: {table['reason']}.", FINER]
+    details = [SAID, beside, f"Reason for the end of the search: {table['reason']}.", FINER]
     return Verdict(mark, f"Loaded on this path, this mesh {found}.", details)
 
 
 def _of_strength(table: Mapping[str, Any]) -> Verdict:
-    """Return the factor by which strengths may fall."""
+    """Return the verdict on a factor of safety."""
     lower, upper = table["lower"], table["upper"]
     estimate = table.get("estimate", False)
     sides = factor_words(lower, upper, estimate, many=True)
     files = [name for name, found in ((STANDS, lower), (FALLS, upper)) if found is not None]
     says = (
-        "F divides yield stresses, cohesions and slopes of friction of all bodies alike, and the"
-        " loads stay: it is their factor of safety."
+        "F divides yield stresses, cohesions and slopes of friction of all bodies "
+        "equally, and the loads are constant: it is their factor of safety."
     )
     beside = [f"{path['in_words']} strength.png shows it."] if (path := table.get("path")) else []
     if not sides:
-        words = "Nothing is proven of the factor of safety."
+        words = "Nothing is proven for the factor of safety."
         return Verdict("open", words, [says, *beside, FINER])
     proof = " and ".join(f"python3 -m perfplast_fenicsx.proof {name}" for name in files)
     strict = "It is" if len(sides) == 1 else "Both are"
@@ -95,7 +95,7 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
 
 
 def _of_envelope(table: Mapping[str, Any]) -> Verdict:
-    """Return which multiples of two or three loads are carried."""
+    """Return the verdict on the multiples of two or three loads."""
     letters = "abc"[: len(table["names"])]
     times = [f"{a} times '{name}'" for a, name in zip(letters, table["names"], strict=True)]
     noun, degrees = ("pair", "each degree") if len(letters) == 2 else ("triple", "every 5 degrees")
@@ -106,36 +106,36 @@ def _of_envelope(table: Mapping[str, Any]) -> Verdict:
     )
     first = "_".join([DIRECTIONS, *["000.00"] * (len(letters) - 1)]) + ".h5"
     proof = (
-        f"What proves the bounds of each direction is in {DIRECTIONS}_ANGLE.h5, and proven again"
-        f" by python3 -m perfplast_fenicsx.proof {first} and so on."
+        f"The proof of the bounds in each direction is in {DIRECTIONS}_ANGLE.h5, and "
+        f"proven again by python3 -m perfplast_fenicsx.proof {first} and so on."
     )
     mark: Mark = "proven" if table["gap"] is not None else "open"
     return Verdict(mark, table["in_words"], [says, proof])
 
 
 def _of_shakedown(table: Mapping[str, Any]) -> Verdict:
-    """Return how many times loads may vary in a domain."""
+    """Return the verdict on loads that vary in a domain."""
     corners = "; ".join(
         ", ".join(f"{factor:g} × {name}" for name, factor in zip(table["names"], row, strict=True))
         for row in table["corners"]
     )
-    where = "in all of each cell" if table["within_cells"] else "at the points of the quadrature"
+    where = "everywhere in each cell" if table["within_cells"] else "at the quadrature points"
     says = [
-        f"The load domain is all that lies between: {corners}. Beside it all constant loads act.",
-        "By Melan's theorem the bodies answer elastically after some flow where a stress that is in"
-        " balance with nothing keeps all corners within yield. It is sought on this mesh, with the"
-        f" elastic stresses of this mesh, which are within yield {where}: an estimate, and no bound"
-        " of the bodies' load.",
+        f"The load domain is the convex hull of: {corners}. In addition, all constant loads act.",
+        "By Melan's theorem the bodies respond elastically after some flow if a "
+        "self-equilibrated stress keeps all corners within yield. Such a stress is sought "
+        "on this mesh, with the elastic stresses of this mesh, which are within yield "
+        f"{where}: an estimate, and no bound for the bodies.",
     ]
     if table["load"] is None:
         return Verdict("open", table["in_words"], [*says, FINER])
     share = table["accumulated"]
     says.append(
-        f"Koiter's value, of the flow of a cycle, is {table['koiter']:.5g}. Of that flow"
-        f" {share:.1%} is left at the end of the cycle: {table['failure']}."
+        f"Koiter's value, from the flow of a cycle, is {table['koiter']:.5g}. Of that flow "
+        f"{share:.1%} is left at the end of the cycle: {table['failure']}."
     )
     if table["diagram"]:
-        says.append("path.csv and shakedown.png have the load of each ratio of both.")
+        says.append("path.csv and shakedown.png show the load at each ratio of both loads.")
     return Verdict("found", table["in_words"], [*says, FINER])
 
 
@@ -162,16 +162,16 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
     beside += [f"{words}." for words in [limit.body.get("friction")] if words]
     beside += [f"{words[:1].upper()}{words[1:]}." for words in limit.body.get("taken", [])]
     met = table["levelled_off"] and limit.upper is not None
-    ended = [] if met else [f"How the search on {mesh} ended: {table['reason']}."]
+    ended = [] if met else [f"Reason for the end of the search on {mesh}: {table['reason']}."]
     ended += [f"{step[:1].upper()}{step[1:]}." for step in table.get("next_steps", [])]
     if lower is not None and upper is not None:
         return Verdict(
             "proven",
-            f"The bodies carry ζ = {rounded_down(lower)} for certain, and collapse at"
-            f" ζ = {rounded_up(upper)} at the latest.",
+            f"The bodies carry ζ = {rounded_down(lower)} for certain, and collapse at ζ = "
+            f"{rounded_up(upper)} at the latest.",
             [
-                "Both bounds are strict: they hold for the bodies that the mesh fills, and not just"
-                " for the mesh, but for rounding of the numbers.",
+                "Both bounds are strict: apart from rounding they hold for the bodies "
+                "that the mesh fills, not only for the mesh.",
                 *beside,
                 known,
                 *ended,
@@ -182,7 +182,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             "one-sided",
             f"The bodies collapse at ζ = {rounded_up(upper)} at the latest.",
             [
-                "This bound is strict. No load that they carry for certain is proven:",
+                "This bound is strict. No load is proven that they carry for certain:",
                 *reasons,
                 *beside,
                 known,
@@ -194,7 +194,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             "one-sided",
             f"The bodies carry ζ = {rounded_down(lower)} for certain.",
             [
-                "This bound is strict. No load at which they collapse for certain is proven:",
+                "This bound is strict. No load is proven at which they collapse for certain:",
                 *reasons,
                 *beside,
                 known,
@@ -224,12 +224,12 @@ def _of_levels(reader: ResultReader) -> Verdict:
         end = solved[-1]
         length = f"{end.max_displacement:.4g} {reader.summary.units.get('length', '')}".rstrip()
         details.append(
-            f"At the last solved step {end.plastic_fraction:.1%} of the volume is plastic, and the"
-            f" largest displacement is {length}."
+            f"At the last solved step {end.plastic_fraction:.1%} of the volume is plastic, "
+            f"and the largest displacement is {length}."
         )
     details.append("All numbers hold for this mesh.")
     if not last.stage and not driven:
-        details[-1] += ' What the bodies carry for certain is found with control = "bounds".'
+        details[-1] += ' control = "bounds" computes what the bodies carry for certain.'
     if _coulomb(reader.summary.given):
         details.append("With Coulomb's friction a step may have other solutions than this one.")
     if not last.converged:
@@ -240,7 +240,7 @@ def _of_levels(reader: ResultReader) -> Verdict:
         planned = reader.summary.planned
         what = f"{len(reports)} of {planned} steps are" if planned else "the limit load is not"
         signal = reader.interrupted
-        state = f"was interrupted ({signal})" if signal else "goes on or was stopped"
+        state = f"was interrupted ({signal})" if signal else "continues or was stopped"
         sentence = f"{_so_far(last, driven)}; {what} found, and the run {state}."
         return Verdict("open", sentence, details)
     if last.stage:
@@ -268,13 +268,13 @@ def _so_far(last: LevelReport, driven: bool) -> str:
 
 
 def _stopped(summary: Summary, levels: int) -> bool:
-    """Return whether levels that were to come are missing, or a limit load that was looked for."""
+    """Return whether planned levels are missing, or a limit load that was sought."""
     if summary.planned is not None:
         return levels < summary.planned
-    return bool(summary.case)  # a Python program says nothing of what it plans
+    return bool(summary.case)  # a Python program does not announce its plan
 
 
 def _coulomb(given: Mapping[str, Any]) -> bool:
-    """Return whether there is friction that follows the pressure."""
+    """Return whether there is friction that depends on the pressure."""
     places = [*given.get("contacts", []), *given.get("obstacles", [])]
     return any(place.get("coulomb") for place in places)

@@ -1,6 +1,6 @@
-"""Data of the page's view of the bodies: mesh, levels, mechanism, all packed.
+"""Pack data of the page's view of the bodies: mesh, levels, mechanism.
 
-A page is to stay small enough to be mailed, so that of a large run not every level is in it.
+A page must be small enough for mail, so that a large run does not include every level.
 """
 
 from collections.abc import Mapping
@@ -21,23 +21,23 @@ from perfplast_fenicsx.report.view_marks import view_marks
 from perfplast_fenicsx.rounding import ROUNDING
 
 ROOM = 18_000_000
-"""Characters of packed arrays that a page may have; with all else it stays below 20 MB."""
+"""Largest number of characters of packed arrays; the whole page then stays below 20 MB."""
 
 
 ARBITRARY = (
-    "Stress and contact pressure are those of one state of equilibrium at the limit load. Where"
-    " nothing flows, as in bolts that no load reaches, others are possible."
+    "Stress and contact pressure are those of one state of equilibrium at the limit load. "
+    "Where nothing flows, as in bolts without load, other states are possible."
 )
-"""The sentence for fields at the limit load, which are not those of a level."""
+"""The sentence for fields at the limit load, which do not belong to a level."""
 
 
 @dataclass(frozen=True)
 class View:
-    """The data of the view.
+    """Data and remarks of the view.
 
     Attributes:
-        data: What ``decode.js`` reads; None where there is nothing to show.
-        remarks: Remarks on what is left out, and why, in sentences.
+        data: Data for ``decode.js``; None if there is nothing to show.
+        remarks: Sentences on omitted data and the reasons.
     """
 
     data: dict[str, Any] | None
@@ -45,18 +45,18 @@ class View:
 
 
 def view_data(reader: ResultReader, room: int = ROOM) -> View:
-    """Pack the skin, the levels that have room, and the mechanism.
+    """Return the packed skin, the levels that fit, and the mechanism.
 
     Args:
         reader: The results.
-        room: Characters that arrays may take.
+        room: Largest number of characters of arrays.
 
     Raises:
-        InputError: If a file of fields cannot be read.
+        InputError: If a field file cannot be read.
     """
     collapses = reader.limit is not None and (reader.path / MECHANISM).exists()
     if not reader.levels and not collapses:
-        return View(None, ["The run has no fields on file, so that the bodies are not shown."])
+        return View(None, ["The run stored no fields, so that the bodies are not shown."])
     units, remarks = reader.summary.units, []
     surface = reader.skin.surface
     order = np.argsort(surface.body, kind="stable")
@@ -72,7 +72,7 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
     newest = [packer.level(reader.levels[-1])] if reader.levels else []
     mechanism = [packer.mechanism()] if collapses else []
     if size_of(newest) + size_of(mechanism) > left:
-        # Fields that stay where not even one level with all of them has room.
+        # Fields that are kept even if not one level with all fields fits.
         kept = ("stress", "displacement", "contact_pressure", "dissipation")
         packer = _Packer(reader, order, kept)
         newest = [packer.level(reader.levels[-1])] if reader.levels else []
@@ -84,8 +84,8 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
     chosen = chosen_levels(len(reader.levels), left // max(size_of(newest), 1))
     if len(chosen) < len(reader.levels):
         remarks.append(
-            f"The view has {len(chosen)} of {len(reader.levels)} levels, so that the page stays"
-            " below 20 MB; the result folder has them all."
+            f"The view has {len(chosen)} of {len(reader.levels)} levels, so that the page "
+            "stays below 20 MB; the result folder has all of them."
         )
     states = [packer.level(reader.levels[number]) for number in chosen[:-1]] + newest
     data |= {"states": states + mechanism}
@@ -100,14 +100,14 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
 
 
 def chosen_levels(count: int, most: int) -> list[int]:
-    """Return numbers from 0 of levels that are shown, evenly, the last one always among them."""
+    """Return evenly spaced numbers of displayed levels from 0, always with the last one."""
     if not count:
         return []
     return sorted({int(a) for a in np.linspace(count - 1, 0, min(count, max(most, 1))).round()})
 
 
 def view_mesh(surface: Surface, order: Longs) -> dict[str, Any]:
-    """Points, triangles and lines; those of a body follow each other."""
+    """Return points, triangles and lines, grouped by body."""
     lines, line_body = skin_lines(surface)
     numbers = np.arange(len(surface.names) + 1)
     return {
@@ -151,7 +151,7 @@ class _Packer:
             if self.kept and one.name not in self.kept:
                 continue
             values = one.values[self.order] if one.at == "cells" else one.values
-            seen = values[np.isfinite(values)]  # JSON has no word for the others
+            seen = values[np.isfinite(values)]  # JSON cannot represent the other values
             fields[one.name] = {
                 "at": one.at,
                 "low": float(seen.min()) if seen.size else 0.0,
@@ -168,7 +168,7 @@ class _Packer:
 
 
 def _offered(states: list[dict[str, Any]], units: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Return fields in the order in which they are offered, with the ranges over all levels."""
+    """Return fields in the order of the menu, with their ranges over all levels."""
     names = sorted({name for state in states for name in state["fields"]}, key=rank_of)
     offered = []
     for name in names:

@@ -1,4 +1,4 @@
-"""Marks around the bodies in the view: arrows of loads, and ticks along supports."""
+"""Compute marks around the bodies in the view: arrows of loads, and ticks along supports."""
 
 from typing import Any
 
@@ -12,19 +12,20 @@ from perfplast_fenicsx.problem.declared.supports import AXES
 from perfplast_fenicsx.report.packing import pack_integers, pack_numbers
 
 HEAD, TICK = 0.25, 0.015
-"""Length of an arrow's head relative to its shaft, and half that of a tick, to the bodies' size."""
+"""Length of an arrow's head relative to its shaft, and half-length of a tick relative to the
+bodies."""
 
 
 def view_marks(reader: ResultReader) -> list[dict[str, Any]]:
     """Return lines that move with points of the skin, by kind.
 
     Returns:
-        Of each kind ``colour``, ``anchors``, a point for each end of a line, and ``offsets`` from
-        there, one axis after the other.
+        Each kind has a ``colour``, ``anchors`` (a point for each end of a line), and ``offsets``
+        from them, one axis after the other.
     """
     surface = reader.skin.surface
     found = []
-    # Of lines, red, green and blue.
+    # Colours of lines: red, green and blue.
     colours = {"loads": (0.72, 0.05, 0.05), "supports": (0.05, 0.3, 0.75)}
     for kind, (ends, held) in {"loads": _arrows(reader), "supports": _ticks(reader)}.items():
         if len(ends):
@@ -42,7 +43,7 @@ def view_marks(reader: ResultReader) -> list[dict[str, Any]]:
 
 
 def _arrows(reader: ResultReader) -> tuple[Floats, Floats]:
-    """Return ends of lines, shape (2 n, 3), and the places of the skin that they belong to."""
+    """Return ends of lines, shape (2 n, 3), and their anchor points on the skin."""
     surface = reader.skin.surface
     arrows = load_arrows(surface, surface.points, reader.scene.on_surfaces)
     tails, tips = arrows.starts, arrows.starts + arrows.vectors
@@ -58,11 +59,11 @@ def _arrows(reader: ResultReader) -> tuple[Floats, Floats]:
 
 
 def _ticks(reader: ResultReader) -> tuple[Floats, Floats]:
-    """Return the same of supports: a line along each axis that is held."""
+    """Return ticks of supports in the same form: a line along each held axis."""
     surface, tags = reader.skin.surface, reader.skin.tags
     ends, held = [np.zeros((0, 3))], [np.zeros((0, 3))]
     half = TICK * surface.size
-    most_marks = 20  # about so many places show a support
+    most_marks = 20  # approximate number of points that show a support
     for support in reader.summary.given.get("supports", []):
         chosen = np.flatnonzero(np.isin(tags, reader.named.surfaces.get(support["on"], [])))
         if not len(chosen):

@@ -1,4 +1,4 @@
-"""The four algorithms of a load level, and loading level by level."""
+"""Solve load levels by four algorithms, and load the bodies level by level."""
 
 import lazy_loader
 

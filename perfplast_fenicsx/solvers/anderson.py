@@ -1,4 +1,4 @@
-"""Anderson acceleration of a fixed-point iteration for a strain field, with a safeguard."""
+"""Accelerate a fixed-point iteration for a strain field by Anderson's method, with a safeguard."""
 
 from mpi4py import MPI
 
@@ -14,12 +14,11 @@ Strains = Floats
 
 
 Weights = tuple[Floats, Floats]
-"""Weights of the spherical and the deviatoric part of the strains, at each point owned by this
-rank."""
+"""Weights of the spherical and the deviatoric part of the strains, at each owned point."""
 
 
 def elastic_weights(problem: Problem) -> Weights:
-    """Return roots of 3κ and of 2μ, each times the volume that belongs to a point. Collective."""
+    """Return square roots of 3κ and of 2μ, each times the volume of a point. Collective."""
     Q = problem.Q
     owned = Q.dofmap.index_map.size_local
     volume = fem.assemble_vector(fem.form(ufl.TestFunction(Q) * problem.dx)).array[:owned]
@@ -33,14 +32,14 @@ def elastic_weights(problem: Problem) -> Weights:
 
 
 class Anderson:
-    """Extrapolates e ← g(e) from the last iterations, residuals measured in ‖·‖_C.
+    """Extrapolates e ← g(e) from the last iterations, with residuals measured in ‖·‖_C.
 
-    D. G. Anderson, J. ACM 12 (1965); type II, undamped. Where an extrapolated strain has led to a
-    larger residual the plain iterate is taken and the memory cleared.
+    D. G. Anderson, J. ACM 12 (1965); type II, undamped. If an extrapolated strain increases the
+    residual, the plain iterate is taken and the memory cleared.
     """
 
     def __init__(self, comm: MPI.Intracomm, weights: Weights) -> None:
-        """Take the norm.
+        """Store the norm.
 
         Args:
             comm: Ranks that share the strains.
@@ -63,14 +62,15 @@ class Anderson:
         before, after = self._values(current), self._values(image)
         residual = self._weigh(after - before)
         size = self._comm.allreduce(float(np.vdot(residual, residual))) ** 0.5
-        # An extrapolation counts as failed where the residual exceeds the smallest by this factor.
+        # Factor by which a residual may exceed the smallest one before the extrapolation counts as
+        # failed.
         growth = 1.5
         if size > growth * self._smallest:
             self.restart()
         self._smallest = min(self._smallest, size)
         self._images.append(after.copy())
         self._residuals.append(residual)
-        most_kept = 8  # differences kept
+        most_kept = 8  # number of stored differences
         del self._images[:-most_kept], self._residuals[:-most_kept]
         if len(self._images) < 2:
             return

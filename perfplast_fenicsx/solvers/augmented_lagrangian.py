@@ -1,4 +1,4 @@
-"""ALG2: the augmented-Lagrangian method of Uzawa type, with contact in its first step.
+"""ALG2: the augmented Lagrangian method of Uzawa type, with contact in its first step.
 
 Section 3.2 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013), with the misprint in (7) corrected:
 
@@ -6,10 +6,10 @@ Section 3.2 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013), with the misprin
 2.  ω = (C⁻¹σ^k + rê)/(1+r),  e = ((1+r)ω − C⁻¹Σ(ω))/r,
 3.  σ^{k+1} = Σ(e) = Σ(ω),
 
-with ê = ε(u), or θε(u) + (1−θ)e^k when over-relaxed by θ. After plastic flow p, where Σ(e) = P(C(e
-− p)), steps 2 and 3 are those of e − p. The operator is the elastic one for the whole run: its
-multigrid hierarchy or factorisation is kept until the active set changes. r enters the right-hand
-sides alone. Since σ^k = Σ(e^k), an iteration is a map of e^k alone.
+with ê = ε(u), or θε(u) + (1−θ)e^k when over-relaxed by θ. With plastic strain p, where Σ(e) = P(C(e
+− p)), steps 2 and 3 use e − p. The operator is the elastic one for the whole run: its multigrid
+hierarchy or factorisation is reused until the active set changes, and r occurs only in the
+right-hand sides. Since σ^k = Σ(e^k), an iteration is a map of only e^k.
 """
 
 from collections.abc import Sequence
@@ -38,23 +38,23 @@ from perfplast_fenicsx.solvers.progress import Step
 from perfplast_fenicsx.solvers.verdicts import BEYOND, above_limit
 
 CHECK_EVERY = 10
-"""Iterations between two looks for a collapse mechanism or an unbalanced penalty."""
+"""Number of iterations between checks for a collapse mechanism or an unbalanced penalty."""
 
 
 @dataclass(frozen=True)
 class AugmentedLagrangianOptions:
-    """Choices of ALG2.
+    """Options of ALG2.
 
     Args:
         penalty: r > 0, relative to the elastic moduli, or "adaptive": doubled or halved so that the
             primal and the dual residual stay comparable.
         relaxation: Over-relaxation θ in (0, 2); 1 is the paper's method.
-        acceleration: "anderson" extrapolates e^k from the last iterations, going back to the plain
-            iteration whenever that does not reduce the residual; or "none", which is taken too
-            where there is friction.
-        tolerance: Bound of both relative residuals, ‖ε(u) − e‖_C/‖ε(u)‖_C (primal) and
+        acceleration: "anderson" extrapolates e^k from the last iterations, and returns to the plain
+            iteration if that does not reduce the residual; "none" does not extrapolate, and is
+            always used with friction.
+        tolerance: Tolerance of both relative residuals, ‖ε(u) − e‖_C/‖ε(u)‖_C (primal) and
             r‖e^{k+1} − e^k‖_C/‖σ‖_E (dual); between 0 and 1.
-        max_iterations: Most iterations of a level, at least 1.
+        max_iterations: Largest number of iterations of a level, at least 1.
 
     Raises:
         InputError: If a value is out of its range.
@@ -81,7 +81,7 @@ class AugmentedLagrangianOptions:
 
 
 class AugmentedLagrangian(LevelSolver):
-    """ALG2, which prescribes ζ. A state to begin with is taken with e = ε(u)."""
+    """ALG2, which prescribes ζ. An initial state is used with e = ε(u)."""
 
     method = "augmented-lagrangian"
     prescribes = Prescribed.LOAD_FACTOR
@@ -91,7 +91,7 @@ class AugmentedLagrangian(LevelSolver):
         """Compile the forms and create the solvers. Collective.
 
         Raises:
-            InputError: If a law is no projection on a yield set.
+            InputError: If a law is not a projection on a yield set.
         """
         for on in problem.laws:
             if not on.law.projects:
@@ -144,11 +144,11 @@ class AugmentedLagrangian(LevelSolver):
         self._anderson = Anderson(problem.comm, elastic_weights(problem))
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Go to the state, in K_h, with e = ε(u), σ = Σ(e) and the first penalty. Collective."""
+        """Start at the state, in K_h, with e = ε(u), σ = Σ(e) and the first penalty. Collective."""
         options, active = self.options, self.iterate.begin(start)
-        # An adaptive penalty starts here. Tangents relative to the elastic one lie in
-        # [0, 1], so that the best r, about the root of the product of their bounds, is
-        # below 1: the smaller the more flows.
+        # Initial adaptive penalty. Tangents relative to the elastic one lie in [0, 1]. The best r
+        # is about the square root of the product of their bounds and so below 1: the more flow, the
+        # smaller.
         first_penalty = 0.3
         self._r.value = first_penalty if options.penalty == "adaptive" else options.penalty
         self._q.x.array[:] = self.iterate.fields.e.x.array
@@ -200,7 +200,7 @@ class AugmentedLagrangian(LevelSolver):
         )
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Return whether J_ζ falls on for ever. Collective."""
+        """Return whether J_ζ is unbounded below. Collective."""
         due = len(history) % CHECK_EVERY == 0
         if not due or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None
@@ -221,7 +221,7 @@ class AugmentedLagrangian(LevelSolver):
     def _balance(self, primal: float, dual: float) -> None:
         if self.options.penalty != "adaptive":
             return
-        # An adaptive penalty changes where one residual is so many times the other.
+        # An adaptive penalty changes if one residual is this many times the other.
         unbalanced = 3.0
         if primal > unbalanced * dual:
             self._r.value = self._r.value * 2
@@ -233,5 +233,5 @@ class AugmentedLagrangian(LevelSolver):
 
 
 def _ratio(change2: float, size2: float) -> float:
-    """Return the quotient of two norms given by their squares; 0 where the second vanishes."""
+    """Return the quotient of two norms given by their squares; 0 if the second is zero."""
     return float(np.sqrt(max(change2, 0) / size2)) if size2 > 0 else 0.0

@@ -1,7 +1,8 @@
-"""Gaps that close on a loading path: events at which steps in α end.
+"""Detect gaps that close on a loading path, at which steps in α end.
 
-Where a body has reached a limit load of its own, ζ(α) is level until a gap closes and another body
-helps it. The line through the last two levels shows when; what lies beyond is another curve.
+If a body has reached a limit load of its own, ζ(α) is constant until a gap closes and another body
+supports it. The line through the last two levels predicts the closing; beyond it there is another
+curve.
 """
 
 from mpi4py import MPI
@@ -14,16 +15,18 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def closing_work(problem: Problem, before: State, last: State, alpha: float) -> float:
-    """Return where half of the pairs that close before α have done so, or α itself. Collective.
+    """Return the work at which half of the pairs that close before α have closed, or α itself.
 
-    It is α where no more close than are closed already: contact then grows from what there is, as
-    that of round bodies, and is no event.
+    Collective.
+
+    The result is α if no more pairs close than are already closed: contact then grows gradually, as
+    that of round bodies.
 
     Args:
-        problem: Whose states they are.
-        before: State of the level before the last one.
+        problem: Problem of the states.
+        before: State of the level before ``last``.
         last: State of the last level.
-        alpha: The work of the next level, beyond that of the last one.
+        alpha: The work of the next level, larger than that of the last one.
     """
     if not problem.has_gaps or last.alpha <= before.alpha:
         return alpha
@@ -35,7 +38,7 @@ def closing_work(problem: Problem, before: State, last: State, alpha: float) -> 
     if counts[0] <= counts[1]:
         return alpha
     low, high = 0.0, alpha - last.alpha
-    # The α at which half of the pairs have closed is found to this many binary digits of the step.
+    # Number of binary digits of the step to which the closing work is found.
     bisections = 20
     for _ in range(bisections):
         middle = (low + high) / 2
@@ -45,7 +48,7 @@ def closing_work(problem: Problem, before: State, last: State, alpha: float) -> 
 
 
 def has_closed(problem: Problem, before: State, last: State) -> bool:
-    """Whether more pairs have closed in the last level than were closed before. Collective."""
+    """Return whether more pairs closed in the last level than were closed before. Collective."""
     if not problem.has_gaps:
         return False
     then, now = (np.count_nonzero(_room(problem, state)[1]) for state in (before, last))
@@ -54,7 +57,7 @@ def has_closed(problem: Problem, before: State, last: State) -> bool:
 
 
 def _room(problem: Problem, state: State) -> tuple[Floats, PairFlags]:
-    """Room g − s of the pairs hosted here, shape (num_pairs,), and where there is none.
+    """Return the room g − s of the pairs on this rank, shape (num_pairs,), and which have none.
 
     Collective.
     """

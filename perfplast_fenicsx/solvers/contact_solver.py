@@ -1,4 +1,4 @@
-"""The solver of the contact quadratic program of a Newton step: SNES-VI, or Total FETI."""
+"""Define the solver of the contact quadratic program of a Newton step: SNES-VI, or Total FETI."""
 
 from typing import Any, Protocol
 
@@ -18,10 +18,10 @@ from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
 
 
 class ContactSolver(Protocol):
-    """See :class:`contact_qp.ContactProgram`, whose methods these are."""
+    """The protocol of contact solvers, with the methods of :class:`contact_qp.ContactProgram`."""
 
     def set_operator(self, A: Any) -> None:
-        """Take an operator of the iterate's tangent. Collective."""
+        """Take the operator of the iterate's tangent. Collective."""
         ...
 
     def solve(
@@ -41,11 +41,11 @@ class ContactSolver(Protocol):
     def response(
         self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
     ) -> PETSc.Vec:
-        """δ under a load where these pairs keep their jumps. Collective."""
+        """Return δ under a load, where these pairs keep their jumps. Collective."""
         ...
 
     def counts(self) -> tuple[int, int, int]:
-        """Contact QPs so far, those that SNES-VI solved by itself, and SNES-VI's iterations."""
+        """Return the counts of contact QPs, of those solved by SNES-VI, and of its iterations."""
         ...
 
 
@@ -59,20 +59,20 @@ def counts(linear: LinearSolver, program: ContactSolver) -> dict[str, Any]:
 def make_tfeti(
     problem: Problem, linear: LinearSolver, subdivision: Subdivision
 ) -> tuple[Iterate, ContactSolver]:
-    """Make an iterate whose contact programs are solved by Total FETI. Collective.
+    """Return an iterate whose contact programs are solved by Total FETI. Collective.
 
     Args:
         problem: The problem that is solved.
-        linear: The linear solver, which counts what is solved.
-        subdivision: How many subdomains there are to be.
+        linear: The linear solver, which counts the solves.
+        subdivision: Number of subdomains.
 
     Raises:
-        InputError: If Total FETI does not go with the problem.
+        InputError: If Total FETI does not support the problem.
     """
     if problem.friction.count:
         raise InputError(
-            'contact_solver = "tfeti" knows no friction; take contact_solver = "snes-vi", or'
-            " leave the friction of the contacts out."
+            'contact_solver = "tfeti" does not support friction; give contact_solver = '
+            '"snes-vi", or remove the friction of the contacts.'
         )
     wanted = subdivision.wanted(problem.num_dofs, problem.bodies.gdim)
     pieces = make_subdomains(problem, wanted, exactly=subdivision.asked is not None)

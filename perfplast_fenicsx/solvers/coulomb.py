@@ -1,9 +1,9 @@
-"""Coulomb's friction as a fixed point of Tresca's: c ← c₀ + μ λ, with the contact forces λ.
+"""Solve Coulomb's friction as a fixed point of Tresca's: c ← c₀ + μ λ, with contact forces λ.
 
-Each round is a convex problem with the bounds of the round before, and is certified as one. The
-fixed point is not the minimum of anything: there may be none, or several, and neither duality gap
-nor limit theorems are known of it. The path counts as one step, for which slip and the force of
-friction are opposite in the end, whatever was in between.
+Each iteration is a convex problem with the bounds of the previous one, and its certificate is that
+of this problem. The fixed point is not a minimiser: it may not exist or not be unique, and neither
+a duality gap nor limit theorems exist for it. A level is one step of the path: slip and friction
+force are opposite at its end, whatever happened during the step.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ Solve = Callable[[State | None], Level]
 """Solves a level with Tresca's friction from a state."""
 
 Largest = Callable[[], float]
-"""The largest nodal force of the stress that the last level has ended with; collective."""
+"""The largest nodal force of the stress at the end of the last level; collective."""
 
 
 def solve_coulomb(
@@ -32,12 +32,13 @@ def solve_coulomb(
     """Solve a level with Coulomb's friction. Collective.
 
     Args:
-        problem: Whose friction is brought up to date.
-        solve: Solves it with the bounds that it has.
-        largest_force: Beside which contact forces may be rounding.
-        start: State to begin with; None for none.
-        pushes: Contact forces there, shape (num_pairs,). Where there are none, or they bound
-            friction too low for what the loads have grown to, nothing slips in the first round.
+        problem: Problem whose friction is updated.
+        solve: Function that solves the level with the present bounds.
+        largest_force: Function that returns the force that scales rounding errors of contact
+            forces.
+        start: Initial state; None for none.
+        pushes: Contact forces at the initial state, shape (num_pairs,). If they are missing, or too
+            small for the increased loads, nothing slips in the first iteration.
     """
     first = _bounds(problem, pushes)
     if start is not None and problem.comm.allreduce(float(first.sum())) > 0:
@@ -56,15 +57,15 @@ def _rounds(
     bounds: Floats,
     most: float,
 ) -> Level:
-    """Return rounds from first bounds until these settle. Collective.
+    """Iterate from initial bounds until the bounds converge. Collective.
 
     Args:
-        problem: Whose friction is brought up to date.
+        problem: Problem whose friction is updated.
         solve: See :func:`solve_coulomb`.
-        largest_force: See there.
-        start: State to begin with; None for none.
-        bounds: The first ones.
-        most: Bounds that surfaces on this rank have had before.
+        largest_force: See :func:`solve_coulomb`.
+        start: Initial state; None for none.
+        bounds: Initial bounds.
+        most: Largest earlier bounds of surfaces on this rank.
     """
     friction, comm = problem.friction, problem.comm
     follows = friction.coulomb > 0
@@ -73,10 +74,10 @@ def _rounds(
     rounds: list[Level] = []
     most_rounds = 100
     reason = f"the limits of friction have not converged in {most_rounds} rounds"
-    # Change of the bounds in a round, relative to the largest one, that makes it the last.
+    # Relative change of the bounds at which the iteration ends.
     settled = 1e-8
-    # Contact forces below this share of the largest force on bodies, or of the largest contact
-    # force that a level has had, are rounding of unloaded surfaces, and so are forces of friction.
+    # Contact and friction forces below this share of the largest force on bodies, or of the largest
+    # contact force of a level, are rounding errors of unloaded surfaces.
     rounding = 1e-10
     for _ in range(most_rounds):
         level = solve(start)
@@ -105,7 +106,7 @@ def _rounds(
 
 
 def _bounds(problem: Problem, forces: Floats) -> Floats:
-    """c₀ + μ λ where friction is Coulomb's, with the adhesion c₀."""
+    """Return c₀ + μ λ where friction is Coulomb's, with the adhesion c₀."""
     friction = problem.friction
     follows = friction.coulomb > 0
     bounds: Floats = friction.coulomb[follows] * np.maximum(forces[friction.pair[follows]], 0.0)
@@ -114,7 +115,7 @@ def _bounds(problem: Problem, forces: Floats) -> Floats:
 
 
 def _together(rounds: list[Level], converged: bool, reason: str) -> Level:
-    """Return the last round with the counts of all."""
+    """Return the last level with the counts of all iterations."""
     last, reports = rounds[-1], [level.report for level in rounds]
     sums = {
         name: sum(getattr(report, name) for report in reports)

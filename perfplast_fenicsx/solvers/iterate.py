@@ -1,11 +1,11 @@
-"""The current iterate of a Newton-like method: gradient, tangent, line search, increments.
+"""Define the iterate of a Newton-like method: gradient, tangent, line search, increments.
 
-This module has what ALG1 and the work-controlled methods share; they differ in the step they take.
+ALG1 and the work-controlled methods share this module; they differ in their steps.
 
 Vectors with an entry for each unknown are of two kinds, both of type ``PETSc.Vec``. Those in nodal
 unknowns have names of u: displacements, their change δu (:attr:`direction.Direction.du`), forces.
-Those in jump unknowns, of the jump basis, have names of y: y = M u, and ``delta_y`` with
-δu = T δy; forces there are Tᵀ times the nodal ones.
+Those in jump unknowns, of the jump basis, have names of y: y = M u, and ``delta_y`` with δu = T δy.
+Forces in jump unknowns are Tᵀ times the nodal ones.
 """
 
 from typing import Any
@@ -29,23 +29,25 @@ from perfplast_fenicsx.solvers.line_search import LONGEST, longest_slide, step_l
 from perfplast_fenicsx.solvers.tangents import JumpTangent, MakeTangent
 
 ROUNDING = 1e-13
-"""Slopes below this share of the terms they are the difference of are rounding noise."""
+"""Slopes below this share of the terms of which they are the difference are rounding errors."""
 
 
 class Iterate:
-    """u ∈ K_h, its fields, and a direction δu. All methods but :meth:`room` are collective.
+    """A displacement u ∈ K_h, its fields, and a direction δu.
+
+    All methods except :meth:`room` are collective.
 
     Attributes:
         fields: u (nodal) with its strain, stress, integrals.
         direction: δu (nodal) and the integrals along it.
         y: u in jump unknowns.
-        lifted: Whether the start had not yet what supports, interference and initial strain ask.
-        first_force: Largest force that was out of balance where the level began.
-        slip: How friction is linearised in the next step.
+        lifted: Whether the start does not yet satisfy supports, interference and initial strain.
+        first_force: Largest unbalanced force at the beginning of the level.
+        slip: Linearisation of friction in the next step.
     """
 
     def __init__(self, problem: Problem, tangent: MakeTangent = JumpTangent) -> None:
-        """Compile the forms; ``tangent`` makes what becomes of theirs. Collective."""
+        """Compile the forms; ``tangent`` creates the tangent. Collective."""
         self.problem = problem
         self.fields = QuadratureFields(problem)
         self.direction = Direction(self.fields)
@@ -59,13 +61,13 @@ class Iterate:
         self.slip: Slip = stuck(problem.friction.index.shape)
 
     def begin(self, start: State | None) -> PairFlags:
-        """Start from a state, or from zero displacement, in K_h: what penetrates is pushed back.
+        """Start from a state or from zero displacement, and remove penetrations so that u ∈ K_h.
 
-        Supported unknowns get their u_D, which no direction changes, and the laws the state's
+        Supported unknowns get their u_D, which no direction changes, and the laws get the state's
         history.
 
         Returns:
-            The active set to begin with, the state's or the problem's first one.
+            The initial active set: the state's or the problem's first one.
         """
         problem, basis, u = self.problem, self.problem.basis, self.fields.u
         problem.remember(start.history if start else {})
@@ -87,12 +89,15 @@ class Iterate:
             self.lifted |= start is None or problem.motion.driven
         self._stick(start)
         self.fields.update()
-        if self.lifted:  # or the first step would start from cells that yield without reason
+        if self.lifted:  # otherwise the first step would start from cells that yield artificially
             self.fields.take_elastic_stress(before)
         return problem.first_active.copy() if start is None else start.active.copy()
 
     def _stick(self, start: State | None) -> None:
-        """Let places slip on that do so at the start, by more than rounding. Collective."""
+        """Let places continue to slip if they slip at the start by more than rounding.
+
+        Collective.
+        """
         problem, friction, slide = self.problem, self.problem.friction, self.problem.motion.slide_at
         least = ROUNDING * self.y.norm(PETSc.NormType.NORM_INFINITY)
         now = self.jumps()
@@ -106,11 +111,11 @@ class Iterate:
         self.slip = slipping(then, friction.bound, slips)
 
     def jumps(self) -> Floats:
-        """Slip (length) of the places of friction hosted here."""
+        """Return the slip (length) of the places of friction on this rank."""
         return self.problem.friction.slip(self.y)
 
     def _remembered(self, start: State | None) -> tuple[Floats, Floats] | None:
-        """Strain and stress of a state after plastic flow, where it is to be moved from."""
+        """Return strain and stress of a state after plastic flow, if it must be moved first."""
         problem = self.problem
         moves = problem.motion.moves_supports or problem.motion.driven
         if start is None or not (problem.history and moves):
@@ -119,28 +124,28 @@ class Iterate:
         return self.fields.e.x.array.copy(), self.fields.stress.x.array.copy()
 
     def room(self) -> Floats:
-        """Room g − s ≥ 0 of each pair hosted here, shape (num_pairs,)."""
+        """Return the room g − s ≥ 0 of each pair on this rank, shape (num_pairs,)."""
         basis = self.problem.basis
         return np.maximum(basis.gap - self.y.array_r[basis.index], 0)
 
     def work(self) -> float:
-        """α = L₁(u)."""
+        """Return α = L₁(u)."""
         return self.problem.loads.alpha(self.fields.u.x.petsc_vec)
 
     def total_work(self, zeta: float) -> float:
-        """L₀(u) + ζL₁(u)."""
+        """Return L₀(u) + ζL₁(u)."""
         return self.problem.loads.work(self.fields.u.x.petsc_vec, zeta)
 
     def energy(self, zeta: float) -> float:
-        """J_ζ(u) = Ψ(ε(u)) − L₀(u) − ζL₁(u), and that of friction."""
+        """Return J_ζ(u) = Ψ(ε(u)) − L₀(u) − ζL₁(u) plus the friction energy."""
         return self.fields.potential() - self.total_work(zeta) + self.rubbed()
 
     def rubbed(self) -> float:
-        """Σ c‖slip‖, which friction dissipates. Collective."""
+        """Return Σ c‖slip‖, the dissipation of friction. Collective."""
         return self.problem.comm.allreduce(self.problem.friction.energy(self.jumps()))
 
     def _rubbing(self, beta: float) -> float:
-        """Return the derivative of that along δu, at u + β δu. Collective."""
+        """Return the derivative of the friction energy along δu, at u + β δu. Collective."""
         friction = self.problem.friction
         if not friction.count:
             return 0.0
@@ -148,18 +153,21 @@ class Iterate:
         return self.problem.comm.allreduce(friction.slope(self.jumps(), change, beta))
 
     def gradient(self, zeta: float) -> PETSc.Vec:
-        """⟨Σ(ε(u)), ε(·)⟩ − L₀ − ζL₁ in jump unknowns, friction apart; until the next call."""
+        """Return ⟨Σ(ε(u)), ε(·)⟩ − L₀ − ζL₁ in jump unknowns without friction.
+
+        Valid until the next call.
+        """
         self.fields.assemble_force().copy(self._gradient_u)
         self.problem.loads.subtract_from(self._gradient_u, zeta)
         self.problem.basis.T.multTranspose(self._gradient_u, self._gradient_y)
         return self._gradient_y
 
     def operator(self, rho: float) -> Any:
-        """Σ^{o,ρ}(ε(u)) of the tangent; valid until the next call."""
+        """Return the tangent Σ^{o,ρ}(ε(u)); valid until the next call."""
         return self._tangent.at(rho)
 
     def aim(self, delta_y: PETSc.Vec) -> None:
-        """Take the direction δu = T δy."""
+        """Set the direction δu = T δy."""
         delta_y.copy(self._delta_y)
         du = self.direction.du
         self.problem.basis.T.mult(delta_y, du.x.petsc_vec)
@@ -169,11 +177,13 @@ class Iterate:
 
     @phase("line search")
     def line_search(self, zeta: float, stretch: bool = False, halted: bool = False) -> float:
-        """β along δu, from the derivative of J_ζ(u + β δu); see :func:`line_search.step_length`.
+        """Return β along δu from the derivative of J_ζ(u + β δu).
+
+        See :func:`line_search.step_length`.
 
         Args:
             zeta: Load factor.
-            stretch: Whether to go on beyond β = 1 where J_ζ falls much there.
+            stretch: Whether β may exceed 1 if J_ζ still falls much there.
             halted: Whether the last step had β = 0, so that another one would change nothing.
         """
         direction = self.direction
@@ -188,7 +198,7 @@ class Iterate:
         return step_length(slope, self._noise, may, kinked=rubs)
 
     def _noise(self) -> tuple[float, float]:
-        """Rounding errors of slopes: of the terms of their sum, and of the strains in them."""
+        """Return rounding errors of slopes: of the terms of their sum, and of the strains."""
         stress, change = self.fields.stress_norm2(), self.direction.du_norm2()
         friction = self.problem.friction
         rubbing = friction.energy(friction.jumps(self._delta_y))
@@ -199,7 +209,7 @@ class Iterate:
         return ROUNDING * terms, ROUNDING * max(terms, strains)
 
     def _longest(self) -> float:
-        """Return how long the step may be with u + β δu in K_h."""
+        """Return the largest step with u + β δu in K_h."""
         friction, comm, most = self.problem.friction, self.problem.comm, LONGEST
         if friction.count:
             turn = friction.last_turn(self.jumps(), friction.jumps(self._delta_y), comm)
@@ -210,10 +220,10 @@ class Iterate:
         return float(comm.allreduce(shares.min(initial=most), MPI.MIN))
 
     def descends_until(self, work: float, zeta: float) -> bool:
-        """Does J_ζ still fall along δu where L₀ + ζL₁ has grown to ``work``?
+        """Return whether J_ζ still falls along δu where L₀ + ζL₁ has grown to ``work``.
 
-        At least ten times the work on u is looked at. J_ζ is convex, so it then falls all the way.
-        The ray has to stay in K_h: pairs that δu would close keep their distance instead.
+        The function considers at least ten times the work on u. J_ζ is convex, so it then falls all
+        the way. The ray must stay in K_h: pairs that δu would close keep their distance instead.
         """
         direction, basis = self.direction, self.problem.basis
         jump = self._delta_y.array_r[basis.index]
@@ -228,10 +238,10 @@ class Iterate:
         return direction.slope() + self._rubbing(float(direction.beta.value)) < along
 
     def take_step(self, beta: float, stopping: str, zeta: float = 0.0) -> float:
-        """Advance by β δu and return the size of the step by a criterion of Remark 1.
+        """Advance by β δu, and return the size of the step by a criterion of Remark 1.
 
-        "energy" is the change of J_ζ, with ζ = 0, as for prescribed work, of Ψ − L₀, relative to
-        the same or, beside what does not grow with ζ, to |Ψ| + ½‖σ‖².
+        "energy" is the change of J_ζ, with ζ = 0 (as for prescribed work) of Ψ − L₀, relative to
+        the same quantity or, with constant loads, to |Ψ| + ½‖σ‖².
         """
         if stopping != "energy":
             increment = self.increment(stopping)
@@ -241,12 +251,12 @@ class Iterate:
         self.advance(beta)
         after = self.energy(zeta)
         total = max(abs(after) + abs(before), self.least_norm2())
-        if self.problem.history or self.problem.loaded_at_zero():  # J_ζ may pass zero
+        if self.problem.history or self.problem.loaded_at_zero():  # J_ζ may pass through zero
             total = max(total, self.fields.size())
         return abs(after - before) / total if total > 0 else 0.0
 
     def increment(self, stopping: str) -> float:
-        """‖δu‖ or ‖δσ‖_E relative to the states before and after the full step (Remark 1)."""
+        """Return ‖δu‖ or ‖δσ‖_E relative to the states before and after the step (Remark 1)."""
         fields, direction = self.fields, self.direction
         if stopping == "stress":
             change, before, after = (
@@ -261,14 +271,17 @@ class Iterate:
         return float(np.sqrt(max(change, 0)) / total) if total > 0 else 0.0
 
     def least_norm2(self) -> float:
-        """‖·‖² below which strain and stress at u are next to rounding. Collective."""
+        """Return the ‖·‖² below which strain and stress at u are mainly rounding errors.
+
+        Collective.
+        """
         return RIGID**2 * self.fields.jagged_norm2()
 
     def load_change(self, change: float, zeta: float) -> float:
-        """Return a change of ζ relative to ζ, or to what else there is of forces. Collective.
+        """Return a change of ζ relative to ζ, or to the other forces. Collective.
 
-        ζ may be exactly 0, where supports that move and constant loads balance alone, or bodies
-        move as if rigid.
+        ζ may be exactly 0 if moving supports and constant loads balance, or if bodies move as if
+        rigid.
         """
         fields, loads = self.fields, self.problem.loads
         forces = abs(zeta) * loads.live.norm()
@@ -279,9 +292,9 @@ class Iterate:
         return abs(change) * loads.live.norm() / forces if forces > 0 else 0.0
 
     def first_work(self, zeta: float) -> float:
-        """Return the reference of later works, after the first step. Collective.
+        """Return the reference of later works after the first step. Collective.
 
-        L₀(u) + ζL₁(u), which may vanish, or |Ψ| + ½‖σ‖², which does not.
+        It is L₀(u) + ζL₁(u), which may vanish, or |Ψ| + ½‖σ‖², which does not.
         """
         return max(abs(self.total_work(zeta)), self.fields.size())
 
@@ -290,12 +303,12 @@ class Iterate:
         u = self.fields.u
         u.x.array[:] += beta * self.direction.du.x.array
         self.y.axpy(beta, self._delta_y)
-        if beta > 1:  # places may have turned back
+        if beta > 1:  # places may have reversed their slip
             self.slip = slipping(self.jumps(), self.problem.friction.bound, ~self.slip.sticks)
         self.fields.update()
 
     def state(self, zeta: float, active: PairFlags) -> State:
-        """Return a copy of u, and the history after it, which later steps leave alone."""
+        """Return a copy of u with the history after it, which later steps do not change."""
         u = fem.Function(self.problem.V, name="displacement")
         u.x.array[:] = self.fields.u.x.array
         return State(u, zeta, self.work(), active.copy(), self.fields.updated_history())

@@ -1,7 +1,7 @@
-"""The loop of a load level, the same for every algorithm, and what they share with each other.
+"""Run the loop of a load level, the same for every algorithm, and their common parts.
 
-An algorithm is a :class:`LevelSolver` that says how a level begins, what a step is, and what shows
-that there is no solution. Failures, ends and judgements are decided here.
+An algorithm is a :class:`LevelSolver` that defines the beginning of a level, a step, and the
+evidence that there is no solution. This module handles failures, ends and verdicts.
 """
 
 from abc import ABC, abstractmethod
@@ -33,20 +33,20 @@ from perfplast_fenicsx.solvers.tightening import tighten
 from perfplast_fenicsx.solvers.verdicts import no_convergence
 
 MOST_DOUBTS = 60
-"""The number of times that a level goes on after steps that have become small at no solution."""
+"""How often a level continues after small steps at a state that is not a solution."""
 
 
 class Stepper(Protocol):
-    """The interface of an algorithm for the loop.
+    """The interface of an algorithm to the loop.
 
     Attributes:
         iterate: u, which steps advance.
         linear: The linear solver, for its counts.
         program: Solver of the contact quadratic programs, for its counts.
-        max_iterations: Most steps of a level.
-        tolerance: Value of the stopping criterion that ends them.
-        steps_called: What a message calls them.
-        criterion: What a message says of steps that have become small enough.
+        max_iterations: Largest number of steps of a level.
+        tolerance: Value of the stopping criterion at which the steps end.
+        steps_called: Name of the steps in messages.
+        criterion: Description in messages of the satisfied criterion.
     """
 
     iterate: Iterate
@@ -59,7 +59,7 @@ class Stepper(Protocol):
 
     @abstractmethod
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Go to where the level starts: ζ, and the active set to begin with. Collective."""
+        """Set the start of the level, and return ζ and the initial active set. Collective."""
         ...
 
     @abstractmethod
@@ -73,35 +73,35 @@ class Stepper(Protocol):
         """Take a step. Collective.
 
         Args:
-            value: What is prescribed.
-            zeta: Load factor before it.
-            active: Closed pairs before it.
+            value: The prescribed value.
+            zeta: Load factor before the step.
+            active: Closed pairs before the step.
             history: The steps so far.
 
         Raises:
-            LinearFailure: If a linear system cannot be solved; u is then as it was.
+            LinearFailure: If a linear system cannot be solved; u is then unchanged.
         """
         ...
 
     @abstractmethod
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Why there is no solution, if the steps so far show it. Collective."""
+        """Return why there is no solution, if the steps so far show it, else None. Collective."""
         ...
 
 
 def solve_level(
     stepper: Stepper, value: float, start: State | None = None, monitor: Monitor | None = None
 ) -> Level:
-    """Take steps until the level is solved or known to have no solution. Collective.
+    """Take steps until the level is solved or provably has no solution. Collective.
 
     Args:
         stepper: The algorithm.
-        value: What it prescribes, ζ or α.
-        start: State to begin with; None for none.
+        value: Prescribed ζ or α.
+        start: Initial state; None for none.
         monitor: Called on every rank after each step.
 
     Returns:
-        The level. Where it has not converged its report says why, and its state is the last
+        The level. If it did not converge, its report gives the reason, and its state is the last
         iterate, which is not a solution.
     """
     zeta, active = stepper.begin(value, start)
@@ -137,7 +137,7 @@ def solve_level(
 
 
 def _pushed_away(problem: Problem, zeta: float) -> str | None:
-    """Why a level has failed, if the loads push a body away. Collective."""
+    """Return why a level failed, if the loads push a body away, else None. Collective."""
     force = problem.loads.total(zeta, problem.create_vector())
     told = problem.free.leaving.pushed_away(force)
     force.destroy()
@@ -145,16 +145,16 @@ def _pushed_away(problem: Problem, zeta: float) -> str | None:
 
 
 class LevelSolver(Stepper, ABC):
-    """One algorithm for one problem; keeps forms, matrices and solver set-ups from level to level.
+    """An algorithm for one problem, which reuses forms, matrices and solver set-ups between levels.
 
     Attributes:
         method: Its name in case files.
-        prescribes: What it is given, ζ or α.
+        prescribes: The prescribed quantity, ζ or α.
         problem: The problem that is solved.
         linear: The linear solver and its counts.
         iterate: u and its fields.
         program: Solver of the contact quadratic programs.
-        friction: Solver of those with friction; None where there is none.
+        friction: Solver of the programs with friction; None without friction.
     """
 
     method: ClassVar[str]
@@ -169,18 +169,20 @@ class LevelSolver(Stepper, ABC):
         lender: "LevelSolver | None" = None,
         subdivision: Subdivision | None = None,
     ) -> None:
-        """Compile the forms and create the solvers, or borrow another algorithm's. Collective.
+        """Compile the forms and create the solvers, or share those of another algorithm.
+
+        Collective.
 
         Args:
             problem: The problem that is solved.
-            end: Tolerance of the steps, and most of them.
-            criterion: What is said of a level that has met its stopping criterion.
-            lender: Whose solvers are used.
-            subdivision: Of Total FETI.
+            end: Tolerance of the steps, and their largest number.
+            criterion: Description in messages of the satisfied stopping criterion.
+            lender: Algorithm whose solvers are shared.
+            subdivision: Subdivision of Total FETI.
 
         Raises:
-            InputError: If Total FETI, which a subdivision asks for, does not go with the problem,
-                friction is associated, or bodies are rigid or of a kind that only bounds know.
+            InputError: If Total FETI is selected but does not support the problem, if friction is
+                associated, or if bodies are rigid or of a kind that only bounds support.
         """
         check_deforms(problem.given.materials)
         check_slip_is_true(problem)
@@ -208,17 +210,17 @@ class LevelSolver(Stepper, ABC):
     def solve(
         self, value: float, start: State | None = None, monitor: Monitor | None = None
     ) -> Level:
-        """Solve a level, before which bolts are tightened if they are not. Collective.
+        """Solve a level, after tightening bolts that are not tightened yet. Collective.
 
         Args:
-            value: Load factor ζ or work α (energy), as the algorithm prescribes.
-            start: State to begin with, as one of a smaller load or an extrapolation of such; what
-                penetrates is pushed back. None for u = 0 with all pairs of zero gap closed.
+            value: Load factor ζ or work α (energy), whichever the algorithm prescribes.
+            start: Initial state, such as that of a smaller load or an extrapolation; penetrations
+                are removed. None for u = 0 with all pairs of zero gap closed.
             monitor: Called on every rank after each step.
 
         Returns:
-            The level. Where it has not converged its report says why, and its state is the last
-            iterate, which is not a solution.
+            The level. If it did not converge, its report gives the reason, and its state is the
+            last iterate, which is not a solution.
 
         Raises:
             InputError: If the value is not finite.
@@ -246,12 +248,12 @@ class LevelSolver(Stepper, ABC):
         return float(self.iterate.fields.assemble_all_forces().norm(PETSc.NormType.NORM_INFINITY))
 
     def _pushes(self, state: State) -> Floats:
-        """Contact forces of a state, shape (num_pairs,). Collective."""
+        """Return the contact forces of a state, shape (num_pairs,). Collective."""
         self.iterate.begin(state)
         gradient = self.iterate.gradient(state.zeta)
         forces: Floats = -gradient.array_r[self.problem.basis.index]
         return forces
 
     def at_rest(self, monitor: Monitor | None = None) -> Level:
-        """Return the level ζ = 0, under constant loads and supports that move. Collective."""
+        """Return the level ζ = 0, under constant loads and moving supports. Collective."""
         return self.solve(0.0, None, monitor)

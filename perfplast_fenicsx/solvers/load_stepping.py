@@ -1,7 +1,7 @@
-"""Loading: a sequence of levels, each started from those before.
+"""Load the bodies by a sequence of levels, each started from previous ones.
 
-:func:`load_path` follows given values of ζ or α; :func:`work_path` chooses the steps in α itself,
-from the elastic slope to the plateau of ζ(α).
+:func:`load_path` follows given values of ζ or α; :func:`work_path` chooses its own steps in α, from
+the elastic slope to the plateau of ζ(α).
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ from perfplast_fenicsx.solvers.next_work import LARGEST_FACTOR, Leap, Reached, n
 from perfplast_fenicsx.solvers.work_newton import WorkNewton
 
 MOST_HALVINGS = 6
-"""A level is tried again with half the step so many times."""
+"""Number of times that a failed step is halved."""
 
 log = logging.getLogger(__name__)
 
@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
     """Return whether a path begins with ζ = 0 although its values do not. Collective.
 
-    So it does where loads are constant, or bolts are tightened.
+    This is the case with constant loads or with bolts.
     """
     told = solver.prescribes is Prescribed.LOAD_FACTOR and len(values) > 0 and values[0] == 0
     problem = solver.problem
@@ -40,7 +40,7 @@ def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
 
 
 Ahead = Callable[[Reached], Leap | None]
-"""Returns a leap if a collapse mechanism is known; collective."""
+"""Function that returns a leap if a collapse mechanism is known; collective."""
 
 
 def load_path(
@@ -50,18 +50,20 @@ def load_path(
     start: State | None = None,
     before: State | None = None,
 ) -> Iterator[Level]:
-    """Solve for each prescribed value in turn, from the line through the two before. Collective.
+    """Solve for each prescribed value in turn, starting on the line through the previous two.
+
+    Collective.
 
     The first level is ζ = 0 if loads are constant or bolts are tightened; it shows whether the
-    bodies carry these. If only ζ loads bodies without gaps, the unloaded state is on the line as
+    bodies carry them. If only ζ loads bodies without gaps, the unloaded state is on the line as
     well. Elastic levels are then multiples of each other.
 
     Args:
         solver: One of the four algorithms.
-        values: Load parameters ζ or works α, rising or falling, as the solver prescribes.
+        values: Load parameters ζ or works α, increasing or decreasing, as the solver prescribes.
         monitor: Called on every rank after each iteration.
-        start: State to begin with; None for the unloaded one.
-        before: State of the level before that, if there is one.
+        start: Initial state; None for the unloaded one.
+        before: State of the level before ``start``, if there is one.
 
     Yields:
         The levels. A level that has not converged is the last one; the level before it has the last
@@ -87,19 +89,19 @@ def work_path(
     reached: Reached | None = None,
     ahead: Ahead | None = None,
 ) -> Iterator[Level]:
-    """Load by work without end, from first yield on; the caller stops it. Collective.
+    """Load by work without end, from first yield on; the caller ends the iteration. Collective.
 
-    Where supports move or loads are constant the first level is ζ = 0, and the steps are in α − α₀.
+    With moving supports or constant loads the first level is ζ = 0, and the steps are in α − α₀.
 
-    α grows by a factor that shrinks where ζ(α) bends or a level has needed many steps, and grows
-    on the plateau. Each level starts from the extrapolation of the two before, or goes along a
-    mechanism. A level that fails is tried again with half the step.
+    α grows by a factor that decreases where ζ(α) bends or a level needs many steps, and increases
+    on the plateau. Each level starts from the extrapolation of the previous two, or follows a
+    mechanism. A failed level is tried again with half the step.
 
     Args:
         solver: ALG3 or ALG4.
         monitor: Called on every rank after each iteration.
-        reached: Where to go on; None from first yield on.
-        ahead: Asked for a leap before each step but the first.
+        reached: Progress to continue from; None to start at first yield.
+        ahead: Function that may return a leap before each step but the first.
 
     Yields:
         The levels; one that has not converged is the last, after the step was halved
@@ -148,7 +150,7 @@ def work_path(
 def _with_all(
     level: Level, solver: LevelSolver, seconds: float, before: Mapping[str, Any]
 ) -> Level:
-    """A level with its history: the state near first yield, and steps that were too long."""
+    """Return a level with its history: the state near first yield, and too long steps."""
     now = counts(solver.linear, solver.program)
     counted = {name: count - before[name] for name, count in now.items()}
     report = dataclasses.replace(level.report, seconds=seconds, **counted)
@@ -156,7 +158,7 @@ def _with_all(
 
 
 def _nearer(target: float, alpha: float, rest: float) -> float:
-    """Half the step; of a leap half the powers of ten."""
+    """Return a target with half the step; for a leap half the powers of ten."""
     a, b = alpha - rest, target - rest
     leaping = 0 < LARGEST_FACTOR * a < b
     return rest + (math.sqrt(a * b) if leaping else (a + b) / 2)
@@ -175,13 +177,12 @@ def _start(
 def _along(
     solver: LevelSolver, before: State | None, last: State | None, value: float
 ) -> State | None:
-    """Where the level of a prescribed value starts: on the line through the two before it."""
+    """Return the start of a level on the line through the previous two."""
     problem, prescribes = solver.problem, solver.prescribes
     if before is None and (problem.has_gaps or not problem.is_elastic_at_first()):
         return last
-    # A level of a given path starts at most so many times as far from the last one
-    # as that is from the one before, and from the unloaded state: where bodies
-    # yield, the line soon leaves the path.
+    # Largest distance of a start on a given path from the last level, in distances of the last two,
+    # and from the unloaded state: where bodies yield, the line soon leaves the path.
     longest_line, longest_ray = 1.0, 4.0
     longest = longest_line if before else longest_ray
     return extrapolate(problem, before, last, value, prescribes, longest)
@@ -200,20 +201,20 @@ def extrapolate(
     Its active set and history are those of the last level.
 
     Args:
-        problem: Whose states they are.
+        problem: Problem of the states.
         before: The earlier state; None for the unloaded one.
         last: The later state.
         value: ζ or α.
-        prescribes: Which of the two.
-        longest: How far from the last state it may be, in distances of the two.
+        prescribes: The prescribed quantity.
+        longest: Largest distance from the last state, in distances of the two states.
 
     Returns:
-        The state; the last one itself where the two are not apart.
+        The state; the last one itself if the two coincide.
     """
     if last is None:
         return None
     earlier, here = prescribes.of(before) if before else 0.0, prescribes.of(last)
-    no_line = 1e-12  # two states whose loads differ by less, relative, are at one place
+    no_line = 1e-12  # two states whose loads differ by less, relative, coincide
     if abs(here - earlier) <= no_line * max(abs(here), abs(earlier)):
         return last
     stretch = float(np.clip((value - here) / (here - earlier), -longest, longest))

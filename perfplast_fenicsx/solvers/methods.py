@@ -1,4 +1,4 @@
-"""The algorithms that a case file may name."""
+"""List the algorithms that a case file may name."""
 
 from dataclasses import dataclass
 from typing import Any

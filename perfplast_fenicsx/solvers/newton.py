@@ -1,11 +1,11 @@
-"""ALG1: damped semismooth Newton with the contact conditions inside every step.
+"""ALG1: damped semismooth Newton method with the contact conditions in every step.
 
 Section 3.1 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013): δu minimises
 
     ½⟨Σ^{o,ρ}(ε(u)) ε(δv), ε(δv)⟩ + ⟨Σ(ε(u)), ε(δv)⟩ − ζL(δv)   over u + δv ∈ K_h,
 
-then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu); beyond the paper, β goes on to 1.5
-where J_ζ still falls much at 1 and u + β δu stays in K_h.
+then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu). Beyond the paper, β may grow to 1.5
+if J_ζ still falls much at 1 and u + β δu stays in K_h.
 """
 
 from collections.abc import Sequence
@@ -41,7 +41,10 @@ class Newton(LevelSolver):
         options: NewtonOptions | None = None,
         lender: LevelSolver | None = None,
     ) -> None:
-        """Compile the forms and create the solvers, or borrow another algorithm's. Collective."""
+        """Compile the forms and create the solvers, or share those of another algorithm.
+
+        Collective.
+        """
         self.options = options or NewtonOptions()
         criterion = criterion_met(self.options)
         end = (self.options.tolerance, self.options.max_iterations)
@@ -49,7 +52,7 @@ class Newton(LevelSolver):
         self._first_work = 0.0
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Go to the state, in K_h. Collective."""
+        """Start at the state, in K_h. Collective."""
         return value, self.iterate.begin(start)
 
     def step(
@@ -59,7 +62,10 @@ class Newton(LevelSolver):
         active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
-        """Minimise the quadratic model, and go along δu as far as the energy falls. Collective."""
+        """Minimise the quadratic model, and advance along δu as far as the energy falls.
+
+        Collective.
+        """
         options, iterate = self.options, self.iterate
         rho = regularisation(options, history, iterate.lifted)
         found = newton_direction(self, options, zeta, active, history, rho)
@@ -73,13 +79,13 @@ class Newton(LevelSolver):
         return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Return whether J_ζ falls on for ever. Collective."""
+        """Return whether J_ζ is unbounded below. Collective."""
         if len(history) < 3:
             return None
         far = BEYOND * self._first_work
         descends = self.iterate.descends_until(far, zeta)
-        # So often the whole displacement is looked at as a collapse mechanism, beside the last
-        # step, which may be of a few pairs alone.
+        # Interval in steps at which the whole displacement is tested as a collapse mechanism, in
+        # addition to the last step, which may involve only a few pairs.
         look_around = 5
         if not descends and len(history) % look_around == 0:
             self.iterate.aim(self.iterate.y)
@@ -101,10 +107,10 @@ def newton_direction(
     """Minimise the quadratic model of J_ζ at the iterate. Collective.
 
     Args:
-        solver: Whose iterate it is.
+        solver: Solver with the iterate.
         options: Options of the Newton method.
         zeta: Load factor.
-        active: Active set to begin with.
+        active: Initial active set.
         history: The steps so far, which determine the accuracy of this one.
         rho: Regularisation of the tangent.
         work: L₁(δu), if it is prescribed.
@@ -126,7 +132,7 @@ def newton_direction(
         return solver.program.solve(gradient, room, active, rtol, sets, work, first=first)
     solver.friction.set_operator(operator)
     jumps, slip = iterate.jumps(), iterate.slip
-    sets = sets if sets == 1 else None  # linearisations are searched to the end, or not at all
+    sets = sets if sets == 1 else None  # linearisations are iterated to convergence, or only once
     found = solver.friction.solve(gradient, room, active, jumps, slip, rtol, sets, work, first)
     iterate.slip = found.slip
     return found.step

@@ -1,4 +1,4 @@
-"""Options of the Newton methods ALG1, ALG3 and ALG4, and their effect in each step."""
+"""Declare options of the Newton methods ALG1, ALG3 and ALG4, and their effect on each step."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from perfplast_fenicsx.errors import InputError, check_choice, check_end
 from perfplast_fenicsx.problem.judged.report import Iteration
 
 Monitor = Callable[[Iteration], None]
-"""Called on every rank after each iteration."""
+"""Function that is called on every rank after each iteration."""
 
 
 CONTACT_SOLVERS = ("snes-vi", "tfeti")
@@ -20,42 +20,41 @@ class Subdivision:
     """How many subdomains Total FETI has.
 
     Args:
-        asked: By the user, on all ranks together; None for a number by size.
+        asked: Number that the user gives, on all ranks; None for an automatic number.
     """
 
     asked: int | None
 
     def wanted(self, num_dofs: int, gdim: int) -> int:
-        """Return how many subdomains a problem is to have."""
-        # Displacement unknowns of a subdomain, by dimension, where users say nothing.
+        """Return the number of subdomains for a problem."""
+        # Default number of displacement unknowns of a subdomain, by dimension.
         unknowns_each = {2: 4000, 3: 6000}
         return self.asked or max(1, num_dofs // unknowns_each[gdim])
 
 
 @dataclass(frozen=True)
 class NewtonOptions:
-    """Choices of the Newton methods.
+    """Options of the Newton methods.
 
     Args:
-        regularisation: ρ in [0, 1], or "adaptive": raised where steps are damped, lowered where
-            they are not.
-        damping: Exact line search on the energy; without it β = 1.
+        regularisation: ρ in [0, 1], or "adaptive": increased after damped steps, decreased after
+            full ones.
+        damping: Whether to use an exact line search on the energy; otherwise β = 1.
         stopping: Which of the paper's relative criteria ends the iteration (Remark 1):
             "displacement" ‖δu‖ / (‖u + δu‖ + ‖u‖), "stress" ‖δσ‖_E / (‖σ + δσ‖_E + ‖σ‖_E),
             or "energy" |δJ| / (|J + δJ| + |J|).
-        tolerance: Bound of this criterion, between 0 and 1; a damped step does not end the
+        tolerance: Tolerance of this criterion, between 0 and 1; a damped step does not end the
             iteration.
-        active_set: "exact" solves each contact quadratic program to its end; "once" updates the
-            active set once in a Newton step; "adaptive" does so too, but up to four
-            times after a damped step (without friction; with it to the end), and goes on to the end
-            after the tenth step.
-        max_iterations: Most Newton steps of a level, at least 1.
-        contact_solver: "snes-vi" solves for the closed pairs by PETSc's SNES-VI, with one linear
-            system for each active set; "tfeti" cuts the bodies into subdomains and solves for the
-            forces between them (Total FETI), where contact is a bound and is solved to its end in
+        active_set: "exact" solves each contact quadratic program completely; "once" updates the
+            active set once per Newton step; "adaptive" does so too, but updates it up to four times
+            after a damped step (with friction completely), and completely after the tenth step.
+        max_iterations: Largest number of Newton steps of a level, at least 1.
+        contact_solver: "snes-vi" finds the closed pairs by PETSc's SNES-VI, with one linear system
+            for each active set; "tfeti" divides the bodies into subdomains and solves for the
+            forces between them (Total FETI), where contact is a bound and is solved completely in
             every step.
-        subdomains: How many "tfeti" makes on all ranks together; it makes one or more of each body
-            on each rank. By default one for so many unknowns as are quick to factorise.
+        subdomains: Number of subdomains of "tfeti" on all ranks; each rank makes at least one of
+            each of its bodies. The default gives subdomains that factorise quickly.
 
     Raises:
         InputError: If a value is out of its range.
@@ -85,34 +84,33 @@ class NewtonOptions:
             return
         if self.contact_solver != "tfeti":
             raise InputError(
-                f"subdomains = {self.subdomains} goes with contact_solver = 'tfeti' alone; leave it"
-                " out, or take that solver."
+                f"subdomains = {self.subdomains} needs contact_solver = 'tfeti'; remove "
+                "it, or choose that solver."
             )
         if self.subdomains < 1:
             raise InputError(
-                f"subdomains = {self.subdomains} is less than 1; give at least one, or leave it"
-                " out."
+                f"subdomains = {self.subdomains} is less than 1; give at least 1, or remove it."
             )
 
     @property
     def subdivision(self) -> Subdivision | None:
-        """Subdivision of Total FETI; None for other solvers."""
+        """Return the subdivision of Total FETI; None for other solvers."""
         return Subdivision(self.subdomains) if self.contact_solver == "tfeti" else None
 
 
 def regularisation(
     options: NewtonOptions, history: Sequence[Iteration], lifted: bool = False
 ) -> float:
-    """ρ of the next step: fixed, or raised after damped steps and lowered after full ones.
+    """Return ρ of the next step: fixed, or larger after damped steps and smaller after full ones.
 
     It starts at its largest value and vanishes near the solution, where steps are not damped, so
-    that convergence is quadratic. Larger values than 1e-3 only make near-collapse states slower.
+    that convergence is quadratic. Values above 1e-3 only slow down convergence near collapse.
 
     Args:
         options: Options of the Newton method.
         history: The steps so far.
-        lifted: Whether supports alone have just been moved: cells at them are then strained beyond
-            all measure, and the first step is elastic.
+        lifted: Whether only supports were moved: cells at them are then strained excessively, and
+            the first step is elastic.
     """
     if options.regularisation != "adaptive":
         return float(options.regularisation)
@@ -126,28 +124,28 @@ def regularisation(
 
 
 def most_sets(options: NewtonOptions, history: Sequence[Iteration]) -> int | None:
-    """Return how often the next step may update its active set; None: until it is right.
+    """Return how often the next step may update its active set; None for no limit.
 
-    One update a step costs one linear system, and near the solution it is the right one. A damped
-    step shows that its model was poor; the last few of thousands of pairs can wait for the step
-    after. Many steps show that the sets may go in circles.
+    One update per step costs one linear system, and near the solution it is sufficient. After a
+    damped step the model was inaccurate; the last few of thousands of pairs can wait for the next
+    step. Many steps indicate that the sets may cycle.
     """
     if options.active_set != "adaptive":
         return None if options.active_set == "exact" else 1
-    # After so many steps of a level an adaptive active set is determined exactly in each.
+    # Number of steps of a level after which an adaptive active set is solved exactly.
     patience = 10
     if len(history) >= patience:
         return None
-    few_sets = 4  # most active sets of the step after a damped one
+    few_sets = 4  # largest number of active sets in the step after a damped one
     return few_sets if any(record.beta < 1 for record in history[-1:]) else 1
 
 
 def forcing(history: Sequence[Iteration], tolerance: float) -> float:
-    """Relative tolerance of the linear solves of the next step: loose far from the solution.
+    """Return the relative tolerance of the next step's linear solves: loose far from the solution.
 
-    Near it the tolerance follows the last increment, so that steps stay quadratic. What a solve
-    leaves is its tolerance times the increment, and need not be less than a hundredth of the wanted
-    accuracy. Increments are expected to fall on as they did in the last step.
+    Near it the tolerance follows the last increment, so that steps stay quadratic. The error of a
+    solve is its tolerance times the increment, and need not be below a hundredth of the required
+    accuracy. The function assumes that increments decrease as they did in the last step.
     """
     before, last = ([1.0, 1.0] + [record.increment for record in history])[-2:]
     expected = last * min(1.0, last / before) if before > 0 else last

@@ -1,4 +1,4 @@
-"""The record of a load level as it is being solved, the same for every algorithm."""
+"""Record a load level during its solution, in the same way for every algorithm."""
 
 import time
 from collections.abc import Mapping
@@ -25,14 +25,14 @@ class Step:
     """The result of one step of an algorithm.
 
     Attributes:
-        zeta: Load factor after it.
+        zeta: Load factor after the step.
         increment: Value of the stopping criterion.
         active: Closed pairs hosted by this rank, shape (num_pairs,).
         active_set_iterations: Linear solves of the contact quadratic program.
         beta: Step length.
         rho: Regularisation of the tangent.
-        finished: Whether the stopping criterion is met.
-        extra: For :attr:`report.Iteration.extra`.
+        finished: Whether the stopping criterion is satisfied.
+        extra: Values for :attr:`report.Iteration.extra`.
     """
 
     zeta: float
@@ -46,7 +46,7 @@ class Step:
 
 
 class Progress:
-    """Collects the iterations of a level and judges its end.
+    """Collects the iterations of a level and assesses its end.
 
     Attributes:
         history: The iterations so far.
@@ -60,7 +60,7 @@ class Progress:
         monitor: Monitor | None,
         tolerance: float,
     ) -> None:
-        """Start the clock and note the solvers' counts; ``tolerance`` is that of the steps."""
+        """Start the clock, and store the solvers' counts and the tolerance of the steps."""
         self._slides = max(SLIDES, 10 * tolerance)
         self.history: list[Iteration] = []
         self._iterate, self._linear, self._monitor = iterate, linear, monitor
@@ -69,7 +69,7 @@ class Progress:
         self._krylov = linear.iterations
 
     def add(self, step: Step) -> None:
-        """Record the iterate as it is after a step, and call the monitor. Collective."""
+        """Record the present iterate after a step, and call the monitor. Collective."""
         iterate, linear = self._iterate, self._linear
         record = Iteration(
             number=len(self.history) + 1,
@@ -99,14 +99,14 @@ class Progress:
         reason: str,
         refuted: bool = False,
     ) -> Level:
-        """Judge the iterate and report it. Collective.
+        """Return the level with a report on the iterate. Collective.
 
         Args:
             zeta: Load factor.
             active: Closed pairs hosted by this rank.
-            converged: Whether the steps have come to an end.
+            converged: Whether the steps converged.
             reason: Why they ended.
-            refuted: Whether that is a verdict that there is no solution.
+            refuted: Whether the reason is a verdict that there is no solution.
         """
         iterate, history = self._iterate, self.history
         problem, fields, comm = iterate.problem, iterate.fields, iterate.problem.comm

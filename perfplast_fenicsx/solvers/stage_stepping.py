@@ -1,4 +1,4 @@
-"""Loading by stages: bodies that remember are loaded, unloaded and loaded again."""
+"""Load by stages: bodies that remember plastic flow are loaded, unloaded and reloaded."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,27 +19,28 @@ def stage_path(
     monitor: Monitor | None = None,
     start: State | None = None,
 ) -> Iterator[Level]:
-    """Solve the levels of all stages in turn, each from the one before. Collective.
+    """Solve the levels of all stages in order, each starting from the previous one. Collective.
 
-    Where something loads the bodies before the first stage, the first level is ζ = 0.
+    If something loads the bodies before the first stage, the first level is ζ = 0.
 
     Args:
-        solver: Solver of the history's problem; one that prescribes load factors.
+        solver: Solver of the history's problem that prescribes load factors.
         history: The stages.
         monitor: Called on every rank after each iteration.
-        start: A state of these stages to go on from; None for the virgin bodies.
+        start: A state of these stages to continue from; None for the virgin bodies.
 
     Yields:
         The levels. One that has not converged is the last: the state of the level before is the
         last valid one.
 
     Raises:
-        InputError: If the solver prescribes works, or bolts were tightened again before the start.
+        InputError: If the solver prescribes works, or if bolts were tightened again before the
+            start.
     """
     if solver.prescribes is not Prescribed.LOAD_FACTOR:
         raise InputError(
-            f"stages prescribe loads, but the method '{solver.method}' prescribes works; take"
-            " method = 'newton'."
+            f"stages prescribe loads, but the method '{solver.method}' prescribes works; "
+            "give method = 'newton'."
         )
     if start is not None:
         history.check_start(start.zeta)
@@ -61,7 +62,7 @@ def _solved(
     start: State | None,
     monitor: Monitor | None,
 ) -> Level:
-    """Return the level of a time, at which bolts are tightened if its stage does so. Collective."""
+    """Return the level at a time, after tightening bolts if its stage requires it. Collective."""
 
     def solve() -> Level:
         history.go_to(time)
@@ -72,7 +73,7 @@ def _solved(
 
 
 def _told(history: LoadingHistory, level: Level) -> Level:
-    """Return the level with what stages are called in its report. Collective."""
+    """Return the level with names of stages in its report. Collective."""
     report, stage = level.report, history.label(level.state.zeta)
     factors, reason = history.factors(level.state.zeta), report.reason
     if not report.converged and stage:

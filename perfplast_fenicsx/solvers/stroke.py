@@ -1,18 +1,18 @@
-"""The load factors of a loading by given motions, chosen from first yield to its end."""
+"""Choose load factors of a loading by given motions, from first yield to the end."""
 
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 
 GROWTH = 1.5
-"""From one load factor to the next."""
+"""Growth from one load factor to the next."""
 
 
 def stroke(solver: LevelSolver, until: float) -> list[float]:
-    """Load factors from first yield on to the last one. Collective.
+    """Return load factors from first yield to the last one. Collective.
 
-    First yield is a guess where there are gaps or constant loads.
+    First yield is an estimate if there are gaps or constant loads.
 
     Args:
-        solver: Solver of a problem in which ζ moves something; its iterate is changed.
+        solver: Solver of a problem in which ζ moves something; the function changes its iterate.
         until: The last load factor.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The tangent of an iterate as the operator of its contact programs."""
+"""Provide the tangent of an iterate as the operator of its contact programs."""
 
 from collections.abc import Callable
 from typing import Any, Protocol, TypeAlias
@@ -9,15 +9,18 @@ from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
 
 class Tangent(Protocol):
-    """Σ^{o,ρ}(ε(u)) of some fields."""
+    """The tangent Σ^{o,ρ}(ε(u)) of some fields."""
 
     def at(self, rho: float) -> Any:
-        """An operator for this ρ and the present strains, until the next call. Collective."""
+        """Return an operator for this ρ and the present strains, valid until the next call.
+
+        Collective.
+        """
         ...
 
 
 MakeTangent: TypeAlias = Callable[[QuadratureFields], Tangent]
-"""Makes the tangent of fields; collective."""
+"""Function that creates the tangent of fields; collective."""
 
 
 class JumpTangent:
@@ -29,7 +32,7 @@ class JumpTangent:
         self._operator = ContactOperator(fields.problem, self._stiffness.matrix)
 
     def at(self, rho: float) -> ContactOperator:
-        """See :meth:`Tangent.at`."""
+        """Return the operator, see :meth:`Tangent.at`."""
         self._stiffness.assemble(rho)
         self._operator.add_springs(None)
         return self._operator

@@ -1,4 +1,4 @@
-"""Tightening bolts: how far shanks are shortened until each has the force that is wanted."""
+"""Tighten bolts: shorten their shanks until each has the required force."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -13,16 +13,16 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def tighten(problem: Problem, at_rest: Callable[[], Level]) -> Level | None:
-    """Shorten the shanks until each has its preload, with no load acting. Collective.
+    """Shorten the shanks until each has its preload, without loads. Collective.
 
-    All bolts together. Supports that move, overlaps and strains that stay are there already.
+    All bolts are tightened together. Moving supports, overlaps and initial strains act already.
 
     Args:
-        problem: Whose bolts are loose.
-        at_rest: Solves ζ = 0.
+        problem: Problem with loose bolts.
+        at_rest: Function that solves ζ = 0.
 
     Returns:
-        None; or a level that says why they cannot be tightened, where the bolts are loose again.
+        None; or a level that reports why they cannot be tightened, with the bolts loose again.
     """
     shanks, declared, e0 = problem.shanks, problem.loads, problem.initial_strain
     assert e0 is not None  # of a problem with bolts
@@ -51,21 +51,23 @@ def tighten(problem: Problem, at_rest: Callable[[], Level]) -> Level | None:
 
 
 def tighten_anew(shanks: Shanks, wanted: Mapping[str, float], solve: Callable[[], Level]) -> Level:
-    """Tighten, or loosen, some of the bolts beside what acts; others keep their length. Collective.
+    """Tighten or loosen some of the bolts under the present loads; others keep their length.
+
+    Collective.
 
     Args:
-        shanks: Shanks of the problem, tightened before.
-        wanted: Forces by name.
-        solve: Solves a level with the shortenings that the shanks have then.
+        shanks: Shanks of the problem, which are already tightened.
+        wanted: Required forces by name.
+        solve: Function that solves a level with the present shortenings.
 
     Returns:
-        The level in which they have these forces; or one that says why there is none, where they
-        are as long as before.
+        The level with these forces; or one that reports why there is none, with the previous
+        lengths.
     """
     level = solve()
     if not level.report.converged:
         return level
-    assert shanks.shortening is not None  # a level was solved
+    assert shanks.shortening is not None  # at least one level was solved
     before = shanks.shortening
     forces: Floats = np.array([level.report.bolts[name] for name in wanted])
     level = _shorten(shanks, wanted, forces, solve)
@@ -77,19 +79,18 @@ def tighten_anew(shanks: Shanks, wanted: Mapping[str, float], solve: Callable[[]
 def _shorten(
     shanks: Shanks, wanted: Mapping[str, float], before: Floats, solve: Callable[[], Level]
 ) -> Level:
-    """Shorten some shanks until their forces are as wanted. Collective.
+    """Shorten some shanks until they have the required forces. Collective.
 
-    By Broyden's method, which takes two levels where the bodies answer in proportion and there is
-    one bolt.
+    The function uses Broyden's method, which takes two levels for a linear response and one bolt.
 
     Args:
-        shanks: Shanks of the problem; they have shortenings.
-        wanted: Forces by name.
+        shanks: Tightened shanks of the problem.
+        wanted: Required forces by name.
         before: Forces at these shortenings.
-        solve: Solves a level with the shortenings that the shanks have then.
+        solve: Function that solves a level with the present shortenings.
     """
-    # Of the preload. As large as what steps of a level leave by default, and
-    # so many levels are tried.
+    # Relative to the preload. As accurate as the default level tolerance, with this largest number
+    # of levels.
     tolerance, most = 1e-6, 12
     which = [shanks.names.index(name) for name in wanted]
     scale, targets = shanks.preloads[which], np.array(list(wanted.values()))
@@ -110,7 +111,7 @@ def _shorten(
         if np.abs(missing / scale).max() <= tolerance:
             return level
         change = forces - before
-        if number == 0:  # what has closed a gap at least shows its stiffness
+        if number == 0:  # a change of at least this size closes gaps and shows the stiffness
             told = change * np.sign(step) > tolerance * scale
             own = np.divide(change, step, out=slope.diagonal().copy(), where=told)
             slope = np.diag(own)
@@ -118,11 +119,11 @@ def _shorten(
             slope = slope + np.outer(change - slope @ step, step) / (step @ step)
         step[:], before = np.linalg.solve(slope, missing), forces
     worst = int(np.abs(missing / scale).argmax())
-    why = level.report.reason if not level.report.converged else "its shank yields, or slips"
+    why = level.report.reason if not level.report.converged else "its shank yields or slips"
     name = list(wanted)[worst]
     to = "its preload of" if targets[worst] == scale[worst] else "the force"
     reason = (
-        f"the bolt '{name}' is not tightened to {to} {targets[worst]:.6g}, but to"
-        f" {forces[worst]:.6g}: {why}"
+        f"the bolt '{name}' could not be tightened to {to} {targets[worst]:.6g}, but to "
+        f"{forces[worst]:.6g}: {why}"
     )
     return replace(level, report=replace(level.report, converged=False, reason=reason))

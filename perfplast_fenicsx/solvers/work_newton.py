@@ -3,15 +3,16 @@
 Both linearise (S)^α: find (ζ, u), u ∈ K_h, L(u) = α, with u minimising J_ζ over K_h (Section 4 of
 Čermák, Haslinger, Sysala, COMPLAS XII, 2013).
 
-ALG3 takes δu from the quadratic program of ALG1 without −ζL and with the equality
-L(δv) = α − L(u^k); ζ is its multiplier, and from the second step on, where L(δu) = 0, Ψ is
-minimised along δu. ALG4 is Newton's method for ζ and u together,
+ALG3 takes δu from the quadratic program of ALG1 without −ζL and with the equality L(δv) = α −
+L(u^k). ζ is its multiplier, and from the second step on, where L(δu) = 0, the line search minimises
+Ψ along δu. ALG4 is Newton's method for ζ and u together,
 
     K v = ζ^k L − F(u^k),   K w = L,   δζ = (α − L(u^k + v))/L(w),   δu = v + δζ w,
 
-which the paper confines to problems without contact. On a given active set both solves run on the
-free unknowns, and they solve ALG3's quadratic program there; the active set is updated until it is
-the solution's. So both are one method here, which ALG3 damps, and ALG4 where it would diverge.
+which the paper restricts to problems without contact. On a given active set both solves use the
+free unknowns, and they solve ALG3's quadratic program; the active set is updated until it is that
+of the solution. So both are one method in this module. ALG3 is damped, and ALG4 is damped only
+where it would diverge.
 """
 
 from collections.abc import Sequence
@@ -33,7 +34,7 @@ from perfplast_fenicsx.solvers.progress import Step
 
 
 class WorkNewton(LevelSolver):
-    """ALG3, which prescribes α: damped, but for its first step."""
+    """ALG3, which prescribes α: damped except in its first step."""
 
     method = "work-newton"
     prescribes = Prescribed.WORK
@@ -43,12 +44,13 @@ class WorkNewton(LevelSolver):
         """Compile the forms and create the solvers. Collective.
 
         Raises:
-            InputError: If all loads are constant, or ζ moves something.
+            InputError: If all loads are constant, or if ζ moves something.
         """
         if not problem.loads.grows():
             raise InputError(
-                "all loads are constant, so that none does a work that could be prescribed or grow"
-                " to a limit; make one that is not, or prescribe load factors."
+                "all loads are constant, so that no load has a work that can be "
+                "prescribed or grow to a limit; let a load grow, or prescribe load "
+                "factors."
             )
         if problem.motion.driven:
             raise InputError(
@@ -66,18 +68,20 @@ class WorkNewton(LevelSolver):
     def solve(
         self, value: float, start: State | None = None, monitor: Monitor | None = None
     ) -> Level:
-        """Find ζ, the multiplier of the work equality, and u with L₁(u) = α. Collective.
+        """Return the level with ζ, the multiplier of the work equality, and u with L₁(u) = α.
+
+        Collective.
 
         Raises:
-            InputError: If α is not finite, or negative where nothing but ζ loads the bodies, which
-                remember nothing.
+            InputError: If α is not finite, or if it is negative although only ζ loads the bodies,
+                which have no history.
         """
         if value < 0 and not self.problem.loaded_at_zero() and not self.problem.history:
             raise InputError(f"the work alpha = {value} is negative; give zero or more.")
         return super().solve(value, start, monitor)
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Go to the state, in K_h. Collective."""
+        """Start at the state, in K_h. Collective."""
         return start.zeta if start else 0.0, self.iterate.begin(start)
 
     def step(
@@ -108,7 +112,7 @@ class WorkNewton(LevelSolver):
         return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Never: there is a solution for every work that some displacement in K_h has."""
+        """Return None: a solution exists for every work of a displacement in K_h."""
         return None
 
     def at_rest(self, monitor: Monitor | None = None) -> Level:
@@ -116,9 +120,11 @@ class WorkNewton(LevelSolver):
         return Newton(self.problem, self.options, lender=self).solve(0.0, None, monitor)
 
     def first_step(self, rest: State) -> float:
-        """How far beyond α₀ the first work may lie: where live loads alone would yield. Collective.
+        """Return how far beyond α₀ the first work may be: where live loads alone would cause yield.
 
-        A guess, as the bodies are taken as elastic, and pairs that are closed as tied.
+        Collective.
+
+        It is an estimate, with elastic bodies and tied closed pairs.
 
         Args:
             rest: The state at ζ = 0.
@@ -138,33 +144,33 @@ class WorkNewton(LevelSolver):
         return loads.alpha(unit.x.petsc_vec) / (overstress if overstress > 0 else 1.0)
 
     def first_yield(self) -> State:
-        """Return the state at which the first point yields, were all gaps closed. Collective.
+        """Return the state at which the first point yields, if all gaps were closed. Collective.
 
         Elastic bodies in contact without gaps respond in proportion to the load, so one elastic
-        contact problem is enough. Without any plastic body it is the one of ζ = 1.
+        contact problem is enough. If no body is plastic, it is the state at ζ = 1.
 
         Raises:
-            InputError: If something besides ζ loads the bodies.
+            InputError: If something other than ζ loads the bodies.
             LinearFailure: If the elastic problem cannot be solved.
         """
         if not self.problem.is_elastic_at_first():
             raise InputError(
-                "surfaces rub, supports move, loads are constant or bodies are strained at first,"
-                " so that the first yield is no multiple of an elastic state; leave out what does"
-                " not grow with the load factor."
+                "friction, moving supports, constant loads or initial strains are "
+                "present, so that the first yield is not a multiple of an elastic state; "
+                "remove what does not grow with the load factor."
             )
         return self._yielding(rtol=1e-8, rounds=None)
 
     def near_yield(self) -> State:
-        """Return a state near :meth:`first_yield`, which is not worth much work. Collective.
+        """Return a state near :meth:`first_yield`, computed cheaply. Collective.
 
-        Its work has two digits, so that it does not depend on what solvers leave.
+        Its work is rounded to two digits, so that it does not depend on solver errors.
 
         Raises:
             LinearFailure: If the elastic problem cannot be solved.
         """
-        # Tolerance of the linear solves for a state near first yield, and
-        # how often its active set may change.
+        # Tolerance of the linear solves for a state near first yield, and largest number of active
+        # set changes.
         near, few = 1e-4, 3
         state = self._yielding(rtol=near, rounds=few)
         alpha = float(f"{state.alpha:.1e}")
@@ -173,7 +179,7 @@ class WorkNewton(LevelSolver):
         return State(state.u, scale * state.zeta, scale * state.alpha, state.active)
 
     def _yielding(self, rtol: float, rounds: int | None) -> State:
-        """The multiple of an elastic state that yields first; active sets to the end, or a few."""
+        """Return the multiple of an elastic state that yields first."""
         iterate = self.iterate
         closed = np.zeros_like(self.problem.basis.gap)
         iterate.begin(None)
@@ -196,8 +202,8 @@ class WorkNewton(LevelSolver):
 class BorderedNewton(WorkNewton):
     """ALG4, which prescribes α: undamped Newton for ζ and u together, with contact.
 
-    Undamped steps need not converge from afar, with constant loads and without: once they have
-    grown, a level goes on with ALG3's damping.
+    Undamped steps need not converge from a distant start, with or without constant loads: once they
+    have grown, a level continues with ALG3's damping.
     """
 
     method = "bordered-newton"
@@ -205,7 +211,7 @@ class BorderedNewton(WorkNewton):
 
 
 def diverges(history: Sequence[Iteration]) -> bool:
-    """Whether an increment has ever grown, after the second, which may well be the largest."""
+    """Return whether an increment has ever grown after the second one."""
     sizes = [record.increment for record in history[1:]]
     return any(a < b for a, b in pairwise(sizes))
 

@@ -53,7 +53,7 @@ def test_a_run_that_ends(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> No
     assert [line.split()[:2] for line in levels] == [["1", "10"], ["2", "20"], ["3", "30"]]
     assert levels[0].endswith("2 levels left, about 0:04")
     assert levels[2].endswith("2.00")
-    assert end == "The run has ended, with 3 levels on file."
+    assert end == "The run ended, with 3 levels on file."
     assert drawn == 3
     assert "no ink" in caplog.text  # and goes on
 
@@ -118,7 +118,7 @@ def test_a_run_that_has_ended(
     assert main(["plot", "--follow", str(folder)]) == SOLVED
     out, _ = capsys.readouterr()
     if comm.rank == 0:
-        assert out.splitlines()[-1] == "The run has ended, with 1 level on file."
+        assert out.splitlines()[-1] == "The run ended, with 1 level on file."
         assert "\r" not in out  # nobody watches
     assert (folder / "path.png").exists()
 

@@ -45,7 +45,10 @@ def test_checkpoints_are_results_where_a_run_goes_on_from_them(
 @pytest.mark.parametrize(
     ("round_", "words"),
     [
-        (Round(1, 90, 1.5, 2.0, 1 / 3, 0.5), "lower bound 1.5, upper bound 2, the best 33.3 % ap"),
+        (
+            Round(1, 90, 1.5, 2.0, 1 / 3, 0.5),
+            "lower bound 1.5, upper bound 2, the best ones 33.3 % ap",
+        ),
         (
             Round(2, 90, 4.5, None, None, 0.5, (None, 4.33334)),
             "lower bound 4.5, upper bound none (4.33334 is not proven), 0.5 s",

@@ -242,7 +242,7 @@ def driven_wall(elastic: tuple[str, ...], words: tuple[str, ...], never: tuple[s
 
 
 AT_TOE = (
-    "support bed holds 1 of the 5 nodes of 'face' along the normal, and not 'front': an elastic or"
+    "support bed holds 1 of the 5 nodes of 'face' along the normal, but not 'front': an elastic or"
     " rigid body cannot be pushed in there; let the support end before, or hold other components"
 )
 
@@ -287,7 +287,7 @@ CASES = {
         HOLD + load("pad") + load("top") + load("top", "traction = [1.0, 0.0]"),
         (
             "top: pressure 1 on 'top'; length 4; force (0, -4)",
-            "adds to pressure 1 on 'pad', on 1 that both have",
+            "adds to pressure 1 on 'pad', on 1 in common",
         ),
         {"pad": side(1, 2.0, 1.0, 2.0), "top": TOP, "left": LEFT},
         ("pad",),
@@ -524,7 +524,7 @@ CASES = {
     ),
     "a name inside of a body": Told(
         HOLD + PULL + load("cut", "traction = [0.0, 1.0]"),
-        ("inside of a body, on no outer face",),
+        ("inside a body, on no outer face",),
         {"left": LEFT, "right": RIGHT, "cut": side(0, 2.0)},
     ),
     "a pad on the top of a cube": Told(

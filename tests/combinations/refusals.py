@@ -6,9 +6,9 @@ STAYS = "stays so"
 TO_COME = "to come"
 
 REFUSALS: Mapping[str, str] = {
-    "no limit load to be sought": f"{STAYS}: what hardens without end has no limit load",
+    "so that bodies carry any load": f"{STAYS}: what hardens without end has no limit load",
     "is not a projection on a yield set": f"{STAYS}: the algorithm is made of that projection",
-    "knows no friction": f"{STAYS}: contact is a bound there, and there is no friction",
+    "does not support friction": f"{STAYS}: contact is a bound there, and there is no friction",
     "is a formula": (
         f"{STAYS}: stresses are linear in cells, and balance linear tractions; what a body carries"
         " of linear ones below and above it need not carry of what lies between"
@@ -17,9 +17,9 @@ REFUSALS: Mapping[str, str] = {
         f"{STAYS} of limit theorems; where a path loses equilibrium is found, with Drucker's pair"
         " beside it"
     ),
-    "for bounds of the body alone": f"{STAYS}: true slip follows no normal of friction's cone",
+    "is associated": f"{STAYS}: true slip follows no normal of friction's cone",
     "normals are averaged": f"{TO_COME}: obstacles that are made of planes",
-    "neither part nor slide": (
+    "adds up elastic stresses": (
         f"{STAYS}: elastic stresses of single loads are added up, which touching bodies forbid"
     ),
     "a rigid surface moves": f"{TO_COME}: given motions that vary",

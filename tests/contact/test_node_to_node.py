@@ -157,5 +157,6 @@ def test_a_wall_meets_two_blocks_on_each_other_along_one_edge() -> None:
 def test_two_contacts_of_the_same_surfaces_are_refused() -> None:
     contacts = [Contact("lower_top", "upper_bottom"), Contact("upper_bottom", "lower_top")]
     assert_refused(
-        lambda: touching_blocks(contacts=contacts), ["contact 2", "has the surfaces of contact 1"]
+        lambda: touching_blocks(contacts=contacts),
+        ["contact 2", "has the same surfaces as contact 1"],
     )

@@ -138,11 +138,11 @@ def test_bad_ties_are_refused() -> None:
     tie = Tie("lower_top", "upper_bottom")
     assert_refused(lambda: make(Tie("top", "top")), ["tie 1", "itself"])
     assert_refused(lambda: make(Tie("x0", "top")), ["tie 1", "nowhere opposite"])
-    assert_refused(lambda: make(tie, tie), ["tie 2", "has the surfaces of tie 1"])
+    assert_refused(lambda: make(tie, tie), ["tie 2", "has the same surfaces as tie 1"])
     moved = [Support("bottom"), Support("upper_x0", "x", 1e-3)]
     assert_refused(lambda: make(tie, supports=moved), ["support moves nodes of a tied surface"])
     both = {"contacts": [Contact("lower_top", "upper_bottom")]}
-    assert_refused(lambda: make(tie, **both), ["tie 1", "has the surfaces of contact 1"])
+    assert_refused(lambda: make(tie, **both), ["tie 1", "has the same surfaces as contact 1"])
 
 
 def test_a_ring_of_ties_is_refused(comm: MPI.Intracomm) -> None:
@@ -164,7 +164,7 @@ def test_a_ring_of_ties_is_refused(comm: MPI.Intracomm) -> None:
         )
 
     assert_solved(Newton(glued("ab", "bc", "cd")).solve(1.0))
-    assert_refused(lambda: glued("ab", "bc", "cd", "da"), ["ring of bodies", "leave one"])
+    assert_refused(lambda: glued("ab", "bc", "cd", "da"), ["ring of bodies", "remove one"])
 
 
 @pytest.mark.parametrize(("gdim", "hosts"), list(product((2, 3), ("primary", "secondary"))))

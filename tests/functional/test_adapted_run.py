@@ -143,7 +143,7 @@ REFUSED = {
     ),
     "no design load": (
         CASE.replace("until = 0.2", 'until = "decided"'),
-        '[mesh], adapt: until = "decided" goes with a design load; give design',
+        '[mesh], adapt: until = "decided" needs a design load; give design',
     ),
     "no gap": (CASE.replace("until = 0.2", "until = 2.0"), "until = 2.0 is not between 0 and 1"),
     "no word": (CASE.replace("until = 0.2", 'until = "narrow"'), "until"),

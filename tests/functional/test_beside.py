@@ -55,9 +55,9 @@ def test_two_preloads(runs: list[Path], capsys: pytest.CaptureFixture[str]) -> N
     path = runs[0] / "beside_two.html"
     assert str(path) in capsys.readouterr().out
     page = path.read_text(encoding="utf-8")
-    assert row(page, "ζ of the last of them") == ["20", "20", "the same"]
+    assert row(page, "ζ of the last solved level") == ["20", "20", "the same"]
     forces = [ResultReader(run).summary.steps[-1]["bolts"]["anchor"] for run in runs[:2]]
-    told = row(page, "force of bolt anchor there")
+    told = row(page, "force of bolt anchor at this level")
     assert told[:2] == [f"{force:.6g} N" for force in forces]
     assert float(told[2].rstrip(" %")) == pytest.approx(100 * (forces[1] / forces[0] - 1), rel=0.01)
     assert f"-preload = {PRELOAD}" in page
@@ -72,20 +72,20 @@ def test_other_units_and_loads_are_told(runs: list[Path], tmp_path: Path) -> Non
     assert main(["report", str(runs[0]), str(runs[2]), "-o", str(tmp_path / "a.html")]) == SOLVED
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     units, loads = apart([ResultReader(runs[0]), ResultReader(runs[2])])
-    assert "A is in mm, N, MPa, B in m, N, Pa" in units
+    assert "A uses mm, N, MPa, B uses m, N, Pa" in units
     assert "pressure 1 MPa" in loads
     assert "pressure 2 Pa" in loads
-    assert row(page, "ζ of the last of them")[2] == "–"
-    assert row(page, "largest displacement there")[2] == "–"
-    assert row(page, "cells of the mesh, of the last one of several")[2] == "the same"
+    assert row(page, "ζ of the last solved level")[2] == "–"
+    assert row(page, "largest displacement at this level")[2] == "–"
+    assert row(page, "cells of the mesh (the last of several)")[2] == "the same"
 
 
 def test_other_last_loads(runs: list[Path], tmp_path: Path) -> None:
     """Displacements at other loads are not compared."""
     assert main(["report", str(runs[0]), str(runs[3]), "-o", str(tmp_path / "a.html")]) == SOLVED
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert row(page, "ζ of the last of them") == ["20", "30", "+50 %"]
-    assert row(page, "largest displacement there")[2] == "–"
+    assert row(page, "ζ of the last solved level") == ["20", "30", "+50 %"]
+    assert row(page, "largest displacement at this level")[2] == "–"
 
 
 def test_what_is_no_pair_is_refused(

@@ -125,7 +125,7 @@ def test_each_is_as_if_it_were_alone(
         assert "'1.35 G + 1.5 Q' (zeta = 1) is carried for certain, 1.47" in out
     assert main(["run", str(case), "--restart", str(results)]) == SOLVED
     again = comm.bcast(capsys.readouterr().out)
-    assert again.count("is solved already") == len(COMBINED)
+    assert again.count("is already solved") == len(COMBINED)
     assert out.splitlines()[-1] == again.splitlines()[-1]
 
 
@@ -147,15 +147,17 @@ HEATED = '[[temperature]]\nname = "heat"\non = "lower"\nchange = 1.0\n'
         tables({"": {"weight": 1.0}}) + BOUNDS: "name = '' cannot be the name of a folder",
         tables({"A\\n": {"weight": 1.0}}) + BOUNDS: "cannot be the name of a folder",
         HEATED + tables({"A": {"heat": 1.0}}) + BOUNDS: "'heat' is not a load: temperatures",
-        GOOD.replace("1.0", '"fill in: the code"') + BOUNDS: "weight is still to be filled in (the",
-        '[design]\nstrength = "fill in: B.8"\n' + BOUNDS: "strength is still to be filled in (B.8)",
+        GOOD.replace("1.0", '"fill in: the code"') + BOUNDS: "weight must still be filled in (the",
+        '[design]\nstrength = "fill in: B.8"\n' + BOUNDS: "strength must still be filled in (B.8)",
         GOOD + GOOD + BOUNDS: "number 2: there are two combinations 'A'",
-        GOOD + "[loading]\nvalues = [1.0]\n": "combinations are for limit loads and bounds",
+        GOOD + "[loading]\nvalues = [1.0]\n": "combinations need limit loads or bounds",
         GOOD + '[loading]\ncontrol = "strength"\n': "constant",
-        GOOD + ENVELOPE: "this control seeks no load factor",
-        GOOD.replace("strength = 1.0", "strength = { uper = 1.1 }") + BOUNDS: "names 'uper', no",
+        GOOD + ENVELOPE: "this control computes no load factor",
+        GOOD.replace("strength = 1.0", "strength = { uper = 1.1 }")
+        + BOUNDS: "names 'uper', which is not",
         "[design]\nstrength = 0.0\n" + BOUNDS: "strength = 0 is not positive",
-        "[design]\nstrength = { uper = 1.1 }\n" + BOUNDS: "strength names 'uper', no body",
+        "[design]\nstrength = { uper = 1.1 }\n"
+        + BOUNDS: "strength names 'uper', which is not a body",
     }.items(),
 )
 def test_refused_in_one_sentence(
@@ -177,7 +179,7 @@ def test_one_in_which_nothing_grows(
     case = write_case(comm, shared_tmp_path / "case.toml", text)
     assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == BAD_INPUT
     err = comm.bcast(capsys.readouterr().err)
-    assert "[[combination]] 'A': control = 'work' goes with a load that grows" in err
+    assert "[[combination]] 'A': control = 'work' needs a load that grows" in err
     assert not (shared_tmp_path / "r").exists()
 
 
@@ -186,7 +188,7 @@ def test_one_that_is_not_refined(
 ) -> None:
     case = write_case(comm, shared_tmp_path / "case.toml", text_of(GOOD + BOUNDS))
     assert main(["run", str(case), "-o", str(shared_tmp_path / "r"), "--refine"]) == BAD_INPUT
-    assert "--refine solves one case" in comm.bcast(capsys.readouterr().err)
+    assert "--refine solves only one case" in comm.bcast(capsys.readouterr().err)
 
 
 def test_loads_that_are_scaled() -> None:

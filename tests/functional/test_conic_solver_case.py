@@ -60,9 +60,9 @@ def test_where_it_cannot_run(
     ("loading", "solve", "said"),
     [
         (BOUNDS, 'conic = "clarabell"', "conic = 'clarabell' is unknown"),
-        (LEVELS, 'conic = "clarabel"', "this loading asks for neither"),
-        (PATH, 'conic = "clarabel"', "a path is asked for"),
-        (BOUNDS, 'conic = "clarabel"\nmethod = "newton"', "a path is asked for"),
+        (LEVELS, 'conic = "clarabel"', "this loading needs neither"),
+        (PATH, 'conic = "clarabel"', "a path is requested"),
+        (BOUNDS, 'conic = "clarabel"\nmethod = "newton"', "a path is requested"),
     ],
 )
 def test_where_it_has_nothing_to_solve(

@@ -166,8 +166,8 @@ def test_a_crack_is_open_and_its_water_presses_on_both_sides(shared_tmp_path: Pa
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ("water = 33", r"the line 'crack' has water, and is no crack; give crack = true"),
-        ("crack = true\nwater = 33", r"is at 33, at none of its points; give the line a point"),
+        ("water = 33", r"the line 'crack' has water, but is not a crack"),
+        ("crack = true\nwater = 33", r"is at 33, where the crack has no point"),
         ("crack = true\nwater = 35", r"unit_weight is missing"),
     ],
 )
@@ -249,11 +249,11 @@ def test_a_slope_under_water_has_the_factor_of_its_buoyant_weight(tmp_path: Path
 @pytest.mark.parametrize(
     ("drawn", "words"),
     [
-        (LOADED, r"\[\[line\]\]: there is no \[\[region\]\]"),
+        (LOADED, r"\[\[line\]\]: lines name boundaries of a \[\[region\]\]"),
         (REGIONS + "[[region]]\nname = 'x'\n", r"\[\[region\]\] number 3: 'points' is missing"),
         (REGIONS.replace("[70, 31], [70, 35]", "[70, 30], [70, 35]"), "'fill' and 'clay' overlap"),
         (REGIONS + "[[stratum]]\nname = 'a'\ntop = 3\n", "top = 3 cannot be used"),
-        (REGIONS + WET.format(30.0) + "[seepage]\n", r"\[water\]: there is \[seepage\] besides"),
+        (REGIONS + WET.format(30.0) + "[seepage]\n", r"\[water\]: there is also \[seepage\]"),
     ],
 )
 @pytest.mark.serial
@@ -267,7 +267,7 @@ def test_what_is_refused_before_it_is_meshed(tmp_path: Path, drawn: str, words: 
 def test_a_mesh_or_file_beside_drawn_ground_is_refused(tmp_path: Path, other: str) -> None:
     text = case(tmp_path, REGIONS).text
     (tmp_path / "slope.toml").write_text(f"{other}\n{text}", encoding="utf-8")
-    with pytest.raises(InputError, match=r"draws its ground .* besides; leave out one"):
+    with pytest.raises(InputError, match=r"draws its ground .*; remove one"):
         read_case(tmp_path / "slope.toml")
 
 

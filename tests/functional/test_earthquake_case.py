@@ -77,12 +77,12 @@ def test_water_in_the_weight_is_pushed_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("loading", "earthquake", "words"),
     [
-        (SEISMIC, f"{LEFT}\ncoefficient = 0.1", r"0.1 is given, and control = 'seismic' seeks it"),
+        (SEISMIC, f"{LEFT}\ncoefficient = 0.1", r"0.1 is given, but control = 'seismic' seeks it"),
         (STRENGTH, LEFT, r"\[earthquake\]: coefficient is missing; give it, or control"),
-        (STRENGTH, f"{LEFT}\ncoefficient = -0.1", r"-0.1 is not positive; turn the direction"),
-        (SEISMIC, "direction = [-1.0, 0.1]", r"is not at right angles to the acceleration"),
-        (SEISMIC, "direction = [0.0, 0.0]", r"is no direction; give 2 numbers"),
-        (SEISMIC, "direction = [1.0, 0.0, 0.0]", r"is no direction; give 2 numbers"),
+        (STRENGTH, f"{LEFT}\ncoefficient = -0.1", r"-0.1 is not positive"),
+        (SEISMIC, "direction = [-1.0, 0.1]", r"is not perpendicular to the acceleration"),
+        (SEISMIC, "direction = [0.0, 0.0]", r"is not valid; give 2 numbers"),
+        (SEISMIC, "direction = [1.0, 0.0, 0.0]", r"is not valid; give 2 numbers"),
         (f"{SEISMIC}\ngravity.constant = false", LEFT, r"'gravity' would grow with the coeff"),
         (f"{SEISMIC}\nloading.design = 1.0", LEFT, r"no key 'design'"),
     ],
@@ -103,9 +103,9 @@ def test_a_coefficient_that_is_sought_needs_its_table_and_a_weight(tmp_path: Pat
     path = tmp_path / "case.toml"
     text = slope(loading=SEISMIC, earthquake=LEFT)
     path.write_text(text.replace(f"[earthquake]\n{LEFT}\n", ""), encoding="utf-8")
-    with pytest.raises(InputError, match=r"\[earthquake\] is missing, and control = 'seismic'"):
+    with pytest.raises(InputError, match=r"\[earthquake\] is missing, but control = 'seismic'"):
         read_case(path)
     lines = [line for line in text.splitlines() if not line.startswith("gravity")]
     path.write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(InputError, match=r"there is no \[gravity\], whose share the force is"):
+    with pytest.raises(InputError, match=r"there is no \[gravity\]"):
         read_case(path)

@@ -79,7 +79,7 @@ def test_a_footing(
             assert not any(half.faults for half in proven.values())
         reader = ResultReader(folder)
         verdict = verdict_on(reader)
-        assert "All pairs inside of one polygon are carried for certain" in verdict.sentence
+        assert "All pairs inside one polygon are carried for certain" in verdict.sentence
         assert "'V'" in verdict.details[0]
         assert "envelope" in (folder / "report.html").read_text(encoding="utf-8")
     goes_on(comm, shared_tmp_path / "case.toml", run, capsys)
@@ -182,19 +182,23 @@ def test_three_loads_of_a_rigid_footing(tmp_path: Path) -> None:
     ("old", "new", "part"),
     [
         ('first = ["V"]', "first = []", "first is empty"),
-        ('first = ["V"]', 'first = ["W"]', "first names 'W', no load that grows"),
+        ('first = ["V"]', 'first = ["W"]', "first contains 'W', which is not a load"),
         ('second = ["H"]', 'second = ["V"]', "the load 'V' is in both first and second"),
-        ('first = ["V"]\nsecond = ["H"]', 'first = ["V"]\nsecond = ["footing"]', "names 'footing'"),
+        (
+            'first = ["V"]\nsecond = ["H"]',
+            'first = ["V"]\nsecond = ["footing"]',
+            "contains 'footing'",
+        ),
         ('second = ["H"]', 'second = ["H"]\nthird = ["H"]', "'H' is in both second and third"),
         (
             'second = ["H"]',
             'second = ["H"]\naround = ["W"]',
-            "around names 'W', no load",
+            "around contains 'W', which is not a load",
         ),
         ('second = ["H"]', 'second = ["H"]\nthird = []', "third is empty"),
         ("directions = 8", "directions = 2", "directions = 2 is too few"),
         ("until = 0.3", "until = 3.0", "until = 3.0 is not between 0 and 1"),
-        ('name = "H"', 'name = "H"\nconstant = true', "second names 'H', no load that grows"),
+        ('name = "H"', 'name = "H"\nconstant = true', "second contains 'H', which is not a load"),
     ],
 )
 def test_refused_in_one_sentence(

@@ -144,7 +144,7 @@ def test_a_mark_in_front(tmp_path: Path) -> None:
         ("a.inp", "by perfplast mesh"),
         ("a.vtu", "by perfplast mesh"),
         ("a.exo", "shows under 'Other formats'"),
-        ("a.step", "a [geometry] in place of [mesh]"),
+        ("a.step", "a [geometry] instead of a [mesh]"),
     ],
 )
 def test_other_formats(told: Told, shared_tmp_path: Path, name: str, says: str) -> None:

@@ -62,14 +62,14 @@ REFUSED = {
         + TIE.format("upper_bottom", "lower_top")
         + FLOOR
         + '[[support]]\non = "x0"\ncomponents = "x"\n',
-        "has the surfaces of tie 1",
+        "has the same surfaces as tie 1",
     ),
     "shear stress": (CONTACT + "tresca = -1.0\n", "tresca = -1.0 is not a valid friction"),
     "coefficient": (CONTACT + "coulomb = -0.1\n", "coulomb = -0.1 is not a valid friction"),
     "name": (CONTACT + FLOOR + "coulomb = 0.1\n", "has friction but no name"),
     "tied": (
         CONTACT + "tresca = 1.0\n" + TIE.format("lower_top", "upper_bottom"),
-        "has the surfaces of contact 1",
+        "has the same surfaces as contact 1",
     ),
 }
 

@@ -122,8 +122,8 @@ class Hostile:
     more: str = ""
 
 
-SCRIPT = "is a script, by which gmsh may run any command"
-NOT_RUN = "is a program, which is never run here"
+SCRIPT = "is a script, with which gmsh may run any command"
+NOT_RUN = "is a program, which perfplast never runs"
 NO_MESH = "is not a gmsh .msh file"
 
 HOSTILE = {

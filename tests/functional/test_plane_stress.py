@@ -189,7 +189,7 @@ def test_levels_and_forces_for_each_unit_of_thickness(
 ) -> None:
     found = ran(comm, shared_tmp_path, "values = [5.0]\n")
     assert found["model"]["kind"] == "plane-stress"
-    assert found["model"]["forces"] == "for each unit of thickness"
+    assert found["model"]["forces"] == "per unit of thickness"
     last = found["steps"][-1]
     assert last["reactions"]["support bottom"] == pytest.approx([0.0, -125.0], abs=1e-8)
     # 125 stretch a height of 0.5 and a width of 1, whose sides are free
@@ -199,7 +199,7 @@ def test_levels_and_forces_for_each_unit_of_thickness(
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('file = "ring.msh"', 'builder = "punch"\nn = 2', ["[model]", "tetrahedra", "leave kind"]),
+        ('file = "ring.msh"', 'builder = "punch"\nn = 2', ["[model]", "tetrahedra", "remove kind"]),
         ("4.0", "-1.0", ["thickness = -1.0", "positive"]),
         ('kind = "plane-stress"\n', "", ["thickness = 4.0", "kind is 'plane-strain'"]),
         ('"hill"', '"tresca"\ncohesion = 1.0', ["'ring'", "Tresca", "plane stress"]),

@@ -108,4 +108,7 @@ def test_levels_are_compared_at_the_same_load() -> None:
         compared(coarse, fine)[3] == "The largest displacement is 20 % larger with half the size."
     )
     other = summary(80, steps=[step | {"max_displacement": 0.6, "zeta": 3.0}])
-    assert compared(coarse, other)[3] == "The last levels differ, and so nothing is compared."
+    assert (
+        compared(coarse, other)[3]
+        == "The last levels differ, so that the results are not compared."
+    )

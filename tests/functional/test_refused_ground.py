@@ -63,10 +63,10 @@ NUMBERS = [
     ("friction_angle", float("nan"), "friction_angle = nan is not between 0 and 90 degrees"),
     ("cohesion", -1.0, "cohesion = -1.0 is "),
     ("cohesion", float("nan"), "cohesion = nan is "),
-    ("dilatancy_angle", 30.0, "= 30 is not between 0 and friction_angle = 25; leave it out"),
-    ("dilatancy_angle", -5.0, "= -5 is not between 0 and friction_angle = 25; leave it out"),
+    ("dilatancy_angle", 30.0, "= 30 is not between 0 and friction_angle = 25"),
+    ("dilatancy_angle", -5.0, "= -5 is not between 0 and friction_angle = 25"),
     ("dilatancy_angle", float("nan"), "dilatancy_angle = nan is not between 0 and"),
-    ("dilatancy_angle", 5.0, "= 5 is less than friction_angle = 25, and no limit theorem"),
+    ("dilatancy_angle", 5.0, "= 5 is less than friction_angle = 25"),
     ("dilatancy", 5.0, "did you mean 'dilatancy_angle'?"),
 ]
 
@@ -77,7 +77,7 @@ REFUSED = {
     ),
     "levels of ground of which bounds are known": (
         changed(ground(PYRAMID + 'nonassociated = "radenkovic"\n', dilatancy_angle=5.0)),
-        "the ground of 'lower' has nonassociated = 'radenkovic', which bounds its limit loads",
+        "the ground of 'lower' has nonassociated = 'radenkovic'",
     ),
     "nothing dilates less": (
         changed(ground(CONE + 'nonassociated = "davis-a"\n')),

@@ -43,16 +43,16 @@ REFUSED = {
     ),
     "a move without control": (
         BLOCKS + CONTACT + PLANE + LOADING,
-        "the obstacle at 'top' has a move, which follows the load factor under control =",
+        "the obstacle at 'top' has a move",
     ),
     "a displacement against a contact": (
         BLOCKS + CONTACT + moved("lower_top", "0.1") + moved("upper_bottom", "0.0") + LOADING,
-        "along its normal, so that these, which move or are moved against, cannot give way",
+        "along its normal",
     ),
     "a negative gap": (BLOCKS + CONTACT + "gap = -1e-3\n" + LOADING, "interference = true"),
     "an overlap that nothing makes grow": (
         BLOCKS + CONTACT + "gap = -1e-3\ninterference = true\nconstant = false\n" + LOADING,
-        "'upper_bottom' has constant = false, but nothing moves it: control = 'displacement' does",
+        "'upper_bottom' has constant = false, but nothing moves it",
     ),
     "no overlap that could grow": (
         BLOCKS + CONTACT + "constant = false\n" + LOADING,
@@ -63,7 +63,7 @@ REFUSED = {
         + CONTACT
         + 'gap = 1e-3\ninterference = true\nconstant = false\nname = "fit"\n'
         + stage("top = 1.0, fit = 1.0"),
-        "has constant = false, but no node that is free to give way overlaps",
+        "has constant = false, but no node",
     ),
     "a stage of an overlap that is constant": (
         BLOCKS + CONTACT + 'interference = true\nname = "fit"\n' + stage("top = 1.0, fit = 1.0"),
@@ -79,7 +79,7 @@ REFUSED = {
     ),
     "a stage of a load and a motion": (
         BLOCKS + CONTACT + PLANE + stage("top = 1.0"),
-        "which is a load, or a temperature, as well as a motion",
+        "of a load or temperature and of a motion",
     ),
     "a move in no stage": (
         BLOCKS + CONTACT + PLANE + 'name = "punch"\n' + stage("top = 1.0"),
@@ -111,17 +111,17 @@ REFUSED = {
     ),
     "bounds with a body force by formula": (
         BLOCKS + BENDING_WEIGHT + CONTACT + BOUNDS,
-        "is a force per volume that is a formula, and strict bounds are for",
+        "is a force per volume that is a formula",
     ),
     "bounds with a pressure bent on facets": (
         BLOCKS.replace("pressure = 1.0", 'pressure = "1 + x*x"') + CONTACT + BOUNDS,
-        "strict bounds are for tractions and pressures that are linear on each facet",
+        "strict bounds accept tractions",
     ),
     "a factor of safety with such a pressure": (
         BLOCKS.replace("pressure = 1.0", 'pressure = "1 + x*x"\nconstant = true')
         + CONTACT
         + BOUNDS.replace("bounds", "strength"),
-        "strict bounds are for tractions and pressures that are linear on each facet",
+        "strict bounds accept tractions",
     ),
     "a method that knows no hardening": (
         BLOCKS.replace('law = "von-mises"', 'law = "von-mises-hardening"\nisotropic = 1.0')
@@ -132,7 +132,7 @@ REFUSED = {
     ),
     "subdomains and friction": (
         BLOCKS + CONTACT + "tresca = 1.0\n" + LOADING + '[solve]\ncontact_solver = "tfeti"\n',
-        'contact_solver = "tfeti" knows no friction',
+        'contact_solver = "tfeti" does not support friction',
     ),
     "a tolerance finer than slip": (
         BLOCKS + CONTACT + "coulomb = 0.3\n" + LIMIT + "limit_tolerance = 1e-12\n",

@@ -403,7 +403,7 @@ def test_another_mesh_is_refused(
         write_thick_tube(mesh, outer=2.001, size=0.3, order=2)
     comm.barrier()
     message = refused(comm, capsys, case, folder)
-    assert "the mesh is not the one of the checkpoint" in message
+    assert "the mesh differs from that of the checkpoint" in message
     assert str(folder) in message
 
 
@@ -494,7 +494,7 @@ def test_a_damaged_checkpoint(
     err = comm.bcast(capsys.readouterr().err)
     assert str(folder / NEWEST) in err
     assert "missing" in err if damage == "missing" else "is damaged" in err
-    assert f"going on from '{folder / BEFORE}', level 1" in err
+    assert f"continuing from '{folder / BEFORE}', level 1" in err
     assert [float(row["zeta"]) for row in path_of(folder)] == [200.0, 350.0, 380.0]
     assert [level["time"] for level in fields_of(folder)] == [200.0, 350.0, 380.0]
 

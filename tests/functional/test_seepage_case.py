@@ -63,7 +63,7 @@ def test_combinations_share_the_flow(tmp_path: Path) -> None:
         ("dam = 1e-6", "damm = 1e-6", "did you mean 'dam'"),
         ("level = 10.0", "level = 9.0", "crosses a facet near"),
         ("level = 10.0", "level = 10.0\npress = true", "no key 'press'"),
-        ("[seepage]", '[seepage]\nup = "x"', "up = 'x' is not the direction against gravity"),
+        ("[seepage]", '[seepage]\nup = "x"', "up = 'x' is not opposite to gravity"),
         ('["drain", ', '["drian", ', "'drian'"),
     ],
 )

@@ -115,7 +115,7 @@ RANGES = "ranges = { pull = [0, 1], heat = [0, 1] }"
         (RANGES, "ranges = { stays = [0, 1], heat = [0, 1] }", "it is a constant load"),
         (RANGES + ", directions = 3", "ranges = { heat = [0, 1] }", "the load 'pull' has no range"),
         ("directions = 3", "directions = 2", "directions = 2 with 2 varying names"),
-        ("tie = [", "contact = [", "is for bodies that neither part nor slide"),
+        ("tie = [", "contact = [", "[[tie]]"),
         (
             'law = "von-mises"\nyoung = 2e5\npoisson = 0.3\nyield_stress = 100.0',
             'law = "mohr-coulomb"\nyoung = 2e5\npoisson = 0.3\ncohesion = 0\nfriction_angle = 30',

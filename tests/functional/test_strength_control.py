@@ -180,7 +180,7 @@ def test_no_strength_is_kept_where_none_is_divided(
     assert main(["check", str(case)]) == BAD_INPUT
     told = one_line(comm, capsys)
     assert "reduced = false keeps the strength of 'soil'" in told
-    assert "give control = 'strength', or leave reduced out" in told
+    assert "give control = 'strength', or remove reduced" in told
 
 
 @pytest.mark.parametrize(

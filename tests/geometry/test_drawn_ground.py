@@ -89,7 +89,7 @@ def test_lines_name_the_boundary_or_divide_cells() -> None:
     ground = DrawnGround([Region("soil", SLOPE)], lines=[pad, seam])
     assert "In Surface" in ground.script() and 'Physical Curve("seam")' not in ground.script()
     assert ground.remarks() == [
-        "the line 'seam' lies inside of 'soil': cells follow it, and it names no surface"
+        "the line 'seam' lies inside 'soil': cells follow it, but it names no surface"
     ]
     outline = ground.outline()
     on = outline.plan.owners[:, outline.first_line]
@@ -134,18 +134,21 @@ def test_ground_of_several_parts_has_no_sides() -> None:
         ({"regions": [Region("a", [[0, 0], [9, 0], [4, 0], [4, 4]])]}, r"itself at \(4, 0\)"),
         ({"regions": [Region("a", [[0, 0], [4, 0]])]}, "2 points; give at least 3"),
         ({"regions": [Region("a", [[0, 0], [4, 0, 1], [4, 4]])]}, r"the point \[4, 0, 1\]"),
-        ({"regions": [Region("a", [[0, 0], [0, 0], [4, 0], [4, 4]])]}, r"\(0, 0\) twice in turn"),
+        (
+            {"regions": [Region("a", [[0, 0], [0, 0], [4, 0], [4, 4]])]},
+            r"repeats the point \(0, 0\)",
+        ),
         ({"regions": [Region("a", square(0, 0))] * 2}, "'a' is given 2 times"),
         ({"regions": [Region("Soft clay", square(0, 0))]}, "such as 'soft_clay'"),
         ({"regions": [Region("left", square(0, 0))]}, "name of a side"),
         ({"regions": [Region("a", square(0, 0), opening=True)]}, "no ground"),
         (
             {"regions": [Region("a", square(1, 1, 1)), Region("b", square(0, 0), opening=True)]},
-            "no ground|nothing is left of 'a'",
+            "no ground|cut out the whole area",
         ),
         (
             {"regions": [Region("s", SLOPE)], "lines": [DrawnLine("l", [[10, 20], [30, 20]])]},
-            r"'l' is outside of the ground at \(25, 20\)",
+            r"'l' is outside the ground at \(25, 20\)",
         ),
         (
             {

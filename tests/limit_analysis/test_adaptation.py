@@ -91,11 +91,11 @@ def test_a_value_beside_a_proven_bound_ends_nothing() -> None:
     assert until.ends(lower, value, None) is None
     ended = until.ends(replace(lower, of=Scope.MESH), value, None)
     assert ended is not None
-    assert "which are no bounds of the body" in ended
+    assert "which are not bounds of the body" in ended
 
 
 def test_nothing_to_decide_on(shared_tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r'^until = "decided" goes with a design load'):
+    with pytest.raises(InputError, match=r'^until = "decided" needs a design load'):
         adaptive_bounds(footing(shared_tmp_path), Adaptation(until="decided"))
 
 

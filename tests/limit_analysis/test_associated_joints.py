@@ -58,7 +58,7 @@ def test_a_column_slides_along_its_cut(mu: float, c: float, around: float) -> No
     assert bounds.strict
     assert exact * (1 - 3e-6) < (bounds.lower.value or 0.0) <= exact * (1 + 1e-9)
     assert exact * (1 - 1e-9) <= (bounds.upper.value or 0.0) < exact * (1 + 3e-6)
-    assert "open by the coefficient of friction times their slip" in bounds.in_words()
+    assert "by the coefficient of friction times the slip" in bounds.in_words()
     assert "Drucker" not in bounds.in_words()
 
 

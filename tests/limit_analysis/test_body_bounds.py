@@ -109,7 +109,7 @@ def test_curved_cells(shared_tmp_path: Path) -> None:
     bounds = limit_bounds(problem)
     assert not bounds.upper.strict
     assert "upper bound: cells are curved" in bounds.why_not
-    assert bounds.in_words().startswith("Nothing is proven of the body")
+    assert bounds.in_words().startswith("Nothing is proven for the body")
 
 
 def test_loads_that_no_stress_can_carry() -> None:
@@ -124,7 +124,7 @@ def test_a_search_that_stalls_gives_the_bound_it_has(
     monkeypatch.setattr("perfplast_fenicsx.limit_analysis.conic.interior_steps.MOST_STEPS", 6)
     bounds = limit_bounds(problem)
     assert "not met in 6 steps" in bounds.mesh.reason
-    assert "is not the best of its mesh" in bounds.in_words()
+    assert "is not the best on its mesh" in bounds.in_words()
     assert not bounds.mesh.levelled_off
     assert bounds.mesh.upper is not None
     middle = (bounds.mesh.lower + bounds.mesh.upper) / 2

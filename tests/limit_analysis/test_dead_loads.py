@@ -225,7 +225,7 @@ def test_a_growing_load_where_nothing_moves(shared_tmp_path: Path, read: Read) -
     assert 3.7752 / 4.4 < (found.upper.value or 0.0) < 1
     proven = checked(found, found, shared_tmp_path)
     assert "of any factor" in proven["lower"].words[0]
-    assert "any factor of others up to" in proven["upper"].words[-1]
+    assert "any factor of the free loads up to" in proven["upper"].words[-1]
 
 
 @pytest.mark.serial

@@ -203,7 +203,7 @@ def test_nothing_else_is_known_of_it() -> None:
             asks(problem)
     with pytest.raises(InputError, match="dilatancy_angle = 0"):
         ground("radenkovic", 0.0)
-    with pytest.raises(InputError, match="give one, or leave nonassociated out"):
+    with pytest.raises(InputError, match="give one, or remove nonassociated"):
         MohrCoulomb(1e4, 0.3, C, PHI, nonassociated="davis-a")
     with pytest.raises(InputError, match="nonassociated = 'davis' is unknown"):
         ground("davis")

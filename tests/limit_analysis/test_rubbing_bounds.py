@@ -142,7 +142,7 @@ def test_drucker_of_a_block_that_slides(adhesion: float) -> None:
     if bounds.lower.value is not None:
         assert 0.5 * adhesion < bounds.lower.value <= adhesion
     words = bounds.in_words()
-    assert "Drucker's pair: frictionless from below, but for adhesion, and associated" in words
+    assert "Drucker's pair" in words
 
 
 @pytest.mark.parametrize("slope", [0.1, 0.2, -0.3])

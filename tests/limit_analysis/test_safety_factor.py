@@ -125,7 +125,7 @@ def test_strengths_that_are_kept(read: Read) -> None:
     weakening = Weakening(kept)
     weakening.divide(1.6)
     np.testing.assert_array_equal(weakening.problem.friction.coulomb, joint.friction.coulomb)
-    with pytest.raises(InputError, match="applies to friction"):
+    with pytest.raises(InputError, match="reduced = false"):
         replace(given.contacts[0], tresca=None, coulomb=None, associated=False, reduced=False)
 
 
@@ -277,7 +277,7 @@ def test_what_is_refused(read: Read) -> None:
         factor_of_safety(slope(read, ground, growing))
     with pytest.raises(InputError, match="no friction that F divides is between them"):
         factor_of_safety(slope(read, Elastic(1e3, 0.3)))
-    with pytest.raises(InputError, match="Flow\\) has no reduced strength"):
+    with pytest.raises(InputError, match="Flow\\) has no strength to reduce"):
         weakened(slope(read, Flow(ground)), 1.1)
 
 

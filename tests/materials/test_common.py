@@ -36,7 +36,7 @@ def test_in_another_system() -> None:
         assert (here.cohesion, here.unit_weight) == pytest.approx((stress, weight))
         assert here.young / here.cohesion == pytest.approx(4000 / 13)
     assert clay.in_system("mm-kN-GPa").unit_weight == pytest.approx(19e-9)
-    with pytest.raises(InputError, match="is ground of law = 'mohr-coulomb'"):
+    with pytest.raises(InputError, match="is ground for law = 'mohr-coulomb'"):
         find("clay-stiff-drained")
 
 

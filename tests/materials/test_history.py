@@ -106,5 +106,5 @@ def test_history_of_some_of_the_bodies() -> None:
 
 
 def test_shapes_that_do_not_fit_are_named() -> None:
-    with pytest.raises(InputError, match=r"'plastic_strain' of the history of ScalarLaw"):
+    with pytest.raises(InputError, match=r"'plastic_strain' in the history of ScalarLaw"):
         blocks(Flow(STEEL), Scalar(STEEL))

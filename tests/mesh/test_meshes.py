@@ -242,7 +242,7 @@ def test_untagged_cells(comm: MPI.Intracomm) -> None:
     whole = build(comm, "stacked_blocks", n=1)
     lower = TaggedMesh(whole.mesh, whole.cell_tags, whole.facet_tags, {"lower": 1}, whole.surfaces)
     assert message(lower.check_tagged) == (
-        "6 cells belong to no named volume (there are the tags 2, which no volume has);"
+        "6 cells belong to no named volume (the mesh has the tags 2, which no volume has);"
         " name every body"
     )
 
@@ -434,7 +434,7 @@ def test_surface_off_the_cells(comm: MPI.Intracomm, shared_tmp_path: Path) -> No
             gmsh.option.setNumber("Mesh.MeshSizeMin", 1)
             gmsh.model.mesh.generate(3)
             gmsh.write(str(path))
-    assert "are no facets of cells" in message(lambda: read_gmsh(comm, path))
+    assert "are not facets of cells" in message(lambda: read_gmsh(comm, path))
 
 
 @pytest.mark.mpi3("None-does not exist")

@@ -134,7 +134,7 @@ def test_a_run_without_fields_draws_its_curve_and_says_so(
     assert capsys.readouterr().err == ""
     assert [path.name for path in folder.glob("*.png")] == ["path.png"]
     assert not (folder / "fields").exists()
-    assert "path.png alone is drawn" in (folder / "run.log").read_text(encoding="utf-8")
+    assert "only path.png is drawn" in (folder / "run.log").read_text(encoding="utf-8")
 
 
 def warnings(comm: MPI.Intracomm, caplog: pytest.LogCaptureFixture) -> str:

@@ -139,7 +139,7 @@ def test_a_weight_stays(comm: MPI.Intracomm) -> None:
         obstacles=[Plane("top", (0, 0, HEIGHT + 1), DOWN, move=DOWN)],
     )
     (level,) = load_path(Newton(columns), (1e-3,))
-    assert "the constant loads alone are above what the bodies carry" in level.report.reason
+    assert "the constant loads alone" in level.report.reason
 
 
 def test_what_does_not_go_with_motions() -> None:

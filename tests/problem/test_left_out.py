@@ -25,14 +25,14 @@ def glued(comm: MPI.Intracomm, hosts: str, on: str, normal: tuple[float, float])
 
 def test_a_node_that_follows_a_tie_is_told_of(comm: MPI.Intracomm) -> None:
     (told,) = left_out(glued(comm, "secondary", "upper_x0", (1.0, 0.0)))
-    assert "'upper_x0' does not see 1 of its nodes" in told
+    assert "'upper_x0' does not act on 1 of its nodes" in told
     assert left_out(glued(comm, "primary", "upper_x0", (1.0, 0.0))) == []
 
 
 @pytest.mark.mpi2
 def test_nodes_that_cannot_rub_are_told_of(comm: MPI.Intracomm) -> None:
     (told,) = left_out(glued(comm, "secondary", "bottom", (0.0, 1.0)))
-    assert told.startswith("1 of the 4 nodes that rub at 'bottom' have no friction")
+    assert told.startswith("1 of the 4 nodes with friction at 'bottom' have no friction")
 
 
 def test_a_node_at_an_edge_is_told_of(read: Read) -> None:
@@ -45,5 +45,5 @@ def test_a_node_at_an_edge_is_told_of(read: Read) -> None:
         [Contact("block_corner", "seat_corner", tresca=1.0)],
     )
     (told,) = left_out(problem)
-    assert "nodes that rub at 'seat_corner' have no friction: they are at an edge" in told
+    assert "nodes with friction at 'seat_corner' have no friction: they are at an edge" in told
     assert problem.num_pairs - problem.friction.count == int(told.split()[0]) == 2

@@ -157,5 +157,5 @@ def test_the_limit_of_the_sum_counts(method: type[Newton | AugmentedLagrangian])
 
 
 def test_first_yield_is_that_of_loads_that_all_grow(both: Problem) -> None:
-    with pytest.raises(InputError, match="no multiple of an elastic state"):
+    with pytest.raises(InputError, match="not a multiple of an elastic state"):
         WorkNewton(both).first_yield()

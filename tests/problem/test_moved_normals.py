@@ -87,7 +87,7 @@ def test_refusals(read: Read, shared_tmp_path: Path) -> None:
         return Problem(mesh, {"tube": alloy}, [*supports, bore], [Pressure("outer", 1.0)], degree=2)
 
     rests = Support("inner", "normal")
-    assert_refused(lambda: tube(rests), ["'inner'", "flat surfaces", "a value"])
+    assert_refused(lambda: tube(rests), ["'inner'", "flat surface", "a value"])
     formula = Support("inner", "normal", "sqrt(0.5 - x)")
     assert_refused(lambda: tube(formula), ["value of the support on 'inner'", "finite"])
     moves = tube(Support("inner", "normal", 1e-3))

@@ -86,7 +86,7 @@ def without_a_cell(mesh: TaggedMesh) -> TaggedMesh:
     ("mesh", "part"),
     [
         (lambda: square(CellType.quadrilateral), "cells of the kind quadrilateral,"),
-        (lambda: square(cell_tag=7), "are the tags 7, which"),
+        (lambda: square(cell_tag=7), "has the tags 7, which"),
         (lambda: without_a_cell(square()), "belong to no named volume"),
         (lambda: square(facet_tag=9), "'left' has the tag 1,"),
     ],
@@ -136,9 +136,7 @@ def test_names_for_tags_of_dolfinx() -> None:
         tagged_mesh = TaggedMesh.from_tags(*tagged_square(ghosts=ghosts), **NAMES)
         assert tagged_mesh.volumes == {"lower": 3, "upper": 4}
         assert tagged_mesh.surfaces == {"left": 1, "right": 2, "sides": (1, 2)}
-        assert tagged_mesh.remarks == (
-            "facets with the tags 3 have no name, and nothing refers to them",
-        )
+        assert tagged_mesh.remarks == ("facets with the tags 3 have no name",)
         cells = tagged_mesh.mesh.topology.index_map(2)
         assert len(tagged_mesh.cell_tags.indices) == cells.size_local + cells.num_ghosts
         problem = Problem(
@@ -154,10 +152,10 @@ def test_names_for_tags_of_dolfinx() -> None:
 @pytest.mark.parametrize(
     ("changes", "part"),
     [
-        ({"volumes": {"lower": 3}}, "are the tags 4, which"),
+        ({"volumes": {"lower": 3}}, "has the tags 4, which"),
         ({"volumes": {"lower": 3, "upper": 7}}, "'upper' has the tag 7,"),
         ({"volumes": {"a": 3, "b": 3, "c": 4}}, "'b' has the tag 3 of 'a';"),
-        ({"volumes": {"lower": 3.0, "upper": 4}}, "'lower' has the tag 3.0; give a whole number"),
+        ({"volumes": {"lower": 3.0, "upper": 4}}, "'lower' has the tag 3.0"),
         ({"volumes": {"lower": (3, 4)}}, "'lower' has the tags (3, 4);"),
         (
             {"surfaces": {"left": 9}},
@@ -194,7 +192,7 @@ ABOVE = Plane("top", (0.0, 0.0, 3.0), (0.0, 0.0, -1.0))
             {"ties": [Tie("upper_bottom", "lower_top")]},
             "tie 1 ('upper_bottom', 'lower_top') has th",
         ),
-        ({"obstacles": 2 * [ABOVE]}, "'top' is that on 'top',"),
+        ({"obstacles": 2 * [ABOVE]}, "the obstacle on 'top' shares facets"),
         (
             {"loads": [Traction("top", lambda x: x)]},  # type: ignore[arg-type]
             "'top' has a function as value",
@@ -229,9 +227,9 @@ def with_parts() -> TaggedMesh:
     ("contacts", "ties", "part"),
     [
         ([PAIR, Contact("lower_top_part", "upper_bottom_part")], [], "contact 2 ('lower_top_part'"),
-        ([Contact("upper_bottom", "lower_top_part"), PAIR], [], "of both surfaces of contact 1"),
+        ([Contact("upper_bottom", "lower_top_part"), PAIR], [], "of both surfaces with contact 1"),
         ([PAIR], [Tie("lower_top_part", "upper_bottom_part")], "tie 1 ('lower_top_part', "),
-        ([], [Tie("lower_top", "lower_top_part")], "the two surfaces have facets in common"),
+        ([], [Tie("lower_top", "lower_top_part")], "the two surfaces share facets"),
     ],
 )
 def test_facets_in_two_contacts_or_ties(

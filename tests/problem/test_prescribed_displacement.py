@@ -139,8 +139,8 @@ def test_a_state_of_other_supports_is_no_solution() -> None:
     ("supports", "words"),
     [
         ([Support("top", "z", value=np.nan)], "value = nan"),
-        ([Support("top", "z", 1e-3), Support("top", "xz")], "another support moves by 0.001"),
-        ([Support("top", "z"), Support("top", "z", 1e-3)], "another support moves by 0"),
+        ([Support("top", "z", 1e-3), Support("top", "xz")], "another support moves them by 0.001"),
+        ([Support("top", "z"), Support("top", "z", 1e-3)], "another support moves them by 0"),
         ([Support("lower_top", "z"), Support("upper_bottom", "z", -1e-3)], "cannot give way"),
     ],
 )

@@ -122,27 +122,39 @@ def without_inner(half: dict) -> None:
 
 FORGERIES = {
     "more load": (lower(times("bound", 1.001)), "only"),
-    "more weight": (lower(times("constant_body_force", 1.01)), "only|hold a body"),
-    "no adhesion": (lower(times("contact_adhesion", 0.0)), "only|hold a body"),
-    "less adhesion": (lower(times("contact_adhesion", 0.9)), "only|hold a body"),
-    "less friction": (lower(times("contact_friction", 0.9)), "only|hold a body"),
-    "rubs more": (lower(rubs_more), "only|hold a body"),
+    "more weight": (
+        lower(times("constant_body_force", 1.01)),
+        "only|balance the residual forces on a body",
+    ),
+    "no adhesion": (
+        lower(times("contact_adhesion", 0.0)),
+        "only|balance the residual forces on a body",
+    ),
+    "less adhesion": (
+        lower(times("contact_adhesion", 0.9)),
+        "only|balance the residual forces on a body",
+    ),
+    "less friction": (
+        lower(times("contact_friction", 0.9)),
+        "only|balance the residual forces on a body",
+    ),
+    "rubs more": (lower(rubs_more), "only|balance the residual forces on a body"),
     "no number": (lower(times("joint_force", np.nan)), "not finite"),
     "endless": (lower(times("joint_force", np.inf)), "not finite"),
-    "not held": (lower(times("held", 0)), "only|hold a body"),
-    "nothing inside": (lower(without_inner), "only|hold a body"),
+    "not held": (lower(times("held", 0)), "only|balance the residual forces on a body"),
+    "nothing inside": (lower(without_inner), "only|balance the residual forces on a body"),
     "inner ones of more load": (
         lower(in_turn(times("inner_factor", 1e6), times("bound", 1.001))),
-        "only|hold a body",
+        "only|balance the residual forces on a body",
     ),
     "inner ones without a factor": (lower(lambda half: half.pop("inner_factor")), "inner_factor"),
     "inner ones that pull": (
         lower(in_turn(times("inner_force", -1.0), times("bound", 1.001))),
-        "only|hold a body",
+        "only|balance the residual forces on a body",
     ),
     "all held": (
         lower(lambda half: half.update(held=np.ones_like(half["held"]))),
-        "nothing is loaded but supports|supports hold facets in contact",
+        "only supports are loaded|supports hold facets in contact",
     ),
     "no forces": (lower(lambda half: half.pop("joint_force")), "joint_force is missing"),
     "a stress in their place": (
@@ -179,7 +191,7 @@ FORGERIES = {
         lambda halves: halves["upper"].update(
             contact_adhesion=halves["upper"]["contact_adhesion"] * 0.5
         ),
-        "rubs less",
+        "has less friction",
     ),
 }
 

@@ -101,7 +101,7 @@ def test_a_quick_idle_cell_alone_is_harmless(fallen: Halves, tmp_path: Path) -> 
 
 def test_the_largest_factor_of_others_is_told(fallen: Halves, tmp_path: Path) -> None:
     words = check(write(tmp_path / "told.h5", fallen))["upper"].words
-    assert any("with any factor of others up to" in word for word in words)
+    assert any("with any factor of the free loads up to" in word for word in words)
 
 
 def on_supports_alone(them: Arrays) -> None:
@@ -119,4 +119,4 @@ def test_nothing_that_matters_is_loaded(tmp_path: Path) -> None:
     """Every factor of such loads is carried, so that no bound says anything."""
     honest = written(tmp_path, limit_bounds(footing((0.0, -1.0), (0.0, 0.0))))
     for forge in (both(on_supports_alone), alone("lower", on_supports_alone)):
-        assert "nothing is loaded but supports" in said_of_forged(honest, forge, tmp_path)
+        assert "only supports are loaded" in said_of_forged(honest, forge, tmp_path)

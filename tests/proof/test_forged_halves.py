@@ -137,7 +137,7 @@ HIDDEN: dict[str, tuple[Change, Change, str]] = {
     "a body moved beside a large one": (
         in_turn(idle(1, 1e6), idle(1, 1.0, -1e3)),
         moved_cell,
-        "volume or place",
+        "volume or position",
     ),
     "supports moved to another facet": (
         in_turn(idle(1, 1.0), lambda it: put("held", facets_of(it, -1)[1], 1)(it)),
@@ -227,7 +227,7 @@ def test_a_hole_along_the_axis(turned: Halves, tmp_path: Path, radius: float) ->
         x = them["vertices"][:, 0]
         x[x == 0] = radius
 
-    refused(turned, as_it_is, bored, as_it_is, "volume or place", tmp_path)
+    refused(turned, as_it_is, bored, as_it_is, "volume or position", tmp_path)
 
 
 @pytest.mark.long(but=["1-2"])

@@ -251,21 +251,24 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         high(in_turn(times("cone_bound", 0.5), times("bound", 0.6))),
         "weaker bodies",
     ),
-    "stress complex": (low(make("stress", lambda a: a + 1j)), "not made of numbers"),
-    "stress as text": (low(make("stress", lambda a: a.astype("S"))), "not made of numbers"),
-    "held as text": (both(make("held", lambda a: a.astype("S"))), "not made of numbers"),
+    "stress complex": (low(make("stress", lambda a: a + 1j)), "consist of numbers"),
+    "stress as text": (low(make("stress", lambda a: a.astype("S"))), "consist of numbers"),
+    "held as text": (both(make("held", lambda a: a.astype("S"))), "consist of numbers"),
     "held nan": (both(make("held", lambda a: np.where(a, a, np.nan))), "flags"),
     "held as floats": (both(make("held", lambda a: a.astype(float))), "flags"),
     "cells 0.4 too large": (both(make("cells", lambda a: a + 0.4)), "whole numbers"),
     "an obstacle turned round": (high(times("obstacle_normals", -1.0)), "different contacts"),
     "bodies in one place": (both(twice_in_one_place), "overlap"),
     # empty or harmless loads
-    "nothing is loaded": (both(in_turn(times("traction", 0), times("body_force", 0))), "loaded"),
+    "only supports are loaded": (
+        both(in_turn(times("traction", 0), times("body_force", 0))),
+        "loaded",
+    ),
     "elastic alone": (alone("upper", make("cone", ELASTIC)), "no work"),
     # kinds of numbers
-    "velocity complex": (high(make("velocity", lambda a: a + 1j)), "not made of numbers"),
-    "vertices complex": (both(make("vertices", lambda a: a + 0j)), "not made of numbers"),
-    "vertices as text": (both(make("vertices", lambda a: a.astype("S"))), "not made of numbers"),
+    "velocity complex": (high(make("velocity", lambda a: a + 1j)), "consist of numbers"),
+    "vertices complex": (both(make("vertices", lambda a: a + 0j)), "consist of numbers"),
+    "vertices as text": (both(make("vertices", lambda a: a.astype("S"))), "consist of numbers"),
     "long floats": (low(make("stress", lambda a: a.astype(np.longdouble))), "8 bytes"),
     "nodes as floats": (high(make("nodes", lambda a: a.astype(float))), "whole numbers"),
     "facets as floats": (both(make("facets", lambda a: a.astype(float))), "whole numbers"),
@@ -332,17 +335,17 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         "1e-60 to 1e60",
     ),
     # shapes
-    "no axis": (both(make("vertices", np.ravel)), "fits nothing"),
-    "four coordinates": (both(make("vertices", lambda a: np.hstack([a, a]))), "fits nothing"),
-    "cells with one vertex less": (both(make("cells", lambda a: a[:, 1:])), "fits nothing"),
-    "a radius too few": (both(make("cone", lambda a: a[1:])), "fits nothing"),
+    "no axis": (both(make("vertices", np.ravel)), "the shape of"),
+    "four coordinates": (both(make("vertices", lambda a: np.hstack([a, a]))), "the shape of"),
+    "cells with one vertex less": (both(make("cells", lambda a: a[:, 1:])), "the shape of"),
+    "a radius too few": (both(make("cone", lambda a: a[1:])), "the shape of"),
     "a stress too few": (low(make("stress", lambda a: a[1:])), "does not fit"),
     "a stress for each cell": (low(make("stress", lambda a: a[:, 0])), "does not fit"),
-    "a scalar": (both(make("cells", lambda a: a[0, 0])), "fits nothing"),
-    "too many axes": (low(make("stress", lambda a: a[None])), "fits nothing"),
+    "a scalar": (both(make("cells", lambda a: a[0, 0])), "the shape of"),
+    "too many axes": (low(make("stress", lambda a: a[None])), "the shape of"),
     "nodes of vertices alone": (high(make("nodes", lambda a: a[:, :3])), "do not fit"),
-    "node that there is not": (high(put("nodes", (0, 0), 10**9)), "without a velocity"),
-    "node before the first": (high(put("nodes", (0, 0), -1)), "without a velocity"),
+    "node that there is not": (high(put("nodes", (0, 0), 10**9)), "have no velocity"),
+    "node before the first": (high(put("nodes", (0, 0), -1)), "have no velocity"),
     "vertex before the first": (both(put("cells", (0, 0), -1)), "do not exist"),
     "no velocity": (high(drop("velocity")), "missing"),
     "no stress": (low(drop("stress")), "missing"),
@@ -379,8 +382,11 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     ),
     "a facet twice": (both(put("facets", 0, -1)), "do not exist"),
     # both halves are of different bodies
-    "larger in the upper half": (high(times("vertices", 1.01)), "volume or place"),
-    "elsewhere in the upper half": (high(make("vertices", lambda a: a + 1.0)), "volume or place"),
+    "larger in the upper half": (high(times("vertices", 1.01)), "volume or position"),
+    "elsewhere in the upper half": (
+        high(make("vertices", lambda a: a + 1.0)),
+        "volume or position",
+    ),
     "strengths changed over": (
         high(make("cone", lambda a: a.max() + a.min() - a)),
         "weaker bodies",
@@ -538,7 +544,7 @@ def test_the_status_is_that_of_the_documentation(honest: Halves, tmp_path: Path)
         if status < 2:
             for words in ("Taken as written", "yield radii", "supports hold", "contact", "loads"):
                 assert words in done.stdout
-            assert "Forces without balance are" in done.stdout
+            assert "Unbalanced forces are" in done.stdout
 
 
 def test_an_upper_half_of_stronger_bodies_is_one(honest: Halves, tmp_path: Path) -> None:

@@ -99,7 +99,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "no number": (both(times("guided", np.nan)), "not finite"),
     "one direction for every facet": (
         both(make("guided", lambda g: np.tile(g[g.any(axis=1)][0], (len(g), 1)))),
-        "nothing is loaded but supports|outer tractions|entering",
+        "only supports are loaded|outer tractions|entering",
     ),
     "flags": (both(make("guided", lambda g: g[:, 0])), "shape of guided"),
     "along the surface": (

@@ -84,8 +84,8 @@ PORES: dict[str, tuple[Forgery, str]] = {
         "equilibrium|tractions",
     ),
     "not finite": (both(put(WET, (0, 0), np.nan)), "not finite"),
-    "one number a cell": (both(make(WET, lambda a: a[:, 0])), "fits nothing"),
-    "complex": (both(make(WET, lambda a: a + 0j)), "not made of numbers"),
+    "one number a cell": (both(make(WET, lambda a: a[:, 0])), "the shape of"),
+    "complex": (both(make(WET, lambda a: a + 0j)), "consist of numbers"),
     "a shift that hides tension": (
         low(
             lambda them: them.update(

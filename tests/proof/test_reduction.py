@@ -65,7 +65,7 @@ def negative(them: Arrays) -> None:
     [
         (without_factor, "strength_factor, which is missing"),
         (too_few, "the shape of cell_kept"),
-        (in_some_cells, "in some cells and not in others"),
+        (in_some_cells, "in some cells but not in others"),
         (negative, "strength_factor is not positive"),
     ],
 )

@@ -85,7 +85,7 @@ def pushed_for_nothing(them: Arrays) -> None:
 
 
 RIGID: dict[str, tuple[Forgery, str]] = {
-    "no plate at all": (both(without_plate), "nothing is loaded"),
+    "no plate at all": (both(without_plate), "only supports are loaded"),
     "no loads of the plate": (
         alone("lower", in_turn(drop("rigid_force"), drop("rigid_moment"))),
         "loaded",
@@ -93,8 +93,11 @@ RIGID: dict[str, tuple[Forgery, str]] = {
     "more force than it has": (low(times("rigid_force", 1.1)), "rigid forces"),
     "another moment": (low(times("rigid_moment", 1.1)), "rigid forces"),
     "another moment above": (high(in_turn(times("rigid_moment", 0.5), times("bound", 4))), "loads"),
-    "held, so that nothing counts": (low(make("rigid_held", np.ones_like)), "nothing is loaded"),
-    "held above": (high(make("rigid_held", np.ones_like)), "nothing is loaded"),
+    "held, so that nothing counts": (
+        low(make("rigid_held", np.ones_like)),
+        "only supports are loaded",
+    ),
+    "held above": (high(make("rigid_held", np.ones_like)), "only supports are loaded"),
     "held along one axis above": (high(put("rigid_held", (0, 0), 1)), "no work|rigid"),
     "another tag above": (high(put("surface", 0, 77)), "different surfaces"),
     "all tags others above": (
@@ -121,7 +124,7 @@ RIGID: dict[str, tuple[Forgery, str]] = {
     ),
     "not finite": (both(put("rigid_force", (0, 0), np.nan)), "not finite"),
     "flags": (both(put("rigid_held", (0, 0), 2)), "flags"),
-    "one number": (both(make("rigid_force", lambda a: a[:, 0])), "fits nothing"),
+    "one number": (both(make("rigid_force", lambda a: a[:, 0])), "the shape of"),
     "no flags": (both(drop("rigid_held")), "missing"),
     "half the bound": (high(times("bound", 0.5)), "only|above"),
     "no stress under the plate": (alone("lower", pushed_for_nothing), "left of piece"),

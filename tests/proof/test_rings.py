@@ -148,20 +148,20 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "lower half farther out": (low(moved(1.0)), "equilibrium|outer tractions|different"),
     "upper half farther out": (high(moved(1.0)), "different"),
     "across the axis": (both(moved(-0.5)), "negative radii"),
-    "plane all at once": (both(plane), "fits nothing|does not fit"),
-    "one half plane": (high(plane), "fits nothing|revolution"),
+    "plane all at once": (both(plane), "the shape of|does not fit"),
+    "one half plane": (high(plane), "the shape of|revolution"),
     "flag of two": (both(lambda it: it.update(revolved=np.ones(2, dtype=np.uint8))), "revolved"),
-    "no flag": (both(lambda it: it.pop("revolved")), "fits nothing|does not fit"),
+    "no flag": (both(lambda it: it.pop("revolved")), "the shape of|does not fit"),
     "cones of the plane": (
         both(lambda it: it.update(cone_slope=it["cone_slope"][:, :3])),
-        "fits nothing",
+        "the shape of",
     ),
     "stress at vertices alone": (
         low(lambda it: it.update(stress=it["stress"][:, :3])),
         "does not fit",
     ),
     "a stronger lower half": (low(times("cone_bound", 2.0)), "weaker"),
-    "a rigid surface that turns": (both(rigid_surface), "otherwise than along it"),
+    "a rigid surface that turns": (both(rigid_surface), "in another direction than the axis"),
     "pores that cancel": (both(pores_that_cancel), "pore|pressure"),
     "volume that changes": (high(lambda it: swell(it)), "all the work"),
     "cones without a bound": (both(lambda it: loosen(it)), "no bound"),
@@ -196,8 +196,8 @@ def shrink(them: Arrays) -> None:
 
 
 FORGERIES_OF_SOIL: dict[str, tuple[Forgery, str]] = {
-    "a volume that grows too little": (high(shrink), "grow too little"),
-    "an angle of friction that is larger": (high(times("cone_sine", 1.2)), "grow too little"),
+    "a volume that grows too little": (high(shrink), "dilate too little"),
+    "an angle of friction that is larger": (high(times("cone_sine", 1.2)), "dilate too little"),
     "an angle of friction that is smaller": (low(times("cone_sine", 0.8)), "weaker|cones"),
     "a smaller upper bound": (high(times("bound", 0.9)), "only"),
     "a larger lower bound": (low(times("bound", 1.01)), "outer tractions|left of load"),

@@ -185,4 +185,4 @@ def test_a_corner_that_is_not_the_same(dim: int) -> None:
 
     one, other = box(4, dim), box(6, dim, moved)
     assert len(shared_facets(one, other).alone)
-    assert "volume or place" in differences(one, other)[0]
+    assert "volume or position" in differences(one, other)[0]

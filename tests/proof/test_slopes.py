@@ -85,8 +85,8 @@ def negative_strength(them: Arrays) -> None:
 
 SLOPES: dict[str, tuple[Forgery, str]] = {
     "none at all": (both(drop("cone_slope")), "missing"),
-    "too few": (both(make("cone_slope", lambda a: a[1:])), "fits nothing"),
-    "of another kind": (both(make("cone_slope", lambda a: a + 0j)), "not made of numbers"),
+    "too few": (both(make("cone_slope", lambda a: a[1:])), "the shape of"),
+    "of another kind": (both(make("cone_slope", lambda a: a + 0j)), "consist of numbers"),
     "not finite": (both(put("cone_slope", 0, np.inf)), "not finite"),
     "no number": (both(put("cone_slope", 0, np.nan)), "not finite"),
     "a stress of weaker ground": (
@@ -100,7 +100,7 @@ SLOPES: dict[str, tuple[Forgery, str]] = {
     "a stress that pulls": (alone("lower", sucked), "times as large as they may be"),
     "a velocity that grows too little": (
         alone("upper", times("cone_slope", 1.01)),
-        "grow too little",
+        "dilate too little",
     ),
     "a velocity that ought not to grow": (
         alone("upper", times("cone_slope", 0.0)),

@@ -96,8 +96,8 @@ HOSTILE: list[tuple[Callable[[h5py.File], None], str]] = [
     (in_a_group, "a is a link"),
     (virtual, "not in the file itself"),
     (external_storage, "not in the file itself"),
-    (without_storage, "fewer in the file"),
-    (bomb, "fewer in the file"),
+    (without_storage, "the file contains fewer"),
+    (bomb, "the file contains fewer"),
     (ring, "another name"),
     (one_text_many_times, "texts"),
 ]

@@ -319,7 +319,7 @@ def small(**given: object) -> SteadyFlow:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"conductivity": {"clay": 1.0}}, "'clay', no body"),
+        ({"conductivity": {"clay": 1.0}}, "'clay', which is not a body"),
         ({"conductivity": {"ground": [1.0]}}, "each of the 2 directions"),
         ({"conductivity": {"ground": -1.0}}, "positive"),
         ({"conductivity": {}}, "conductivity is empty"),

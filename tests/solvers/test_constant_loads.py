@@ -84,7 +84,7 @@ def test_constant_loads_that_nothing_carries(method: type) -> None:
     assert len(levels) == 1
     report = levels[0].report
     assert not report.converged
-    assert "the constant loads alone are above what the bodies carry" in report.reason
+    assert "the constant loads alone" in report.reason
 
 
 def test_both_limits_beside_a_constant_load() -> None:

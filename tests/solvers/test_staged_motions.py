@@ -201,7 +201,11 @@ def test_loads_and_motions_that_grow_together() -> None:
             {"press": 1.0, "other": 1.0},
             "'press' and 'other' hold",
         ),
-        ([replace(PRESS, name="push")], {"push": 1.0}, "'push', which is a load, .* as well as"),
+        (
+            [replace(PRESS, name="push")],
+            {"push": 1.0},
+            "'push', which is the name of a load .* and of a motion",
+        ),
     ],
 )
 def test_names_that_do_not_fit(

@@ -31,4 +31,4 @@ def test_which_limit(zeta: float, grows: bool, words: str) -> None:
 def test_work_that_has_grown_without_an_end_is_told() -> None:
     assert no_convergence(60, "Newton steps", STEPS) == "no convergence in 60 Newton steps"
     grown = [STEPS[0], replace(STEPS[1], alpha=5000.0)]
-    assert "has grown from 1 to 5000, as it does above" in no_convergence(60, "steps", grown)
+    assert "grew from 1 to 5000, as it does above" in no_convergence(60, "steps", grown)

@@ -1,1 +1,1 @@
-"""Declarations of contact: pairs, ties, obstacles, friction."""
+"""Declare contact: pairs, ties, obstacles, friction."""

@@ -1,4 +1,4 @@
-"""Contact of two named surfaces."""
+"""Declare contact of two named surfaces."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -9,35 +9,37 @@ from perfplast_fenicsx.errors import InputError
 
 @dataclass(frozen=True)
 class Contact(FrictionTerms):
-    """Contact of two surfaces, without friction unless it is given.
+    """Contact of two surfaces, without friction by default.
 
-    They may touch or be apart, flat, curved or with edges, and their nodes need not match.
+    The surfaces may touch or be apart. They may be flat, curved or have edges, and their nodes need
+    not match.
 
     Args:
         primary: Physical name of the first surface; the normal points out of its body.
         secondary: Physical name of the second surface.
-        gap: Initial gap g (length) between them: a number or a formula in x, y, z of the primary
-            surface; without it, it is measured along the normal.
-        interference: Whether a negative gap is meant, as in a press fit: bodies are made so much
-            too large, and push each other apart.
-        constant: Whether the overlap is the same at any load factor. If not, control =
-            "displacement", or the factor of stages that name it, multiplies it; gaps are as given.
-        formulation: "nodes" for pairs of opposite nodes, where which of the surfaces is called
-            primary does not matter for the result; "mortar" for weighted means of the jump, which
-            needs no opposite nodes; without it, nodes where they match, and mortar where not.
-        hosts: The surface, "primary" or "secondary", whose nodes carry mortar contact; without it,
-            the one that the other covers, or that with smaller facets.
-        tresca: Friction of Tresca: the shear stress, not negative, that slip has to overcome,
-            whatever the pressure, and where the surfaces are apart, too.
-        coulomb: Friction of Coulomb: its coefficient μ, not negative. Beside it ``tresca`` is an
-            adhesion, the shear stress that is to be overcome without pressure.
-        associated: Whether slip follows the normal of that friction's cone, as of a joint that
-            dilates: surfaces part by μ times what they slip. Bounds of the body alone know it.
+        gap: Initial gap g (length): a number or a formula in x, y, z of the primary surface. By
+            default it is measured along the normal.
+        interference: Whether a negative gap is intended, as in a press fit: the bodies are too
+            large by this amount and push each other apart.
+        constant: Whether the overlap is the same at any load factor. Otherwise control =
+            "displacement", or the factor of stages that name it, multiplies the overlap; positive
+            gaps do not change.
+        formulation: "nodes" for pairs of opposite nodes, where the order of the surfaces does not
+            affect the result; "mortar" for weighted means of the jump, which needs no opposite
+            nodes. The default is "nodes" where nodes match and "mortar" elsewhere.
+        hosts: The surface, "primary" or "secondary", whose nodes carry mortar contact. The default
+            is the surface that the other one covers, or the one with smaller facets.
+        tresca: Tresca's friction: the shear stress, not negative, at which slip begins. It does not
+            depend on the pressure and also acts where the surfaces are apart.
+        coulomb: Coulomb's coefficient of friction μ, not negative. In addition, ``tresca`` is an
+            adhesion, the shear stress at which slip begins without pressure.
+        associated: Whether slip follows the normal of the friction cone, as in a dilating joint:
+            the surfaces separate by μ times the slip. Only bounds of the body support it.
         reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
-        name: Name of an overlap that grows, for stages; by default that of the primary surface.
+        name: Name of a growing overlap in stages; by default the name of the primary surface.
 
     Raises:
-        InputError: If friction is negative, or if nothing overlaps that could grow.
+        InputError: If friction is negative, or if an overlap is to grow that does not exist.
     """
 
     primary: str
@@ -57,11 +59,12 @@ class Contact(FrictionTerms):
         super().__post_init__()
         if not (self.constant or self.interference):
             raise InputError(
-                f"the contact of '{self.primary}' and '{self.secondary}' has constant = false, but"
-                " no overlap that could grow; give interference = true, or leave constant out."
+                f"the contact of '{self.primary}' and '{self.secondary}' has constant = "
+                "false, but no overlap that could grow; give interference = true, or "
+                "remove constant."
             )
 
     @property
     def on(self) -> str:
-        """The surface that it goes by where it has no name."""
+        """Return the surface that identifies the contact if it has no name."""
         return self.primary

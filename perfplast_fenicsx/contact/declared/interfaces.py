@@ -1,11 +1,11 @@
-"""Interactions between two surfaces, by their names in case files."""
+"""List interactions between two surfaces, by their names in case files."""
 
 from perfplast_fenicsx.contact.declared.contact import Contact
 
 INTERFACES: dict[str, type[Contact]] = {"friction": Contact}
-"""Dataclasses whose fields are the keys of ``[[contact]]`` beside ``interface``.
+"""Dataclasses whose fields are the keys of ``[[contact]]`` besides ``interface``.
 
-Each is a :class:`~perfplast_fenicsx.contact.declared.contact.Contact`, which says the strength of
-the interface as ``tresca`` (stress) and ``coulomb``: levels, limit loads, strict bounds, proofs and
-reports read these. One of another kind makes them of its own numbers.
+Each is a :class:`~perfplast_fenicsx.contact.declared.contact.Contact`. It provides the strength of
+the interface as ``tresca`` (stress) and ``coulomb``, which levels, limit loads, strict bounds,
+proofs and reports read. A class with other parameters computes these two from its own numbers.
 """

@@ -1,4 +1,4 @@
-"""Rigid obstacles, which rest or move without turning: planes, spheres and cylinders."""
+"""Declare rigid obstacles, which rest or translate: planes, spheres and cylinders."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,8 +18,8 @@ class _NamedFriction(FrictionTerms):
         super().__post_init__()
         if self.rubs and not self.name:
             raise InputError(
-                f"the obstacle at '{self.on}' has friction but no name, which results need for its"
-                " force; give name = ..., or leave the friction out."
+                f"the obstacle at '{self.on}' has friction but no name, which results need "
+                "for its force; give name = ..., or remove the friction."
             )
 
 
@@ -31,13 +31,13 @@ class Plane(_NamedFriction):
         on: Physical surface that cannot penetrate it.
         point: A point of the plane (length; 2 or 3 numbers).
         normal: Points out of the obstacle, towards the body; of any length but 0.
-        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
-        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
-        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
+        move: Motion for ζ = 1 (length; 2 or 3 numbers); the default is no motion.
+        tresca: Shear stress at which slip begins (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. In addition,
             ``tresca`` is an adhesion.
-        name: Name of its force in results; by default that of its surface.
-        associated: Whether slip parts body and obstacle by μ times what it is, as of a joint that
-            dilates. Bounds of the body alone know it.
+        name: Name of its force in results; by default the name of its surface.
+        associated: Whether slip separates body and obstacle by μ times the slip, as in a dilating
+            joint. Only bounds of the body support it.
         reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
     """
 
@@ -52,7 +52,7 @@ class Plane(_NamedFriction):
     reduced: bool = True
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return the distance of points to the obstacle and the unit direction that leads into it.
+        """Return the distance of points to the obstacle and the unit direction into it.
 
         Args:
             x: Points, shape (n, gdim).
@@ -70,18 +70,18 @@ class Plane(_NamedFriction):
 
 @dataclass(frozen=True)
 class Sphere(_NamedFriction):
-    """A ball, or all that is outside of it. In the plane a disc.
+    """A ball, or a ball-shaped cavity. In the plane it is a disc.
 
     Args:
         on: Physical surface that cannot penetrate it.
         centre: Its centre (length).
         radius: Its radius > 0 (length).
-        hollow: Whether the body is inside.
-        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
-        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
-        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
+        hollow: Whether the obstacle is the outside of the ball, with the body inside.
+        move: Motion for ζ = 1 (length; 2 or 3 numbers); the default is no motion.
+        tresca: Shear stress at which slip begins (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. In addition,
             ``tresca`` is an adhesion.
-        name: Name of its force in results; by default that of its surface.
+        name: Name of its force in results; by default the name of its surface.
         reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
     """
 
@@ -96,25 +96,25 @@ class Sphere(_NamedFriction):
     reduced: bool = True
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
-        """See :meth:`Plane.towards`."""
+        """Return distances and directions as :meth:`Plane.towards` does."""
         return _round(self, x - _vector(self, "centre", x.shape[1]))
 
 
 @dataclass(frozen=True)
 class Cylinder(_NamedFriction):
-    """A circular cylinder without ends, or all that is outside of it. In 3D only.
+    """An infinite circular cylinder, or a cylindrical cavity. It exists only in 3D.
 
     Args:
         on: Physical surface that cannot penetrate it.
         point: A point of its axis (length).
         axis: Direction of its axis, of any length but 0.
         radius: Its radius > 0 (length).
-        hollow: Whether the body is inside.
-        move: How far it moves for ζ = 1 (length; 2 or 3 numbers); it rests without.
-        tresca: Shear stress that slip has to overcome (Tresca), not negative; needs a ``name``.
-        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Beside it
+        hollow: Whether the obstacle is the outside of the cylinder, with the body inside.
+        move: Motion for ζ = 1 (length; 2 or 3 numbers); the default is no motion.
+        tresca: Shear stress at which slip begins (Tresca), not negative; needs a ``name``.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. In addition,
             ``tresca`` is an adhesion.
-        name: Name of its force in results; by default that of its surface.
+        name: Name of its force in results; by default the name of its surface.
         reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
     """
 
@@ -130,7 +130,7 @@ class Cylinder(_NamedFriction):
     reduced: bool = True
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
-        """See :meth:`Plane.towards`."""
+        """Return distances and directions as :meth:`Plane.towards` does."""
         if x.shape[1] == 2:
             raise InputError(f"the cylinder at '{self.on}' is in a plane mesh; give a sphere.")
         axis = _vector(self, "axis", 3)
@@ -142,23 +142,23 @@ class Cylinder(_NamedFriction):
 
 
 Obstacle = Plane | Sphere | Cylinder
-"""All of them."""
+"""All classes of obstacles."""
 
 OBSTACLES = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
 """Obstacles by their ``shape`` in case files."""
 
 
 def move_of(obstacle: Obstacle, gdim: int) -> Floats:
-    """Return how far an obstacle moves for ζ = 1 (length), shape (gdim,).
+    """Return the motion of an obstacle for ζ = 1 (length), shape (gdim,).
 
     Raises:
-        InputError: If that does not fit the mesh.
+        InputError: If the motion does not fit the mesh.
     """
     return _vector(obstacle, "move", gdim) if len(obstacle.move) else np.zeros(gdim)
 
 
 def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:
-    """Distance and direction where r leads from the centre, or the axis, to the points."""
+    """Return distance and direction for vectors r from the centre, or the axis, to the points."""
     shape = type(obstacle).__name__.lower()
     if not (obstacle.radius > 0 and np.isfinite(obstacle.radius)):
         raise InputError(
@@ -168,8 +168,8 @@ def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:
     distance = np.linalg.norm(r, axis=1)
     if (distance <= 1e-12 * obstacle.radius).any():
         raise InputError(
-            f"a node of '{obstacle.on}' lies in the middle of the {shape}, where no direction leads"
-            " out of it; name only the surface that may touch it."
+            f"a node of '{obstacle.on}' lies in the middle of the {shape}, where the "
+            "direction out of it is undefined; name only the surface that may touch it."
         )
     sign = 1.0 if obstacle.hollow else -1.0
     return sign * (obstacle.radius - distance), sign * r / distance[:, None]

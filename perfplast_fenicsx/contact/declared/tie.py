@@ -1,4 +1,4 @@
-"""Two named surfaces that are glued together."""
+"""Declare two named surfaces that are glued together."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,13 +6,13 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Tie:
-    """Two surfaces that move together in all directions, whatever their nodes.
+    """Two surfaces that move together in all directions; their nodes need not match.
 
     Args:
         primary: Physical name of the first surface.
         secondary: Physical name of the second surface.
-        hosts: The surface, "primary" or "secondary", whose nodes follow the other; without it,
-            the one that the other covers, or that with smaller facets.
+        hosts: The surface, "primary" or "secondary", whose nodes follow the other. The default is
+            the surface that the other one covers, or the one with smaller facets.
     """
 
     primary: str

@@ -1,1 +1,1 @@
-"""Formulations of contact, one a module."""
+"""Implement formulations of contact, one per module."""

@@ -1,4 +1,4 @@
-"""Which formulation makes the rows of which contact."""
+"""Choose the formulation that makes the rows of each contact."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -23,13 +23,14 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 @dataclass(frozen=True)
 class NodesOrMortar:
-    """Pairs of nodes where these match, and mortar where they do not.
+    """Pairs of nodes where nodes match, and mortar contact elsewhere.
 
     Attributes:
         contact: The two surfaces.
-        place: Place in the input, for messages.
+        place: Place in the input, which messages name.
         number: Number of the contact.
-        taken: See :func:`surface_nodes.surface_node_type`, of each local node; None for nothing.
+        taken: Directions already taken at each local node, see
+            :func:`surface_nodes.surface_node_type`; None for no directions.
     """
 
     contact: Contact
@@ -40,7 +41,7 @@ class NodesOrMortar:
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
     ) -> Constraints:
-        """See :meth:`constraints.Formulation.constraints`."""
+        """Return the rows, see :meth:`constraints.Formulation.constraints`."""
         named = (self.contact, self.place, self.number)
         try:
             return NodeToNode(*named, self.taken).constraints(V, tagged_mesh, fixed)
@@ -53,7 +54,7 @@ FORMULATIONS: dict[str | None, Callable[[Contact, str, int], Formulation]] = {
     "nodes": NodeToNode,
     "mortar": Mortar,
 }
-"""By what a contact asks for."""
+"""Formulations by their names in a contact."""
 
 
 def find_constraints(
@@ -63,7 +64,7 @@ def find_constraints(
     obstacles: Sequence[Obstacle],
     fixed: npt.NDArray[np.bool_],
 ) -> Constraints:
-    """Return the rows of all contacts and, after them, of all obstacles. Collective.
+    """Return the rows of all contacts followed by those of all obstacles. Collective.
 
     Args:
         V: Displacement space.
@@ -86,7 +87,8 @@ def find_constraints(
         chosen.append(NodeToObstacle(obstacle, place, len(chosen)))
     taken = np.zeros((*fixed.shape, fixed.shape[1]))
     parts: dict[int, Constraints] = {}
-    # where supports hold one side the other one has to be the host, and is known to be first
+    # where supports hold one side, the other one must be the host; the first contact takes
+    # precedence
     held = [_is_held(V, tagged_mesh, contact, fixed) for contact in contacts]
     held += [True] * len(obstacles)
     for number in sorted(range(len(chosen)), key=lambda number: not held[number]):

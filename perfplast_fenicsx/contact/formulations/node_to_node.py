@@ -1,4 +1,4 @@
-"""Contact of surfaces whose nodes match: a row for each host and the guest opposite it."""
+"""Form contact of surfaces with matching nodes: a row for each host and its opposite guest."""
 
 from dataclasses import dataclass
 
@@ -27,18 +27,19 @@ from perfplast_fenicsx.parallel import send_rows
 
 @dataclass(frozen=True)
 class NodeToNode:
-    """(u_a − u_b)·n ≤ g for each node a of the primary surface and b of the secondary opposite it.
+    """The rows (u_a − u_b)·n ≤ g for each primary node a and its opposite secondary node b.
 
-    n is the mean of both surfaces' normals, so that it is the same seen from either. The host is a
-    unless supports leave a no freedom along n, or rows of other contacts have taken more of it than
-    of b's. Where three bodies meet along a curve two normals of a node may be one. Where supports
-    leave b none either, there is no row.
+    The normal n is the mean of both surfaces' normals, so that it does not depend on their order.
+    The host is a, unless supports leave a no freedom along n, or rows of other contacts have taken
+    more directions of a than of b. Where three bodies meet along a curve, two normals at a node may
+    coincide. If supports leave b no freedom along n either, there is no row.
 
     Attributes:
         contact: The two surfaces.
-        place: Place in the input, for messages.
+        place: Place in the input, which messages name.
         number: Number of the contact.
-        taken: See :func:`surface_nodes.surface_node_type`, of each local node; None for nothing.
+        taken: Directions already taken at each local node, see
+            :func:`surface_nodes.surface_node_type`; None for no directions.
     """
 
     contact: Contact
@@ -49,11 +50,11 @@ class NodeToNode:
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
     ) -> Constraints:
-        """See :meth:`constraints.Formulation.constraints`.
+        """Return the rows, see :meth:`constraints.Formulation.constraints`.
 
         Raises:
-            InputError: Unknown names, surfaces whose nodes do not match or that do not face each
-                other, overlap, or a negative gap.
+            InputError: For unknown names, surfaces whose nodes do not match, that do not face each
+                other or that overlap, or a negative gap.
         """
         comm, contact = V.mesh.comm, self.contact
         if contact.primary == contact.secondary:
@@ -85,11 +86,11 @@ class NodeToNode:
 
 
 def _pair_type(gdim: int) -> np.dtype:
-    """Return the type of a pair's row.
+    """Return the structured type of a pair.
 
     Its fields are the local block dof of the ``host`` on its rank, the global one of the ``guest``,
-    the ``gap``, the unit ``normal`` out of the primary surface, the ``sign``: 1 if the host lies on
-    the primary surface, −1 if on the secondary; and the ``area`` that either has, at least.
+    the ``gap``, the unit ``normal`` out of the primary surface, the ``sign`` (1 if the host lies on
+    the primary surface, −1 if on the secondary) and the smaller ``area`` of both nodes.
     """
     return np.dtype(
         [
@@ -106,18 +107,18 @@ def _pair_type(gdim: int) -> np.dtype:
 def _to_hosts(
     comm: MPI.Intracomm, matching: Matching, normal: Floats, gap: Floats, friction: bool
 ) -> npt.NDArray[np.void]:
-    """Choose each pair's host, and send the pair there. Collective.
+    """Return the pairs on the ranks of their hosts, after choosing each pair's host. Collective.
 
     Returns:
         The pairs hosted by this rank.
     """
     primary, secondary = matching.primary, matching.secondary
     on_primary = can_host(primary, normal)
-    if friction:  # whose directions along the surface the host has to have
+    if friction:  # the host must be free along these directions in the surface
         freer = secondary["free"].sum(axis=1) > primary["free"].sum(axis=1)
         on_primary &= ~(freer & can_host(secondary, normal))
     else:
-        more = 0.1  # of a square of a cosine: directions that are normal to each other may turn
+        more = 0.1  # of a squared cosine: perpendicular directions may rotate by this much
         freer = crowded(primary, normal) > crowded(secondary, normal) + more
         on_primary &= ~(freer & can_host(secondary, normal))
     host, guest = (

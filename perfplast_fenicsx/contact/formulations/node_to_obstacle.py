@@ -1,4 +1,4 @@
-"""Contact of a surface with a rigid obstacle: a row for each node, without a guest."""
+"""Form contact of a surface with a rigid obstacle: a row for each node, without a guest."""
 
 from dataclasses import dataclass
 
@@ -23,14 +23,14 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 @dataclass(frozen=True)
 class NodeToObstacle:
-    """u·n ≤ g for each node of a surface, with n and g as they are towards the obstacle at first.
+    """The rows u·n ≤ g for each node of a surface, with n and g at the initial position.
 
-    A node that supports leave no freedom along n has no row.
+    A node without freedom along n has no row.
 
     Attributes:
         obstacle: The obstacle.
-        place: Place in the input, for messages.
-        number: Number of the obstacle, counted after the contacts.
+        place: Place in the input, which messages name.
+        number: Number of the obstacle; numbering continues after the contacts.
     """
 
     obstacle: Obstacle
@@ -40,15 +40,17 @@ class NodeToObstacle:
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
     ) -> Constraints:
-        """See :meth:`constraints.Formulation.constraints`.
+        """Return the rows, see :meth:`constraints.Formulation.constraints`.
 
         Raises:
-            InputError: An unknown name, an obstacle that does not fit the mesh, or overlap.
+            InputError: For an unknown name, an obstacle that does not fit the mesh, or overlap.
         """
         comm, gdim = V.mesh.comm, V.mesh.geometry.dim
         nodes = surface_nodes(V, tagged_mesh, self.obstacle.on, fixed)
         faces = nodes
-        nodes = nodes[np.unique(nodes["node"], return_index=True)[1]]  # on an edge once, too
+        nodes = nodes[
+            np.unique(nodes["node"], return_index=True)[1]
+        ]  # a node on an edge appears once as well
         gap: Floats = np.zeros(len(nodes))
         into: Floats = np.zeros((len(nodes), gdim))
         message: str | None = None
@@ -72,7 +74,7 @@ class NodeToObstacle:
 
 
 def _towards(faces: SurfaceNodes, node: Ints, into: Floats) -> Floats:
-    """Return the size of each node's faces that look at the obstacle (length, area), shape (n,)."""
+    """Return the size of each node's faces that face the obstacle (length, area), shape (n,)."""
     place = np.searchsorted(node, faces["node"])
     place[place == len(node)] = 0
     known = node[place] == faces["node"] if len(node) else np.zeros(len(faces), dtype=np.bool_)

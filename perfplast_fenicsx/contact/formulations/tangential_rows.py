@@ -1,7 +1,8 @@
-"""The rows of friction: jumps along the surface, of the same nodes and weights as those of contact.
+"""Form the rows of friction: tangential jumps, with the nodes and weights of the contact rows.
 
 A row of contact is the jump of two surfaces along its normal n. The jump along a direction t in the
-surface has the same weights, so that both are of one vector, which friction holds or lets slip.
+surface has the same weights. Both are components of one vector, whose tangential part friction
+resists.
 """
 
 from collections.abc import Sequence
@@ -22,8 +23,8 @@ from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_ent
 from perfplast_fenicsx.errors import InputError
 
 NOTHING = 1e-9
-"""Rows with less than this share of the largest area have no friction; so vertices of quadratic
-tetrahedra, on which a constant shear stress exerts no force."""
+"""Rows with less than this share of the largest area have no friction. Such are vertices of
+quadratic tetrahedra, on which a constant shear stress exerts no force."""
 
 
 def tangential_rows(
@@ -35,27 +36,29 @@ def tangential_rows(
     taken: npt.NDArray[np.bool_],
     guided: tuple[Ints, Ints, Floats],
 ) -> tuple[Constraints, Friction]:
-    """The rows of friction, and what belongs to them but the places of their unknowns. Collective.
+    """Return the rows of friction and their data, without the indices of their unknowns.
 
-    Where faces meet at an edge, nodes have no direction in both of them, and no friction; nor have
-    nodes that supports or ties hold along the surface.
+    Collective.
+
+    Nodes at an edge between faces have no direction in both faces, and so no friction. The same
+    holds for nodes that supports or ties hold along the surface.
 
     Args:
         V: Displacement space.
-        constraints: The rows of contact, whose sources say what rubs.
-        contacts: As declared, of which none may rub where it is tied.
-        obstacles: As ``contacts``.
-        ties: Which nothing can rub on.
+        constraints: The rows of contact, whose sources have the friction.
+        contacts: The declared contacts. No surface may have both friction and a tie.
+        obstacles: The declared obstacles.
+        ties: The ties, on which friction is impossible.
         taken: Components of local nodes that supports hold or ties host, shape (num_nodes, gdim).
-        guided: Directions that nodes are held along, one a row, which have taken a component of
-            these: nodes of this rank, components and unit vectors.
+        guided: Directions along which guides hold nodes, one per row, each with the component that
+            it has taken: nodes of this rank, components and unit vectors.
 
     Returns:
-        The rows, and friction whose ``index`` has numbers of rows.
+        The rows, and friction whose ``index`` contains numbers of rows.
 
     Raises:
-        InputError: If a surface has friction and is tied, or supports hold hosts along the surface
-            where their guests are free.
+        InputError: If a surface has friction and is tied, or if supports hold hosts along the
+            surface where their guests are free.
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     _check_ties(contacts, obstacles, ties)
@@ -113,20 +116,20 @@ def _check_ties(
     both = sorted(rubs & {name for tie in ties for name in (tie.primary, tie.secondary)})
     if both:
         raise InputError(
-            f"'{both[0]}' has friction and is tied, so that it can never slip; leave out the"
-            " friction or the tie."
+            f"'{both[0]}' has friction and is tied, so that it can never slip; remove the "
+            "friction or the tie."
         )
 
 
 def _places(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
-    """Return rows of contact with friction: those of hosts with one row. Collective."""
+    """Return the contact rows with friction: those of hosts with one row. Collective."""
     rows = rows_that_rub(comm, constraints)
     hosts, counts = np.unique(constraints.host, return_counts=True)
     return rows[counts[np.searchsorted(hosts, constraints.host[rows])] == 1]
 
 
 def rows_that_rub(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
-    """Rows of contact of surfaces with friction that stand for a part of them. Collective."""
+    """Return the contact rows of surfaces with friction that have a positive area. Collective."""
     rubs = np.array([one.rubs for one in constraints.sources], dtype=np.bool_)[constraints.surface]
     largest = comm.allreduce(float(constraints.area.max(initial=0)), MPI.MAX)
     return np.flatnonzero(rubs & (constraints.area > NOTHING * largest))
@@ -135,7 +138,7 @@ def rows_that_rub(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
 def _free_spaces(
     hosts: Ints, taken: npt.NDArray[np.bool_], guided: tuple[Ints, Ints, Floats]
 ) -> Floats:
-    """Projections on what hosts, each once, may move along, shape (n, gdim, gdim)."""
+    """Return projections on the free directions of hosts, each once, shape (n, gdim, gdim)."""
     node, component, normal = guided
     gdim = taken.shape[1]
     spaces = np.einsum("ni,ij->nij", ~taken[hosts], np.eye(gdim))
@@ -156,20 +159,20 @@ def _free_spaces(
 
 
 def _directions(normal: Floats, spaces: Floats) -> tuple[Floats, npt.NDArray]:
-    """Orthonormal directions along the surface that supports leave free.
+    """Return orthonormal directions along the surface that supports leave free.
 
     Args:
         normal: Shape (n, gdim).
-        spaces: Projections on what hosts may move along, shape (n, gdim, gdim).
+        spaces: Projections on the free directions of hosts, shape (n, gdim, gdim).
 
     Returns:
-        Shape (n, gdim − 1, gdim), zero where there is none; and where there is one.
+        Directions, shape (n, gdim − 1, gdim), zero for missing ones; and whether each exists.
     """
     along = np.einsum("nij,nj->ni", spaces, normal)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
     projection = spaces - along[:, :, None] * along[:, None, :]
     values, vectors = np.linalg.eigh(projection)
-    most_normal = 0.5  # eigenvalues of directions in the surface are 1, of others 0
+    most_normal = 0.5  # eigenvalues are 1 for directions in the surface, 0 for others
     there = values[:, 1:] > most_normal
     return np.swapaxes(vectors[:, :, 1:], 1, 2) * there[:, :, None], there
 
@@ -191,7 +194,7 @@ def _check_guests(
     place: Longs,
     terms: tuple[Longs, Longs, Floats],
 ) -> None:
-    """Make sure that what a host cannot do its guests cannot do either. Collective."""
+    """Refuse guests that are free along directions in which their hosts are not. Collective."""
     comm, index_map, gdim = V.mesh.comm, V.dofmap.index_map, V.mesh.geometry.dim
     rows = (len(place), comm.allreduce(len(place)))
     nodes = (index_map.size_local, index_map.size_global)
@@ -209,7 +212,8 @@ def _check_guests(
     first = comm.allreduce(int(where.min(initial=count)), MPI.MIN)
     if first < count:
         raise InputError(
-            f"friction of {constraints.sources[first].name}: supports hold nodes of one surface"
-            " along it where the other is free; give hosts = 'primary' or 'secondary', the surface"
-            " that is free, or hold both surfaces alike."
+            f"friction of {constraints.sources[first].name}: supports hold nodes of one "
+            "surface along it where the other is free; give hosts = 'primary' or "
+            "'secondary', the surface that is free, or support both surfaces in the same "
+            "way."
         )

@@ -1,4 +1,4 @@
-"""Ties as rows B u = 0: those of mortar contact, for every component of the displacement."""
+"""Form ties as rows B u = 0: those of mortar contact, for every displacement component."""
 
 from collections.abc import Sequence
 
@@ -26,8 +26,8 @@ def tied_rows(
 ) -> Constraints:
     """Return the rows of all ties. Collective.
 
-    A component of a node that supports hold, or another tie, hosts no row: its function goes to
-    neighbours, as in contact.
+    A component of a node that supports or another tie hold hosts no row: neighbours take over its
+    dual function, as in contact.
 
     Args:
         V: Displacement space.
@@ -36,8 +36,8 @@ def tied_rows(
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
 
     Raises:
-        InputError: Unknown names, surfaces that are nowhere opposite each other or apart, or hosts
-            that are held.
+        InputError: For unknown names, surfaces that are nowhere opposite each other or that are
+            apart, or hosts that are held.
     """
     taken = fixed.copy()
     parts: list[Constraints] = []
@@ -53,7 +53,10 @@ def _rows(
     number: int,
     taken: npt.NDArray[np.bool_],
 ) -> list[Constraints]:
-    """Return the rows of one tie, by component; marks what hosts them as taken. Collective."""
+    """Return the rows of one tie by component, and mark their host components as taken.
+
+    Collective.
+    """
     place = f"tie {number + 1} ('{tie.primary}', '{tie.secondary}')"
     if tie.primary == tie.secondary:
         raise InputError(f"{place}: a surface cannot be tied to itself; name two surfaces.")
@@ -64,7 +67,9 @@ def _rows(
     gdim = V.mesh.geometry.dim
 
     def able(nodes: SurfaceNodes) -> list[PairFlags]:
-        first = np.zeros(len(nodes), dtype=np.bool_)  # a node at an edge of two faces hosts once
+        first = np.zeros(
+            len(nodes), dtype=np.bool_
+        )  # a node at an edge between two faces hosts only once
         first[np.unique(nodes["node"], return_index=True)[1]] = True
         return [first & nodes["free"][:, axis] for axis in range(gdim)]
 
@@ -75,11 +80,12 @@ def _rows(
     apart = np.abs(chosen.distances.along)
     seen = np.isfinite(apart) & (apart > chosen.distances.slack)
     farthest = comm.allreduce(float(apart[seen].max(initial=0)), MPI.MAX)
-    bridged = 0.01  # distance of surfaces that are glued, at most, relative to their size
+    bridged = 0.01  # largest distance of glued surfaces, relative to their size
     if farthest > bridged * size:
         raise InputError(
-            f"{place}: the surfaces are up to {farthest:.3g} apart, and forces across that would"
-            " lose their moment; glue surfaces that touch, or move one of the bodies."
+            f"{place}: the surfaces are up to {farthest:.3g} apart, and forces across the "
+            "gap would lose their moment; glue surfaces that touch, or move one of the "
+            "bodies."
         )
     parts = []
     for axis, rows in enumerate(chosen.rows):

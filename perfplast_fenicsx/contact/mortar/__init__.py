@@ -1,1 +1,1 @@
-"""Contact in the mean: integrals over facing facets."""
+"""Implement mortar contact: integrals over facing facets."""

@@ -1,9 +1,9 @@
-"""Where pieces of two surfaces lie opposite each other: clipped, all pairs at once.
+"""Clip opposite pieces of two surfaces, all pairs at once.
 
 A piece is a straight segment in the plane or a triangle in space. The guest is projected on the
-host along the host's normal, so that all maps between reference coordinates are affine. Triangles
-are clipped by Sutherland and Hodgman's algorithm (Comm. ACM 17, 1974, doi 10.1145/360767.360802);
-corners stay in the order in which it finds them, and slivers keep their area.
+host along the host's normal. All maps between reference coordinates are therefore affine. Triangles
+are clipped by Sutherland and Hodgman's algorithm (Comm. ACM 17, 1974, doi 10.1145/360767.360802).
+Corners remain in the order in which the algorithm finds them, and slivers keep their area.
 """
 
 import functools
@@ -15,17 +15,17 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Longs
 
 NONE = 1e-15
-"""An overlap is nothing if it is no more than this share of the host's length or area."""
+"""An overlap counts as empty up to this share of the host's length or area."""
 
 
 @dataclass(frozen=True)
 class Overlaps:
-    """Simplices in which a host piece and a guest piece lie opposite each other.
+    """Simplices on which a host piece and a guest piece are opposite each other.
 
     Attributes:
-        pair: Which pair of pieces, shape (n,).
+        pair: Pair of pieces of each simplex, shape (n,).
         host: Barycentric coordinates of the corners in the host, shape (n, corners, gdim).
-        guest: In the guest, same shape.
+        guest: Barycentric coordinates of the corners in the guest, same shape.
         share: Length or area, relative to the host's, shape (n,).
     """
 
@@ -36,23 +36,24 @@ class Overlaps:
 
 
 def overlaps(host: Floats, guest: Floats) -> Overlaps:
-    """Clip pairs of pieces.
+    """Return the overlaps of pairs of pieces.
 
     Args:
-        host: Corners, shape (num_pairs, gdim, gdim).
-        guest: Corners, same shape.
+        host: Corners of the hosts, shape (num_pairs, gdim, gdim).
+        guest: Corners of the guests, same shape.
     """
     flat = _projected(host, guest)
-    some = np.flatnonzero(_most(flat) > 0)  # not beside an edge
+    some = np.flatnonzero(_most(flat) > 0)  # excludes points beside an edge
     found = (_segments if host.shape[1] == 2 else _triangles)(flat[some])
     return replace(found, pair=some[found.pair])
 
 
 def _projected(host: Floats, guest: Floats) -> Floats:
-    """Barycentric coordinates of the guests' corners in the hosts, along the hosts' normals.
+    """Return barycentric coordinates of the guests' corners in the hosts.
 
     Returns:
-        Shape (num_pairs, corners, gdim), adding up to 1.
+        The projection is along the hosts' normals. Shape (num_pairs, corners, gdim); the
+        coordinates of a corner sum to 1.
     """
     first = host[:, 0]
     edges = [host[:, i] - first for i in range(1, host.shape[2])]
@@ -67,7 +68,7 @@ def _projected(host: Floats, guest: Floats) -> Floats:
 
 
 def _dual_edges(edges: Sequence[Floats]) -> list[Floats]:
-    """Vectors in the plane of the edges whose product with their own edge is 1, with others 0."""
+    """Return in-plane vectors whose product with their own edge is 1 and with the others 0."""
     if len(edges) == 1:
         return [edges[0] / _dot(edges[0], edges[0])[:, None]]
     a, b = edges
@@ -80,7 +81,7 @@ def _dual_edges(edges: Sequence[Floats]) -> list[Floats]:
 
 
 def _most(flat: Floats) -> Floats:
-    """Smallest barycentric coordinate that all corners stay below, shape (num_pairs,)."""
+    """Return the smallest coordinate bound that all corners satisfy, shape (num_pairs,)."""
     corners = range(flat.shape[1])
     largest = functools.reduce(np.maximum, (flat[:, corner] for corner in corners))
     return functools.reduce(np.minimum, largest.T)
@@ -99,7 +100,7 @@ def _segments(guest: Floats) -> Overlaps:
 
 
 def _triangles(guest: Floats) -> Overlaps:
-    """Clip the reference triangle by the guests, in the host's barycentric coordinates."""
+    """Return the reference triangle clipped by the guests, in the host's coordinates."""
     corners = guest[:, :, 1:]
     signed = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     turned = corners.copy()
@@ -132,12 +133,12 @@ def _clipped(guest: Floats) -> tuple[Floats, Longs]:
     """Return the reference triangle clipped by counterclockwise triangles.
 
     Returns:
-        Corners of the polygons, shape (n, most, 2), and how many each has, 0 to 6.
+        Corners of the polygons, shape (n, most, 2), and the number of corners of each, 0 to 6.
     """
     num = len(guest)
     polygon = np.broadcast_to(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), (num, 3, 2))
     count = np.full(num, 3)
-    # Corners this near to an edge, relative to the size of the host, lie on it.
+    # Corners within this distance of an edge, relative to the size of the host, lie on the edge.
     on_edge = 1e-13
     for k in range(3):
         begin, end = guest[:, k, None], guest[:, (k + 1) % 3, None]
@@ -153,7 +154,7 @@ def _clipped(guest: Floats) -> tuple[Floats, Longs]:
         onward = np.take_along_axis(polygon, after[..., None], axis=1) - polygon
         both = np.stack([polygon, polygon + share[..., None] * onward], axis=2)
         flags = np.stack([kept, crossed], axis=2).reshape(num, 2 * len(number))
-        most = polygon.shape[1] + 1  # a line cuts a corner off, or more
+        most = polygon.shape[1] + 1  # a line cuts off at least one corner
         order = np.argsort(~flags, axis=1, kind="stable")[:, :most]
         polygon = np.take_along_axis(
             both.reshape(num, 2 * len(number), 2), order[..., None], axis=1

@@ -1,4 +1,4 @@
-"""Which pieces of one surface may lie opposite which of another; no rank sees a whole surface."""
+"""Pair pieces of two surfaces that may be opposite each other, without gathering a surface."""
 
 from itertools import chain
 
@@ -16,21 +16,23 @@ from perfplast_fenicsx.parallel import bounding_box, send_rows
 def rendezvous(
     comm: MPI.Intracomm, hosts: Facets, guests: Facets, reach: float
 ) -> tuple[Facets, Facets]:
-    """Send each host facet to one rank, and there all guest facets within reach of it. Collective.
+    """Send each host facet to one rank, and all guest facets within reach of it to the same rank.
 
-    Hosts are dealt out by slabs of space along the longest axis; guests go to every rank that has
-    a host whose box, widened by the reach, they meet.
+    Collective.
+
+    Hosts are distributed by slabs of space along the longest axis. Guests go to every rank with a
+    host whose box, widened by the reach, they intersect.
 
     Args:
         comm: The ranks.
         hosts: This rank's facets of the surface that carries the multipliers.
-        guests: The same of the other surface.
+        guests: This rank's facets of the other surface.
         reach: Largest distance (length).
     """
     centre = hosts["x"].mean(axis=1)
     low, high = bounding_box(comm, centre)
     axis = int(np.argmax(high - low))
-    # Bins of the histogram that cuts space into slabs with equal numbers of facets.
+    # Bins of the histogram that divides space into slabs with equal numbers of facets.
     most_bins = 4096
     width = max(float(high[axis] - low[axis]), np.finfo(float).tiny) / most_bins
     bins = np.clip(((centre[:, axis] - low[axis]) / width).astype(np.int64), 0, most_bins - 1)
@@ -49,28 +51,28 @@ def rendezvous(
 
 
 def candidates(host: Pieces, guest: Pieces, reach: float, behind: float) -> tuple[Longs, Longs]:
-    """Return pairs of pieces of which the guest may be met along the host's normal.
+    """Return pairs of pieces in which the host's normal may meet the guest.
 
     Args:
         host: Pieces of one surface.
         guest: Pieces of the other.
-        reach: Largest distance (length).
+        reach: Largest distance in front of the host (length).
         behind: Largest distance of a guest inside the host (length).
 
     Returns:
-        Numbers of the host and of the guest of each pair, sorted by host.
+        Numbers of the host and of the guest in each pair, sorted by host.
     """
     none = np.zeros(0, dtype=np.int64)
     if not (len(host.facet) and len(guest.facet)):
         return none, none
     nearest, _ = cKDTree(guest.centre).query(host.centre)
-    # The distance along a normal may be so many times the distance to the nearest piece.
+    # Ratio of the largest distance along a normal to the distance of the nearest piece.
     oblique = 1.5
     apart = oblique * np.minimum(nearest, reach) + host.radius
     firsts: list[Longs] = [none]
     seconds: list[Longs] = [none]
     size = np.floor(np.log2(guest.radius))
-    for each in np.unique(size):  # a few large pieces shall not make the others look far
+    for each in np.unique(size):  # a few large pieces must not enlarge the search for the others
         some = np.flatnonzero(size == each)
         within = apart + guest.radius[some].max()
         found = cKDTree(guest.centre[some]).query_ball_point(host.centre, within)
@@ -88,14 +90,14 @@ def candidates(host: Pieces, guest: Pieces, reach: float, behind: float) -> tupl
 def _opposite(
     host: Pieces, guest: Pieces, first: Longs, second: Longs, reach: float, behind: float
 ) -> npt.NDArray[np.bool_]:
-    """Return whether pieces face each other, and one may meet the other along its normal."""
+    """Return whether pieces face each other and a normal of one may meet the other."""
     n = host.normal[first]
     facing = np.einsum("ni,ni->n", n, guest.normal[second])
     between: Floats = guest.centre[second] - host.centre[first]
     along = np.einsum("ni,ni->n", between, n)
     aside = np.linalg.norm(between - along[:, None] * n, axis=1)
     sizes = host.radius[first] + guest.radius[second]
-    # Pieces face each other if the cosine of their normals is below minus this (45°).
+    # Pieces face each other if the cosine of their normals is below the negative of this (45°).
     least_cosine = 0.7
     opposite: npt.NDArray[np.bool_] = (
         (facing < -least_cosine)

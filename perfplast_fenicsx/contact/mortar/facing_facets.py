@@ -1,4 +1,4 @@
-"""Facets of two surfaces that lie opposite each other, looked for in ever larger distances."""
+"""Find facets of two surfaces that are opposite each other, at growing distances."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from perfplast_fenicsx.contact.surfaces.surface_facets import Facets
 
 @dataclass(frozen=True)
 class Facing:
-    """Host facets, each on one rank, and the guest facets there that they overlap.
+    """Host facets, each on one rank, and the guest facets on that rank that they overlap.
 
     Attributes:
         hosts: All host facets.
-        guests: Those of the other surface that were met; some more than once.
-        found: Their integrals.
+        guests: Overlapping facets of the other surface; some occur more than once.
+        found: Integrals over their overlaps.
     """
 
     hosts: Facets
@@ -37,28 +37,28 @@ def facing_facets(
     around: Callable[[Floats], Floats],
     onward: bool,
 ) -> Facing:
-    """Look for what lies opposite. Collective.
+    """Return the facets that are opposite each other. Collective.
 
-    The reach is doubled until anything is found and, if that is asked for, host facets that have
-    found nothing go on searching. In front of them alone: what lies deeper inside them than the
-    first reach that found anything is not an overlap of bodies. Those that are covered in part look
-    as much farther as surfaces that face each other can lean apart along them.
+    The search doubles the reach until it finds an overlap. With ``onward``, host facets without an
+    overlap then continue the search. They search only in front. A guest deeper inside than the
+    first successful reach is not an overlap of bodies. Partly covered facets search farther by the
+    distance by which facing surfaces can diverge along them.
 
     Args:
         comm: The ranks.
         hosts: This rank's facets of the surface that carries the multipliers.
-        guests: The same of the other surface.
+        guests: This rank's facets of the other surface.
         size: Size of both surfaces (length).
         around: See :func:`mortar_integrals.integrate`.
         onward: Whether each host facet searches up to this size.
     """
     parts: list[Facing] = []
-    # Facets are first looked for in distances of this share of the size of both surfaces.
+    # Initial search distance as a share of the size of both surfaces.
     first_reach = 0.1
     reach, behind = first_reach * size, np.inf
     lean = 3 * sum(comm.allreduce(_radius(facets), MPI.MAX) for facets in (hosts, guests))
     along = comm.allreduce(bool(turning(hosts).any()), MPI.LOR)
-    whole = 1 - 1e-9  # a facet of which this share is covered is covered in whole
+    whole = 1 - 1e-9  # a facet with this covered share counts as fully covered
     while True:
         here, there = rendezvous(comm, hosts, guests, reach + lean)
         found = integrate(here, there, reach, around, min(reach, behind), along)
@@ -79,7 +79,7 @@ def facing_facets(
 
 
 def _radius(facets: Facets) -> float:
-    """Largest distance of a point of this rank's facets from its facet's centre."""
+    """Return the largest distance of a point of this rank's facets from its facet's centre."""
     apart = facets["x"] - facets["x"].mean(axis=1, keepdims=True)
     return float(np.linalg.norm(apart, axis=2).max(initial=0))
 

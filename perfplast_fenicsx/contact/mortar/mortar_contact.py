@@ -1,4 +1,4 @@
-"""Contact of surfaces whose nodes need not match: dual mortar."""
+"""Form contact of surfaces whose nodes need not match: dual mortar."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,17 +23,17 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 @dataclass(frozen=True)
 class Mortar:
-    """(1/d_j) ∫φ_j (u_a − u_b)·n ≤ g_j with a dual function φ_j for each node j of one surface.
+    """The rows (1/d_j) ∫φ_j (u_a − u_b)·n ≤ g_j, with a dual function φ_j for each host node j.
 
-    The nodes of that surface are the hosts: the one that is covered by the other, or the one of
-    smaller facets if both or neither are covered. A dual function belongs to a smooth face of the
-    host surface; n is its normal at the node. On triangles of second order, where φ_j belongs to
-    a coefficient of Bernstein's and to no node, n is the normal at each point. The row is then the
-    coefficient of the jump along it, and the gap that of the gap at nodes.
+    The hosts are the nodes of one surface: the one that the other covers, or the one with smaller
+    facets if both or neither are covered. A dual function belongs to a smooth face of the host
+    surface. The normal n is that of the face at the node. On triangles of second order, φ_j belongs
+    to a Bernstein coefficient instead of a node, and n is the normal at each point. The row is then
+    the coefficient of the normal jump, and the gap is the coefficient of the gap at nodes.
 
     Attributes:
         contact: The two surfaces.
-        place: Place in the input, for messages.
+        place: Place in the input, which messages name.
         number: Number of the contact.
     """
 
@@ -44,11 +44,11 @@ class Mortar:
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
     ) -> Constraints:
-        """See :meth:`constraints.Formulation.constraints`.
+        """Return the rows, see :meth:`constraints.Formulation.constraints`.
 
         Raises:
-            InputError: Unknown names, surfaces that are nowhere opposite each other or overlap, a
-                negative gap, or hosts that supports hold.
+            InputError: For unknown names, surfaces that are nowhere opposite each other or that
+                overlap, a negative gap, or hosts that supports hold.
         """
         contact = self.contact
         if contact.primary == contact.secondary:
@@ -103,14 +103,15 @@ class Mortar:
         straight = ""
         if chosen.host.facets["x"].shape[1] == gdim and missed > OVERLAP * size:
             straight = (
-                f"; straight facets there deviate from the curved surfaces by up to"
-                f" {missed:.2g}: expect errors of some per cent in pressures where they are coarse,"
-                " and a tenth of them on a mesh of second order"
+                "; straight facets deviate there from the curved surfaces by up to "
+                f"{missed:.2g}: expect errors of some per cent in pressures where facets "
+                "are coarse, and a tenth of them on a mesh of second order"
             )
         shares = " and ".join(f"{min(share, 1):.0%}" for share in chosen.covered)
         return (
-            f"{self.place}: mortar, hosted by {count} nodes of '{chosen.host.name}'; of it and of"
-            f" '{chosen.guest.name}' {shares} are covered by the other{straight}."
+            f"{self.place}: mortar contact, hosted by {count} nodes of "
+            f"'{chosen.host.name}'; of it and of '{chosen.guest.name}' {shares} are "
+            f"covered by the other{straight}."
         )
 
     def _gap(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
@@ -118,11 +119,14 @@ class Mortar:
         comm, (rows,) = V.mesh.comm, chosen.rows
         at_nodes = self._gap_at_nodes(V, chosen, primary)
         gap = in_basis(comm, chosen.facing.hosts, chosen.facing.found, at_nodes)[rows.place]
-        # coefficients of a gap that opens from a point may be negative beside it
+        # coefficients of a gap that opens from a point may be negative beside the point
         return gap if self.contact.interference else np.maximum(gap, 0.0)
 
     def _gap_at_nodes(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
-        """Gap of each of the host's nodes (length), inf where nothing is opposite. Collective."""
+        """Return the gap at each of the host's nodes (length), inf where nothing is opposite.
+
+        Collective.
+        """
         comm, gdim = V.mesh.comm, V.mesh.geometry.dim
         (rows,) = chosen.rows
         nodes, along, slack = chosen.host.nodes, chosen.distances.along, chosen.distances.slack
@@ -143,7 +147,7 @@ class Mortar:
         return np.where(gap > OVERLAP * size, gap, 0.0)
 
     def _check_seen(self, comm: MPI.Intracomm, along: Floats, slack: Floats, size: float) -> None:
-        """Make sure that straight facets of curved surfaces hide no overlap. Collective."""
+        """Refuse straight facets of curved surfaces that hide an overlap. Collective."""
         hidden = (np.abs(along) > OVERLAP * size) & (np.abs(along) <= slack)
         if comm.allreduce(int(hidden.sum())):
             least = comm.allreduce(float(slack[hidden].max(initial=0)), MPI.MAX)
@@ -154,7 +158,7 @@ class Mortar:
 
 
 def _held_everywhere(comm: MPI.Intracomm, surfaces: Sequence[Surface]) -> npt.NDArray[np.bool_]:
-    """Return components that supports hold at every node, shape (gdim,). Collective."""
+    """Return which components supports hold at every node, shape (gdim,). Collective."""
     free = np.concatenate([surface.nodes["free"] for surface in surfaces]).any(axis=0)
     comm.Allreduce(MPI.IN_PLACE, free, MPI.LOR)
     held: npt.NDArray[np.bool_] = ~free

@@ -1,4 +1,4 @@
-"""How far the nodes of one surface are from the other, along their normals."""
+"""Measure the distances of one surface's nodes from the other surface along their normals."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -20,10 +20,10 @@ class Distances:
     """Distances of the nodes of this rank from the other surface.
 
     Attributes:
-        along: Distance along the node's normal, negative where it lies inside; inf where nothing
-            is opposite, shape (num_nodes,).
+        along: Distance along the node's normal, negative for a node inside; inf if nothing is
+            opposite. Shape (num_nodes,).
         slack: Geometric error of the facets (length): two curved surfaces in contact may appear
-            this far apart, or overlapping, because facets differ from what they stand for.
+            apart, or overlapping, by this much, because facets differ from the curved surfaces.
     """
 
     along: Floats
@@ -33,16 +33,18 @@ class Distances:
 def distances(
     comm: MPI.Intracomm, hosts: Facets, guests: Facets, found: Integrals, count: int
 ) -> Distances:
-    """Measure from each corner of a host facet to the guest facets that it overlaps. Collective.
+    """Return the distances from each corner of a host facet to the guest facets that it overlaps.
 
-    Of the guests the one is taken that the normal meets; where it passes all of them by, as at the
-    border of what is covered, the plane or curve of the nearest is continued.
+    Collective.
+
+    The distance uses the guest facet that the normal meets. If it meets none, as at the border of
+    the covered part, the plane or curve of the nearest facet is extended.
 
     Args:
         comm: The ranks.
-        hosts: The host facets that met here.
+        hosts: The host facets on this rank.
         guests: The guest facets.
-        found: Which of them overlap.
+        found: Their overlaps.
         count: Number of nodes of the host surface that this rank owns.
     """
     each = hosts["node"].shape[1]
@@ -56,7 +58,7 @@ def distances(
     rows["place"], rows["aside"], rows["along"] = hosts["place"][h, corner], aside, along
     rows["slack"] = _sagitta(hosts)[h] + _sagitta(guests)[g]
     rows = send_rows(comm, rows, hosts["rank"][h, corner])
-    sideways = 1e-9  # a normal that passes a facet by this share of it still meets it
+    sideways = 1e-9  # a normal that misses a facet by this share of its size still meets it
     order = np.lexsort([np.abs(rows["along"]), np.maximum(rows["aside"], sideways), rows["place"]])
     rows = rows[order]
     place, first = np.unique(rows["place"], return_index=True)
@@ -67,15 +69,16 @@ def distances(
 
 
 def in_basis(comm: MPI.Intracomm, hosts: Facets, found: Integrals, gap: Floats) -> Floats:
-    """Return coefficients of a gap in the functions of its rows. Collective.
+    """Return the coefficients of a gap in the functions of its rows. Collective.
 
-    They are its values at nodes but on triangles of second order, whose functions are Bernstein's.
+    The coefficients equal nodal values except on triangles of second order, with Bernstein
+    functions.
 
     Args:
         comm: The ranks.
-        hosts: The host facets that met here.
-        found: Which of them are covered.
-        gap: At the host surface's nodes that this rank owns (length), inf where it is unknown.
+        hosts: The host facets on this rank.
+        found: The covered parts of the facets.
+        gap: The gap at the host surface's owned nodes (length), inf where it is unknown.
     """
     each, gdim = hosts["node"].shape[1], hosts["x"].shape[2]
     if not coupled(gdim, each):
@@ -93,15 +96,16 @@ def in_basis(comm: MPI.Intracomm, hosts: Facets, found: Integrals, gap: Floats) 
 
 
 def _met(x: Floats, normal: Floats, facet: Floats) -> tuple[Floats, Floats]:
-    """Return where lines x + t·normal meet facets, each one its own.
+    """Return where lines x + t·normal meet facets, one line for each facet.
 
     Returns:
-        By what share of the facet the line passes it by, 0 where it does not; t. Shape (n,).
+        The share of the facet by which the line misses it, 0 if it meets it; and t. Both have shape
+        (n,).
     """
     n, points, gdim = facet.shape
     at: Floats = np.full((n, gdim - 1), 1 / gdim)
     along: Floats = np.zeros(n)
-    steps = 6  # Newton steps that find where a normal meets a curved facet
+    steps = 6  # Newton steps to the intersection of a normal with a curved facet
     for _ in range(steps if points > gdim else 1):
         functions = shape_functions(gdim, points, at)
         slopes = shape_functions(gdim, points, at, 1)
@@ -111,14 +115,14 @@ def _met(x: Floats, normal: Floats, facet: Floats) -> tuple[Floats, Floats]:
         change = -np.linalg.solve(matrix, residual[:, :, None])[:, :, 0]
         at = at + change[:, :-1]
         if points > gdim:
-            at = np.clip(at, -1.0, 2.0)  # a parabola leads astray far out
+            at = np.clip(at, -1.0, 2.0)  # a parabola extrapolates badly far outside the facet
         along = along + change[:, -1]
     least = np.minimum(at.min(axis=1), 1 - at.sum(axis=1))
     return np.maximum(-least, 0.0), along
 
 
 def _sagitta(facets: Facets) -> Floats:
-    """By how much facets may miss the smooth surface that they stand for, shape (n,)."""
+    """Return how far facets may deviate from the smooth surface, shape (n,)."""
     x, normal = facets["x"], facets["normal"]
     gdim = x.shape[2]
     longest = np.max([np.linalg.norm(x[:, i] - x[:, i - 1], axis=1) for i in range(gdim)], axis=0)

@@ -1,9 +1,9 @@
-"""Integrals over the overlap of two surfaces with dual functions: the rows of mortar contact.
+"""Integrate over the overlap of two surfaces with dual functions: the rows of mortar contact.
 
-They are summed by pairs of facets, of all pieces that overlap, and made dual by facets. Where the
-host's functions are Bernstein's and its normal n turns, they are also integrated with n,
-interpolated between the nodes. Coefficients of a displacement, a vector, times the normal of a node
-are not those of its normal component, but miss them by O(h²).
+The module sums the integrals of all overlapping pieces by pairs of facets, and makes them dual for
+each facet. Where the host has Bernstein functions and its normal n varies, there are also integrals
+with n, interpolated between the nodes. Coefficients of a displacement vector times a nodal normal
+differ by O(h²) from the coefficients of the normal component.
 """
 
 import math
@@ -34,20 +34,20 @@ from perfplast_fenicsx.contact.surfaces.surface_facets import (
 
 @dataclass(frozen=True)
 class Integrals:
-    """Integrals over the facets that met on this rank, for the nodes of the host.
+    """Integrals over the facets on this rank, for the nodes of the host.
 
     Attributes:
         host: Number of the host facet of each pair of facets, shape (num_pairs,).
-        guest: Of the guest facet.
+        guest: Number of the guest facet of each pair, same shape.
         M: ∫φ_i N_l of each pair, shape (num_pairs, nodes of a host, nodes of a guest).
-        along: ∫φ_i n N_l with the host's normal n, shape (num_pairs, nodes of a host, gdim, nodes
-            of a guest); None where it is not wanted, or the Ñ are the N, whose coefficients are
-            values at nodes.
-        d: ∫Ñ_i over the covered part of each host facet, shape (num_hosts, nodes).
-        full: ∫Ñ_i over the whole of it, same shape.
+        along: Integrals ∫φ_i n N_l with the host's normal n, shape (num_pairs, nodes of a host,
+            gdim, nodes of a guest). None if not requested, or if Ñ = N, whose coefficients are
+            nodal values.
+        d: Integrals ∫Ñ_i over the covered part of each host facet, shape (num_hosts, nodes).
+        full: Integrals ∫Ñ_i over the whole host facet, same shape.
         covered: Covered length or area of the pieces of each host facet, shape (num_hosts,).
-        whole: Length or area of all of them, same shape.
-        on_guest: The covered part as measured on the guest, same shape.
+        whole: Length or area of all pieces, same shape.
+        on_guest: Length or area of the covered part measured on the guest, same shape.
     """
 
     host: Longs
@@ -69,16 +69,16 @@ def integrate(
     behind: float | None = None,
     along: bool = True,
 ) -> Integrals:
-    """Integrate over the overlap of facets. Not collective.
+    """Return the integrals over the overlap of facets. Not collective.
 
     Args:
         hosts: Facets that carry multipliers, each on one rank.
-        guests: All facets of the other surface within reach of them.
+        guests: All facets of the other surface within reach of the hosts.
         reach: Largest distance (length).
-        around: What points of the host stand for out of the mesh's plane
+        around: Extent of host points out of the mesh's plane
             (:meth:`kinematics.Kinematics.around`).
-        behind: Largest overlap (length); None for the same.
-        along: Whether integrals with the normal are wanted where functions are not N.
+        behind: Largest overlap (length); None for the value of ``reach``.
+        along: Whether to integrate with the normal where functions are not N.
     """
     host, guest = pieces_of(hosts), pieces_of(guests)
     first, second = candidates(host, guest, reach, reach if behind is None else behind)
@@ -123,9 +123,9 @@ def integrate(
 
 
 def _chunks(first: Longs) -> list[slice]:
-    """Return parts of a sorted list, between different entries; one at least."""
+    """Return at least one slice of a sorted list, split between different entries."""
     borders = [0]
-    chunk = 50_000  # pairs of pieces that are clipped at once
+    chunk = 50_000  # number of pairs of pieces that are clipped together
     while borders[-1] < len(first):
         last = min(borders[-1] + chunk, len(first)) - 1
         borders.append(int(np.searchsorted(first, first[last], side="right")))
@@ -138,9 +138,9 @@ _Sums = tuple[Longs, Floats]
 
 @dataclass(frozen=True)
 class _Products:
-    """∫ÑN and ∫ÑnN of pairs of facets, and ∫ÑÑ, ∫Ñ and ∫1 of each host, of some pairs of pieces.
+    """Integrals ∫ÑN and ∫ÑnN of pairs of facets, and ∫ÑÑ, ∫Ñ and ∫1 of each host, for some pieces.
 
-    ∫ÑnN is that of hosts along which n turns.
+    The integrals ∫ÑnN exist only for hosts along which n varies.
     """
 
     mixed: _Sums
@@ -190,7 +190,7 @@ def _products(
 def _nearest(
     host: Pieces, guest: Pieces, h: Longs, g: Longs, in_host: Floats, in_guest: Floats
 ) -> Longs:
-    """Return the overlaps that are with the first layer met along the host's normal."""
+    """Return the overlaps with the first layer along the host's normal."""
     between = np.einsum("nc,nci->ni", in_guest, guest.x[g])
     between -= np.einsum("nc,nci->ni", in_host, host.x[h])
     far = np.abs(np.einsum("ni,ni->n", between, host.normal[h]))
@@ -205,7 +205,7 @@ def _joined(parts: list[_Sums]) -> _Sums:
 
 
 def _added(key: Longs, values: Floats) -> tuple[Longs, Floats]:
-    """Distinct keys, sorted, and the sums of their values."""
+    """Return the distinct keys, sorted, and the sums of their values."""
     keys, group = np.unique(key, return_inverse=True)
     return keys, _at(group, len(keys), values)
 
@@ -221,14 +221,15 @@ def _at(group: Longs, count: int, values: Floats) -> Floats:
 
 
 def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats, own: Floats) -> Floats:
-    """M whose rows add up to the host's: rounding, where M_e can hardly be inverted, is a constant.
+    """Return M corrected so that its rows sum to those of the host.
 
     Args:
-        M: ∫φ_i N_l or ∫φ_i n N_l of each pair, shape (num_pairs, i, ..., l).
-        mixed: ∫Ñ_i N_l.
+        M: Where M_e is almost singular, the correction is a constant. The integrals ∫φ_i N_l or
+            ∫φ_i n N_l of each pair have shape (num_pairs, i, ..., l).
+        mixed: Integrals ∫Ñ_i N_l.
         of_host: Host facet of each pair.
-        d: ∫Ñ_i of each host.
-        own: What M adds up to, shape (num_hosts, i, ...).
+        d: Integrals ∫Ñ_i of each host.
+        own: Required sums of M, shape (num_hosts, i, ...).
     """
     missing = own - _at(of_host, len(d), M.sum(axis=-1))
     area = np.maximum(d.sum(axis=1), np.finfo(float).tiny).reshape(-1, *[1] * (own.ndim - 1))
@@ -238,7 +239,7 @@ def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats, own: Floats) 
 
 
 def _full(hosts: Facets, pieces: Pieces, around: Callable[[Floats], Floats]) -> Floats:
-    """∫Ñ over whole facets."""
+    """Return ∫Ñ over whole facets."""
     (count, each), gdim = hosts["node"].shape, hosts["x"].shape[2]
     points, weights = rule(gdim, 2)
     at = points @ pieces.at

@@ -1,9 +1,9 @@
-"""Rows of mortar contact: summed where their hosts are owned, and handed on where these are unfit.
+"""Form the rows of mortar contact, sum them on the owners of hosts, and replace unfit hosts.
 
-A node of which little more than nothing is covered, or that supports hold, cannot carry a
-multiplier, nor can a vertex of quadratic facets on an axis of revolution, where ∫Ñ is 0. It is
-retired: its function is handed to its neighbours that can, in equal parts, before rows are divided
-by their weight d. So the functions still add up to 1, and forces and moments stay in balance.
+A node cannot carry a multiplier if almost none of it is covered or if supports hold it. The same
+holds for a vertex of quadratic facets on an axis of revolution, where ∫Ñ is 0. Such a node is
+retired: its function goes in equal parts to neighbours that can carry a multiplier, before the rows
+are divided by their weight d. So the functions still sum to 1, and forces and moments balance.
 """
 
 from dataclasses import dataclass
@@ -25,16 +25,17 @@ class MortarRows:
     """Rows Σ weight · u of this rank's nodes, divided by d.
 
     Attributes:
-        place: Place of each host among this rank's nodes of the surface, shape (num_rows,).
-        d: ∫Ñ of each host, with what it was handed (length, area), shape (num_rows,).
+        place: Index of each host in this rank's nodes of the surface, shape (num_rows,).
+        d: ∫Ñ of each host including retired neighbours' parts (length, area), shape (num_rows,).
         row: Row of each term, shape (num_terms,).
         node: Global block dof of each term.
-        weight: Weight of each term; those of the host's surface add up to 1 in a row, the others to
+        weight: Weight of each term; in a row, those of the host's surface sum to 1, the others to
             −1.
-        along: Weight times normal of each term, where that turns on the way to other nodes, shape
-            (num_terms, gdim); None where it is that of the host.
-        own: Whether the term is of the host's surface.
-        lost: How many covered nodes can neither carry a multiplier nor hand it on, of all ranks.
+        along: Weight times normal of each term, if the normal varies between nodes, shape
+            (num_terms, gdim); None if it is the host's normal.
+        own: Whether the term belongs to the host's surface.
+        lost: Number of covered nodes on all ranks that can neither carry a multiplier nor transfer
+            it.
     """
 
     place: Longs
@@ -58,14 +59,14 @@ class MortarRows:
 def mortar_rows(
     comm: MPI.Intracomm, hosts: Facets, guests: Facets, found: Integrals, able: PairFlags
 ) -> MortarRows:
-    """Make rows of integrals. Collective.
+    """Return the rows that follow from integrals. Collective.
 
     Args:
         comm: The ranks.
-        hosts: The host facets that met here.
+        hosts: The host facets on this rank.
         guests: The guest facets.
         found: Their integrals.
-        able: Of this rank's nodes of the host surface, whether supports let them host.
+        able: For each owned node of the host surface, whether supports let it host.
     """
     count, each = len(able), hosts["node"].shape[1]
     corners = Exchange(comm, hosts["rank"].ravel())
@@ -77,7 +78,8 @@ def mortar_rows(
     d = summed(found.d)
     touched = summed(np.repeat(found.covered > 0, each).astype(np.float64)) > 0
     around = summed(np.repeat(np.abs(found.d).sum(axis=1), each))
-    # Weights of a row, and shares of a node in the ∫Ñ around it, that are no larger are rounding.
+    # Weights of a row, and shares of a node in the surrounding ∫Ñ, up to this size are rounding
+    # errors.
     rounding = 1e-14
     able = able & touched & (d > rounding * around)
     # A node carries a multiplier if this share of its function is on the covered part.
@@ -85,7 +87,7 @@ def mortar_rows(
     fit = able & (d >= least_covered * summed(found.full))
     heirs = _heirs(comm, hosts, found, corners, place, fit)
     provided = _among(count, heirs["place"])
-    fit = fit | (able & ~provided)  # these take over from others only where nobody else can
+    fit = fit | (able & ~provided)  # these nodes replace others only if no other node can
     more = _heirs(comm, hosts, found, corners, place, fit)
     heirs = np.sort(np.concatenate([heirs, more[~provided[more["place"]]]]), order="place")
     lost = touched & ~fit & ~_among(count, heirs["place"])
@@ -130,26 +132,28 @@ def _heirs(
     place: Longs,
     fit: PairFlags,
 ) -> npt.NDArray[np.void]:
-    """Who takes over from the unfit nodes of this rank: fit ones of the same covered facets.
+    """Return the heirs of this rank's unfit nodes: fit nodes of the same covered facets.
 
     Collective.
 
     Args:
         comm: The ranks.
-        hosts: The host facets that met here.
+        hosts: The host facets on this rank.
         found: Their integrals.
-        corners: From corners of facets to the owners of nodes.
-        place: Nodes of this rank that the corners of all ranks mean.
+        corners: Map from corners of facets to the owners of nodes.
+        place: Index on this rank of the node that each corner of any rank refers to.
         fit: Nodes of this rank that carry multipliers.
 
     Returns:
-        Rows with the ``place`` of a node of this rank, and the ``rank`` and ``heir``, the place
-        there, of each node that takes over; sorted by place, each once.
+        Rows with the ``place`` (index) of a node of this rank, and the ``rank`` and ``heir`` (index
+        there) of each node that replaces it; sorted by place, without repetition.
     """
     fits = corners.back(fit[place]).reshape(hosts["node"].shape)
     may = (~fits & (found.covered > 0)[:, None])[:, :, None] & fits[:, None, :]
     if coupled(hosts["x"].shape[2], hosts["node"].shape[1]):
-        for middle, ends in enumerate(EDGES[3], start=3):  # lest ends refer to each other in a ring
+        for middle, ends in enumerate(
+            EDGES[3], start=3
+        ):  # so that chain ends do not refer to each other in a ring
             may[:, middle, :3] &= ~np.any(fits[:, ends], axis=1, keepdims=True)
     facet, old, new = np.nonzero(may)
     rows = np.empty(len(facet), dtype=[("place", np.int64), ("rank", np.int32), ("heir", np.int64)])
@@ -160,9 +164,10 @@ def _heirs(
 
 
 def _term_type(gdim: int, found: Integrals) -> np.dtype:
-    """Return a term of the row of the node at ``place``, before it is divided by d.
+    """Return the structured type of a term in the row of a node, before division by d.
 
-    Its ``value`` is what multiplies displacements, ``along``, where normals turn, those with them.
+    The field ``value`` multiplies displacements. The field ``along`` multiplies them together with
+    varying normals.
     """
     return np.dtype(
         [
@@ -178,7 +183,7 @@ def _term_type(gdim: int, found: Integrals) -> np.dtype:
 def _terms(
     hosts: Facets, guests: Facets, found: Integrals
 ) -> tuple[npt.NDArray[np.void], npt.NDArray[np.integer]]:
-    """Return all terms of the facets here, and the ranks that they go to."""
+    """Return all terms of the facets on this rank, and their destination ranks."""
     each, gdim = hosts["node"].shape[1], hosts["x"].shape[2]
     basis = np.linalg.inv(own_basis(gdim, each)).T
     facet, i, k = np.nonzero(found.d[:, :, None] * basis)
@@ -203,7 +208,7 @@ def _terms(
 def _handed_on(
     terms: npt.NDArray[np.void], heirs: npt.NDArray[np.void]
 ) -> tuple[npt.NDArray[np.void], npt.NDArray[np.integer]]:
-    """Terms of nodes that do not carry multipliers, in equal parts for each of their heirs."""
+    """Return the terms of retired nodes, in equal parts for each of their heirs."""
     begin = np.searchsorted(heirs["place"], terms["place"], side="left")
     count = np.searchsorted(heirs["place"], terms["place"], side="right") - begin
     within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
@@ -218,7 +223,7 @@ def _handed_on(
 def _compressed(
     terms: npt.NDArray[np.void],
 ) -> tuple[Longs, npt.NDArray[np.bool_], Longs, Floats, Floats]:
-    """Place, side, node, value and along of the terms, those of one node in one row added up."""
+    """Return place, side, node, value and along of the terms, summed by node and row."""
     span = int(terms["node"].max(initial=0)) + 1
     key = (terms["place"] * 2 + terms["own"]) * span + terms["node"]
     keys, group = np.unique(key, return_inverse=True)

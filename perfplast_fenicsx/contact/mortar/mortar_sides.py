@@ -1,4 +1,4 @@
-"""Choose which of two surfaces carries the multipliers of mortar contact."""
+"""Choose the surface whose nodes carry the multipliers of mortar contact."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ from perfplast_fenicsx.mesh.kinematics import Kinematics
 
 @dataclass(frozen=True)
 class Surface:
-    """A named surface: the nodes that this rank owns, and the facets that it has."""
+    """A named surface: its owned nodes and the facets of this rank."""
 
     name: str
     nodes: SurfaceNodes
     facets: Facets
 
     def measure(self, comm: MPI.Intracomm) -> tuple[float, float]:
-        """Length or area, and mean of its facets. Collective."""
+        """Return the length or area of the surface, and the mean of its facets. Collective."""
         local = np.array([pieces_of(self.facets).measure.sum(), len(self.facets)])
         area, count = comm.allreduce(local)
         return float(area), float(area / max(count, 1))
@@ -34,13 +34,13 @@ class Surface:
 
 @dataclass(frozen=True)
 class Side:
-    """The result of choosing a surface as that of the hosts.
+    """The result of choosing the host surface.
 
     Attributes:
-        host: That surface.
-        guest: The other one.
+        host: The host surface.
+        guest: The other surface.
         facing: Facing facets.
-        rows: The rows, a set for each of the ways in which nodes are able to be hosts.
+        rows: The rows, one set for each way in which nodes may host.
         distances: Distances of the host's nodes to the guest.
         covered: Covered shares of both surfaces, the host's first.
     """
@@ -54,12 +54,13 @@ class Side:
 
     @property
     def lost(self) -> int:
-        """How many nodes can neither be hosts nor have one, in all ways together."""
+        """Return the number of nodes that can neither host nor be replaced, in all ways."""
         return sum(rows.lost for rows in self.rows)
 
 
 Able = Callable[[SurfaceNodes], Sequence[PairFlags]]
-"""Which nodes supports let be hosts; in several ways, where several sets of rows are wanted."""
+"""A function that returns which nodes supports let host, in several ways if several sets of rows
+are needed."""
 
 
 def choose_side(
@@ -71,24 +72,25 @@ def choose_side(
     kinematics: Kinematics,
     onward: bool,
 ) -> Side:
-    """Say which surface's nodes are the hosts, and make their rows. Collective.
+    """Return the host surface and its rows. Collective.
 
     Args:
         comm: The ranks.
-        place: Place of the contact, for messages.
-        surfaces: The primary and the secondary one.
-        hosts: "primary" or "secondary" if it is given.
-        able: Says which nodes may be hosts.
+        place: Place of the contact, which messages name.
+        surfaces: The primary and the secondary surface.
+        hosts: "primary" or "secondary" if the user gives it.
+        able: Function that returns which nodes may host.
         kinematics: Kinematics of the mesh.
         onward: See :func:`facing_facets.facing_facets`.
 
     Raises:
-        InputError: Surfaces that are nowhere opposite each other, and hosts that supports hold.
+        InputError: For surfaces that are nowhere opposite each other, and for hosts that supports
+            hold.
     """
     measures = [surface.measure(comm) for surface in surfaces]
     for surface in surfaces:
         check_outside(comm, place, surface.name, surface.nodes)
-    # Facets of this share of the other surface's mean size count as smaller.
+    # Facets below this share of the other surface's mean size count as smaller.
     finer_by = 0.99
     finer = measures[1][1] < finer_by * measures[0][1]
     first = int(finer) if hosts is None else ("primary", "secondary").index(hosts)
@@ -111,9 +113,9 @@ def choose_side(
             chosen = other
     if chosen.lost:
         raise InputError(
-            f"{place}: {chosen.lost} nodes of '{chosen.host.name}' are held by supports or ties,"
-            " and no neighbour of theirs can carry the forces there; leave nodes that are held"
-            f" out of it, or let '{chosen.guest.name}' be the one whose nodes are hosts."
+            f"{place}: supports or ties hold {chosen.lost} nodes of '{chosen.host.name}', "
+            "and no neighbouring node can carry the forces there; remove held nodes from "
+            f"this surface, or let '{chosen.guest.name}' host."
         )
     return chosen
 
@@ -127,7 +129,7 @@ def _side(
     kinematics: Kinematics,
     onward: bool,
 ) -> Side:
-    """Return the rows if one surface's nodes are the hosts. Collective."""
+    """Return the rows for a given host surface. Collective."""
     corners = np.concatenate([surface.nodes["x"] for surface in (host, guest)])
     facing = facing_facets(
         comm, host.facets, guest.facets, extent(comm, corners), kinematics.around, onward

@@ -1,9 +1,9 @@
-"""Points at which overlaps of facets are integrated, on the facets as they are curved.
+"""Compute points at which overlaps of curved facets are integrated.
 
-Overlaps are found between straight pieces. Their points are carried on to the host's facet by
-reference coordinates, and from there along its normal to the guest's. So areas, places and normals
-are those of the facets of second order, and not of the pieces (T. Dickopf and R. Krause, Int. J.
-Numer. Meth. Engng 77, 2009, doi 10.1002/nme.2464).
+Overlaps are found between straight pieces. Their points are mapped to the host's facet by reference
+coordinates, and along its normal to the guest's facet. So areas, places and normals are those of
+the facets of second order instead of the pieces (T. Dickopf and R. Krause, Int. J. Numer. Meth.
+Engng 77, 2009, doi 10.1002/nme.2464).
 """
 
 import functools
@@ -19,16 +19,16 @@ from perfplast_fenicsx.contact.surfaces.surface_facets import Facets, Pieces, sh
 
 @dataclass(frozen=True)
 class OverlapPoints:
-    """Quadrature points of n overlaps, q each.
+    """Quadrature points of n overlaps, with q points each.
 
     Attributes:
         host: Number of the host facet, shape (n,).
-        guest: Of the guest facet, shape (n,).
-        own: The host's functions N there, shape (n, q, nodes of a facet).
-        other: The guest's, same shape.
-        x: On the host, shape (n, q, gdim).
-        normal: The host's, interpolated between its nodes, same shape.
-        weight: Length or area of the host facet, shape (n, q).
+        guest: Number of the guest facet, shape (n,).
+        own: The host's functions N at the points, shape (n, q, nodes of a facet).
+        other: The guest's functions, same shape.
+        x: Coordinates on the host, shape (n, q, gdim).
+        normal: The host's normal, interpolated between its nodes, same shape.
+        weight: Quadrature weight as length or area of the host facet, shape (n, q).
     """
 
     host: Longs
@@ -48,7 +48,7 @@ def overlap_points(
     found: Overlaps,
     degree: int,
 ) -> OverlapPoints:
-    """Quadrature points of overlaps of pieces.
+    """Return the quadrature points of overlaps of pieces.
 
     Args:
         hosts: Facets that carry multipliers.
@@ -56,7 +56,7 @@ def overlap_points(
         pieces: Pieces of both.
         numbers: Numbers of the host's and the guest's piece of each overlap.
         found: The overlaps.
-        degree: Up to which polynomials are integrated exactly on straight facets.
+        degree: Degree of polynomials that are integrated exactly on straight facets.
     """
     (host, guest), (h, g) = pieces, numbers
     e, f = host.facet[h], guest.facet[g]
@@ -78,7 +78,7 @@ def overlap_points(
 
 
 def rule(gdim: int, degree: int) -> tuple[Floats, Floats]:
-    """Barycentric points and weights, which add up to 1."""
+    """Return barycentric points and weights; the weights sum to 1."""
     kind = basix.CellType.interval if gdim == 2 else basix.CellType.triangle
     points, weights = (np.asarray(one) for one in basix.make_quadrature(kind, degree))
     first = 1 - points.sum(axis=1, keepdims=True)
@@ -86,7 +86,7 @@ def rule(gdim: int, degree: int) -> tuple[Floats, Floats]:
 
 
 def area_elements(x: Floats, at: Floats) -> Floats:
-    """Length or area of facets at points, for that of the reference facet, shape (n, q)."""
+    """Return the ratio of length or area to that of the reference facet, shape (n, q)."""
     tangents = _tangents(x, at)
     if len(tangents) == 1:
         return np.asarray(np.linalg.norm(tangents[0], axis=2))
@@ -99,12 +99,12 @@ def _tangents(x: Floats, at: Floats) -> list[Floats]:
 
 
 def _carried(x: Floats, normal: Floats, facet: Floats, at: Floats) -> Floats:
-    """Return where lines along normals meet facets: one step of Newton's, from near there.
+    """Return where lines along normals meet facets, by one Newton step from a near point.
 
     Args:
         x: Points of the lines, shape (n, q, gdim).
         normal: Their directions, same shape.
-        facet: Shape (n, points of a facet, gdim).
+        facet: Facet of each line, shape (n, points of a facet, gdim).
         at: Reference coordinates nearby, shape (n, q, gdim − 1).
     """
     _, count, gdim = facet.shape
@@ -117,8 +117,8 @@ def _carried(x: Floats, normal: Floats, facet: Floats, at: Floats) -> Floats:
         across = [np.asarray(np.cross(a, b), dtype=np.float64) for a, b in pairs]
     whole = np.einsum("nqi,nqi->nq", tangents[0], across[0])
     step = np.stack([np.einsum("nqi,nqi->nq", apart, one) / whole for one in across], axis=2)
-    # A point of the guest's reference facet that normals would carry farther stays where pieces
-    # have it: there the gap is too wide, or the facet too oblique, for one step.
+    # If the step would move a point farther than this in the guest's reference facet, the point
+    # stays in the piece: the gap is too wide or the facet too oblique for one step.
     astray = 0.25
     near = functools.reduce(np.maximum, np.abs(step).transpose(2, 0, 1)) <= astray
     return np.asarray(np.where(near[:, :, None], at + step, at))

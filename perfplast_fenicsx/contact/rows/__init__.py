@@ -1,1 +1,1 @@
-"""Rows of inequalities, the jump basis, and motions that they leave free."""
+"""Form rows of inequalities, the jump basis, and motions that the rows leave free."""

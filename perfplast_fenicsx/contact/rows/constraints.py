@@ -1,4 +1,4 @@
-"""Contact as rows B u ≤ g, which every formulation makes from surfaces."""
+"""Store contact as rows B u ≤ g, which every formulation creates from surfaces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,19 +26,19 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 @dataclass(frozen=True)
 class Source(FrictionTerms):
-    """A contact, an obstacle or what else has rows: the data that is passed on besides its rows.
+    """A contact, an obstacle or another origin of rows, with data besides the rows.
 
     Attributes:
         name: Name in resultants.
-        on: Surface of its hosts, for messages and pressures.
+        on: Surface of its hosts, which messages and pressures name.
         called: Name in stages.
-        tresca: See :class:`friction_terms.FrictionTerms`; ``coulomb`` too.
-        coulomb: As ``tresca``.
-        move: How far what is opposite moves by itself for ζ = 1 (length, one number a direction);
-            empty for not at all.
-        grows: Whether ζ multiplies the overlap that its bodies have.
-        inner: Whether its rows are between bodies, so that their forces cancel on all bodies
-            together.
+        tresca: See :class:`friction_terms.FrictionTerms`.
+        coulomb: See :class:`friction_terms.FrictionTerms`.
+        move: Given motion of the opposite side for ζ = 1 (length, one number for each direction);
+            empty without motion.
+        grows: Whether ζ multiplies the overlap of its bodies.
+        inner: Whether its rows connect two bodies, so that their forces cancel in the sum over all
+            bodies.
     """
 
     name: str
@@ -53,35 +53,36 @@ class Source(FrictionTerms):
 
 @dataclass(frozen=True)
 class Constraints:
-    """The inequalities B u ≤ g, a row each; row i is kept by the rank that owns ``host[i]``.
+    """The inequalities B u ≤ g, one per row; the rank that owns ``host[i]`` stores row i.
 
-    A row is the jump (u_a − u_b)·n of two surfaces at a node: positive where they come closer. It
-    is a contact pair of one *host* node and any number of *guests*, on any ranks. There are none at
-    a rigid obstacle, one where nodes match, several with weights where they do not. One component
-    of the host that no support holds will be replaced by the jump (:mod:`jump_basis`). B itself
-    knows nothing of supports: they take part in the jump as long as they move.
+    A row is the jump (u_a − u_b)·n of two surfaces at a node. It is positive if they approach each
+    other. A row is a contact pair of one *host* node and any number of *guests*, on any ranks. It
+    has no guest at a rigid obstacle, one guest where nodes match, and several weighted guests
+    elsewhere. The jump will replace one free component of the host (:mod:`jump_basis`). B does not
+    depend on supports: supported nodes contribute to the jump with their displacement.
 
     With forces λ ≥ 0 (force) of the rows, −Bᵀλ are the contact forces on the nodes.
 
     Attributes:
-        B: Shape (m, num_dofs), sparse: rows as hosts are distributed, columns as V's unknowns.
+        B: Sparse matrix, shape (m, num_dofs), with rows distributed as the hosts and columns as V's
+            unknowns.
         host: Local block dof of each host, owned by this rank, shape (m_local,).
         gap: Initial gap g (length), negative for interference, shape (m_local,).
-        normal: Unit normal out of a's body, shape (m_local, gdim); where a row is one of several
-            nodes whose normals turn, its resultant force for λ = 1, of nearly that length.
-        surface: Which of ``sources`` a row belongs to, shape (m_local,); without sources any
-            numbers (:func:`named`).
-        shares: Which share of a row's force each node gets along the normal: 1 at the host and its
-            guest where nodes match. On either side the shares add up to 1; on elements of second
-            order some may be negative. Shape (m, num_nodes), sparse, distributed as B and V's
-            nodes.
-        weights: What displacements are multiplied with in the jump: the shares, with the sign of
-            their side, shape of ``shares``.
-        area: What each row stands for of its surface (length, area), which friction is
-            proportional to; not positive where that is unknown or nothing, shape (m_local,).
-        in_mean: Whether any row holds a mean of the jump on a surface, so that bodies may enter
-            each other a little between nodes and at them.
-        remarks: Remarks on what there is to say of how contacts were made, a sentence each.
+        normal: Unit normal out of a's body, shape (m_local, gdim). For a row of several nodes with
+            different normals it is the resultant force for λ = 1, whose length is nearly 1.
+        surface: Index into ``sources`` of each row, shape (m_local,); without sources any numbers
+            (:func:`named`).
+        shares: Share of a row's force that each node receives along the normal: 1 at the host and
+            at its guest for matching nodes. On either side the shares sum to 1; on elements of
+            second order some may be negative. Shape (m, num_nodes), sparse, distributed as B and
+            V's nodes.
+        weights: Factors of displacements in the jump: the shares with the sign of their side, shape
+            of ``shares``.
+        area: Tributary length or area of each row, to which friction is proportional; not positive
+            if it is unknown or zero, shape (m_local,).
+        in_mean: Whether any row constrains only a mean of the jump. Bodies may then penetrate each
+            other slightly at nodes and between them.
+        remarks: Remarks on how the contacts were formed, one sentence each.
         sources: Sources of the rows, the same on every rank.
     """
 
@@ -101,7 +102,7 @@ class Constraints:
         return f"Constraints({len(self.host)} hosted by this rank)"
 
     def friction_of(self, rows: Longs | Ints) -> tuple[Floats, Floats]:
-        """Adhesion (stress) and coefficient of Coulomb's friction of some rows, 0 where none is."""
+        """Return adhesion (stress) and Coulomb's coefficient of some rows, 0 without friction."""
         tresca, coulomb = (
             np.array([getattr(one, key) or 0.0 for one in self.sources])[self.surface[rows]]
             for key in ("tresca", "coulomb")
@@ -109,7 +110,7 @@ class Constraints:
         return tresca, coulomb
 
     def jumps(self, u: PETSc.Vec) -> Floats:
-        """B u (length) of a displacement, shape (m_local,). Collective."""
+        """Return B u (length) of a displacement, shape (m_local,). Collective."""
         on_rows = self.B.createVecLeft()
         self.B.mult(u, on_rows)
         jumps: Floats = on_rows.array.copy()
@@ -118,14 +119,14 @@ class Constraints:
 
 
 class Formulation(Protocol):
-    """How contact of named surfaces becomes rows."""
+    """A formulation, which turns contact of named surfaces into rows."""
 
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
     ) -> Constraints:
         """Return the rows of these surfaces. Collective.
 
-        Each host has a component that no support holds and that has its share in the row
+        Each host has a component that no support holds and that appears in the row
         (:func:`surface_nodes.can_host`).
 
         Args:
@@ -151,22 +152,22 @@ def make_constraints(
     shares: Sequence[Floats] | None = None,
     sources: tuple[Source, ...] = (),
 ) -> Constraints:
-    """Rows as sums of terms c·u at nodes. Collective.
+    """Return rows that are sums of terms c·u at nodes. Collective.
 
     Args:
         V: Displacement space.
-        host: See :class:`Constraints`, as the next three.
+        host: Hosts of the rows, see :class:`Constraints`.
         gap: Initial gaps (length).
         normal: Unit normals.
         surface: Numbers of sources.
         terms: Lists of terms, each of nodes on one side: local rows, shape (n,), global block dofs
             of the nodes, shape (n,), and coefficients c, shape (n, gdim).
         in_mean: See :class:`Constraints`.
-        remarks: As ``in_mean``.
-        area: The same; without it there can be no friction.
-        shares: The same, of each term of each list; None where coefficients are along the row's
-            normal, and say it.
-        sources: As ``shares``.
+        remarks: See :class:`Constraints`.
+        area: See :class:`Constraints`; without areas there is no friction.
+        shares: See :class:`Constraints`, for each term of each list; None if the coefficients are
+            along the row's normal and define the shares.
+        sources: See :class:`Constraints`.
     """
     comm, gdim = V.mesh.comm, V.dofmap.index_map_bs
     rows = (len(host), comm.allreduce(len(host)))
@@ -193,19 +194,19 @@ def make_constraints(
 def named(comm: MPI.Intracomm, constraints: Constraints) -> Constraints:
     """Return the same rows with sources that ``surface`` indexes. Collective.
 
-    Rows without sources get one for each number that they have, ``surface NUMBER``, which nothing
-    rubs on or moves; it is one between bodies if none of its rows is without guests.
+    Rows without sources get a source ``surface NUMBER`` for each of their numbers, without friction
+    and motion. It connects bodies if all its rows have guests.
 
     Raises:
-        InputError: If there are sources, and numbers of others.
+        InputError: If there are sources, but ``surface`` contains other numbers.
     """
     numbers = np.unique(np.concatenate(comm.allgather(np.unique(constraints.surface))))
     count = len(constraints.sources)
     if count:
         if len(numbers) and not (numbers[0] >= 0 and numbers[-1] < count):
             raise InputError(
-                f"rows of contact have the surfaces {numbers.tolist()}, but there are"
-                f" {count} sources; number these from 0, or give no sources."
+                f"rows of contact have the surfaces {numbers.tolist()}, but there are "
+                f"{count} sources; number these from 0, or give no sources."
             )
         return constraints
     place = np.searchsorted(numbers, constraints.surface).astype(np.int32)
@@ -220,7 +221,7 @@ def named(comm: MPI.Intracomm, constraints: Constraints) -> Constraints:
 
 
 def _without_guests(constraints: Constraints) -> npt.NDArray[np.bool_]:
-    """Return rows that only their hosts have a part in."""
+    """Return the rows that contain only their hosts."""
     row, _, share = entries_of(constraints.shares)
     alone: npt.NDArray[np.bool_] = np.bincount(row[share != 0], minlength=len(constraints.host)) < 2
     return alone
@@ -229,7 +230,10 @@ def _without_guests(constraints: Constraints) -> npt.NDArray[np.bool_]:
 def joined(
     V: fem.FunctionSpace, parts: Sequence[Constraints], sources: Sequence[Source] = ()
 ) -> Constraints:
-    """The rows of all parts, which have numbers of these sources and are destroyed. Collective."""
+    """Return the rows of all parts, which index these sources; the parts are destroyed.
+
+    Collective.
+    """
     whole = replace(stacked(V, parts), sources=tuple(sources))
     for part in parts:
         part.B.destroy()
@@ -239,9 +243,9 @@ def joined(
 
 
 def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
-    """Return the rows of all parts, on each rank one below the other. Collective.
+    """Return the rows of all parts, one part after another on each rank. Collective.
 
-    Sources are those of the first part; ``surface`` has other numbers after its rows.
+    The sources are those of the first part; other parts have other numbers in ``surface``.
     """
     count = sum(len(part.host) for part in parts)
     rows = (count, V.mesh.comm.allreduce(count))
@@ -264,7 +268,7 @@ def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
 def _stacked(
     V: fem.FunctionSpace, rows: Sizes, columns: Sizes, parts: Sequence[PETSc.Mat]
 ) -> PETSc.Mat:
-    """Matrices below each other on each rank. Collective."""
+    """Return matrices stacked on each rank. Collective."""
     entries: list[Entries] = []
     count = 0
     for part in parts:

@@ -1,10 +1,11 @@
-"""Rigid motions that neither supports nor contact resist, and which are held without force.
+"""Find rigid motions that neither supports nor contact resist, and fix them without force.
 
-A round pin without friction may turn in its hole, and a block slide on another. Where no load does
-work on such a motion, bodies are in equilibrium wherever it takes them, and the stiffness K is
-singular. So springs are added to it, one for each motion, K + Σ k e eᵀ. They carry no force:
-motions F with KF = 0 and eᵀF invertible get from (K + Σ k e eᵀ)δ = b, with Fᵀb = 0, what
-Fᵀe k eᵀδ = 0 says, eᵀδ = 0. So δ solves Kδ = b, and nothing is taken from the loads.
+A round frictionless pin may rotate in its hole, and a block may slide on another. If no load does
+work on such a motion, bodies are in equilibrium in any position along it, and the stiffness K is
+singular. The module therefore adds a spring for each motion: K + Σ k e eᵀ. The springs carry no
+force. For motions F with KF = 0 and eᵀF invertible, and a right-hand side with Fᵀb = 0, the
+equation (K + Σ k e eᵀ)δ = b implies Fᵀe k eᵀδ = 0, so eᵀδ = 0. So δ solves Kδ = b, and the springs
+take no part of the loads.
 """
 
 import logging
@@ -28,7 +29,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
 
 APART = 1e-8
-"""Entries of a projector on free motions below this one do not couple two bodies."""
+"""Entries of a projector on free motions below this value do not couple two bodies."""
 
 
 log = logging.getLogger(__name__)
@@ -36,16 +37,16 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class FreeMotions:
-    """Motions F of bodies that supports, ties and contact do not resist, and where they are held.
+    """Motions F of bodies that supports, ties and contact do not resist, and their springs.
 
     Attributes:
-        bodies: All of them.
-        names: Their names, for messages.
+        bodies: All bodies.
+        names: Names of the bodies, which messages use.
         basis: F, orthonormal, as columns of coefficients of all bodies' rigid motions, shape
             (bodies.count * bodies.num_modes, count).
-        at_nodes: F at the local (owned) displacement unknowns, shape (num_unknowns, count).
-        unknowns: Which of these get springs.
-        leaving: Motions that contact stops one way only.
+        at_nodes: F at the owned displacement unknowns, shape (num_unknowns, count).
+        unknowns: The unknowns with springs.
+        leaving: Motions that contact stops only one way.
     """
 
     bodies: Bodies
@@ -57,11 +58,11 @@ class FreeMotions:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Return the number of motions."""
         return int(self.basis.shape[1])
 
     def hold(self, stiffness: PETSc.Mat) -> None:
-        """Add the springs to K, as stiff as it is there. Collective."""
+        """Add the springs to K, with the stiffness of K at their unknowns. Collective."""
         if not self.count:
             return
         diagonal = stiffness.getDiagonal()
@@ -70,10 +71,13 @@ class FreeMotions:
         diagonal.destroy()
 
     def drive(self, force: PETSc.Vec) -> Floats:
-        """Work of nodal forces on each motion, relative to Σ ‖force‖‖motion‖. Collective.
+        """Return the work of nodal forces on each motion, relative to Σ ‖force‖‖motion‖.
+
+        Collective.
 
         Returns:
-            Between −1 and 1; 0 where no force acts on what moves. Shape (count,).
+            The values are between −1 and 1, and 0 if no force acts on the moving nodes. Work, shape
+            (count,).
         """
         F, f = self.at_nodes, force.array_r
         unknowns = np.arange(len(f) + 1)
@@ -85,24 +89,27 @@ class FreeMotions:
         return np.divide(sums[0], sums[1], out=np.zeros(self.count), where=sums[1] > 0)
 
     def driven(self, forces: Sequence[PETSc.Vec]) -> str | None:
-        """Why there is no equilibrium where one of these forces works on a motion. Collective."""
+        """Return why there is no equilibrium if one of these forces works on a motion, else None.
+
+        Collective.
+        """
         if not self.count:
             return None
         drives = np.abs([self.drive(force) for force in forces]).max(axis=0)
-        # Work of a load on a motion that is more than rounding, relative to what it
-        # would be were all nodal forces along it.
+        # Smallest work of a load on a motion that is not rounding, relative to the work if all
+        # nodal forces acted along the motion.
         driven = 1e-8
         some = np.flatnonzero(drives > driven)
         if not some.size:
             return None
         return (
-            f"{self.words(some)} can move as a rigid body, and a load does work on this motion:"
-            " neither supports nor contact hold it; add a support, or a contact that stops this"
-            " motion."
+            f"{self.words(some)} can move as a rigid body, and a load does work on this "
+            "motion: neither supports nor contact prevent it; add a support, or a contact "
+            "that stops this motion."
         )
 
     def check(self, forces: Sequence[PETSc.Vec]) -> None:
-        """Refuse motions that these forces drive, and report others. Collective.
+        """Refuse motions on which these forces do work, and log others. Collective.
 
         Raises:
             InputError: Naming bodies and motions.
@@ -113,13 +120,13 @@ class FreeMotions:
         self.leaving.warn(forces)
         if self.count and forces[0].comm.rank == 0:
             log.warning(
-                "nothing resists a rigid motion of %s, and no load does work on it: it is held"
-                " without any force",
+                "nothing resists a rigid motion of %s, and no load does work on it: it is "
+                "fixed without any force",
                 self.words(np.arange(self.count)),
             )
 
     def centre(self, u: fem.Function) -> None:
-        """Take from a displacement what of it, by the mean of all nodes, is F. Collective."""
+        """Subtract from a displacement its part in F, in the mean over all nodes. Collective."""
         if not self.count:
             return
         F, here = self.at_nodes, slice(self.at_nodes.shape[0])
@@ -129,7 +136,7 @@ class FreeMotions:
         u.x.scatter_forward()
 
     def words(self, some: npt.NDArray[np.integer]) -> str:
-        """Who moves how in the motions of these numbers."""
+        """Return which bodies move in the given motions, and how."""
         each = self.basis.reshape(self.bodies.count, self.bodies.num_modes, -1)
         told: dict[tuple[int, ...], list[str]] = {}
         for number in some:
@@ -154,13 +161,13 @@ def _together(names: Sequence[str]) -> str:
 def held_motions(
     V: fem.FunctionSpace, bodies: Bodies, names: Sequence[str], motions: RigidMotions
 ) -> FreeMotions:
-    """Choose where free motions are held. Collective.
+    """Return the free motions with the nodes at which they are fixed. Collective.
 
     Args:
         V: Displacement space.
         bodies: The bodies that move.
-        names: Their names, for messages.
-        motions: What supports and contact say of their motions.
+        names: Names of the bodies, which messages use.
+        motions: Constraints of supports and contact on the motions.
     """
     free = motions.free()
     leaving = OneSidedMotions(V, bodies, names, *motions.one_sided(free))
@@ -188,10 +195,11 @@ def held_motions(
 
 
 def _untangled(bodies: Bodies, free: Floats) -> tuple[Floats, list[tuple[Ints, Ints]]]:
-    """Another orthonormal basis, in which each motion has few bodies and, as may be, one axis.
+    """Return another orthonormal basis, in which each motion has few bodies and axes.
 
     Returns:
-        The basis; for each set of bodies that move together these and the numbers of the motions.
+        The basis; and for each set of bodies that move together, the bodies and the numbers of the
+        motions.
     """
     projector = free @ free.T
     shape = (bodies.count, bodies.num_modes) * 2
@@ -215,7 +223,7 @@ def _untangled(bodies: Bodies, free: Floats) -> tuple[Floats, list[tuple[Ints, I
 
 
 def _pivots(comm: MPI.Intracomm, motions: Floats) -> Ints:
-    """Return rows of this rank that distinguish motions best, one for each motion. Collective."""
+    """Return owned rows that distinguish the motions best, one for each motion. Collective."""
     left, chosen = motions.copy(), []
     for _ in range(motions.shape[1]):
         squares = np.einsum("nk,nk->n", left, left)

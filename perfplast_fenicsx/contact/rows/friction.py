@@ -1,9 +1,9 @@
-"""Friction on the rows of contact: jumps along the surface, and the force that slip overcomes.
+"""Define friction on the rows of contact: tangential jumps and the force at which slip begins.
 
-In the jump basis the tangential jumps s of a row with friction are unknowns, beside the normal one.
-Friction adds Σ c‖s − s₀‖ to the energy, with c a force; its forces μ are in the balls ‖μ‖ ≤ c. With
-the jumps s₀ nothing has slipped: they are what supports and obstacles move by a given way, and what
-has slipped in stages before.
+In the jump basis, the tangential jumps s of a row with friction are unknowns in addition to the
+normal jump. Friction adds Σ c‖s − s₀‖ to the energy, where c is a force; its forces μ are in the
+balls ‖μ‖ ≤ c. At the jumps s₀ there is no slip. They contain given motions of supports and
+obstacles, and earlier slip in stages.
 """
 
 from dataclasses import dataclass, replace
@@ -19,25 +19,25 @@ from perfplast_fenicsx.arrays import Floats, Ints
 
 @dataclass(frozen=True)
 class Friction:
-    """Where there is friction, and how much.
+    """The places with friction and their strength.
 
     Attributes:
-        pair: Row of contact of each place with friction hosted here, shape (num_places,).
-        index: Local (owned) unknowns of its jumps in the jump basis, −1 where supports leave it
-            fewer directions than the surface has, shape (num_places, gdim − 1).
-        direction: Unit vector of each jump, zero where there is none, shape (num_places,
-            gdim − 1, gdim).
-        area: What each place stands for of its surface (length, area), shape (num_places,).
-        coulomb: Coefficient of friction where it is Coulomb's, 0 elsewhere, shape (num_places,).
-        adhesion: Force that slip has to overcome without pressure, shape (num_places,).
-        bound: Force c that slip has to overcome, shape (num_places,). Coulomb's follows from that
-            of contact, and is brought up to date in place.
-        origin: s₀ (length), shape of ``index``; brought up to date in place.
-        count: Places on all ranks together.
+        pair: Contact row of each place with friction on this rank, shape (num_places,).
+        index: Local owned unknowns of the jumps in the jump basis, −1 for directions that supports
+            hold, shape (num_places, gdim − 1).
+        direction: Unit vector of each jump, zero for a missing one, shape (num_places, gdim − 1,
+            gdim).
+        area: Tributary length or area of each place, shape (num_places,).
+        coulomb: Coefficient of Coulomb's friction, 0 without it, shape (num_places,).
+        adhesion: Force at which slip begins without pressure, shape (num_places,).
+        bound: Force c at which slip begins, shape (num_places,). With Coulomb's friction it follows
+            from the contact force and is updated in place.
+        origin: s₀ (length), shape of ``index``; updated in place.
+        count: Number of places on all ranks.
         follows_pressure: Whether any friction is Coulomb's.
-        shares: Where jumps are combinations of k unknowns each, ``index`` is of shape (num_places,
-            k) and these are the coefficients, shape (num_places, gdim − 1, k); else None. Only the
-            interior point method knows such.
+        shares: If jumps are combinations of k unknowns each, ``index`` has shape (num_places, k)
+            and these are the coefficients, shape (num_places, gdim − 1, k); otherwise None. Only
+            the interior point method supports them.
     """
 
     pair: Ints
@@ -56,7 +56,7 @@ class Friction:
         return f"Friction({self.count} places)"
 
     def at(self, unknowns: Ints) -> "Friction":
-        """Return the same with the local unknowns of rows in place of the numbers of rows."""
+        """Return the same friction with numbers of rows replaced by local unknowns."""
         return replace(self, index=np.append(unknowns, np.int32(-1))[self.index])
 
     def smooth(self) -> "Friction":
@@ -65,7 +65,7 @@ class Friction:
         return replace(self, coulomb=none, adhesion=none, bound=none, follows_pressure=False)
 
     def nowhere(self) -> "Friction":
-        """Return the same without any place."""
+        """Return friction without any place."""
         return Friction(
             pair=self.pair[:0],
             index=self.index[:0],
@@ -80,15 +80,15 @@ class Friction:
         )
 
     def jumps(self, y: PETSc.Vec) -> Floats:
-        """Entries of a vector of the jump basis at the tangential jumps, shape of ``index``."""
+        """Return the tangential jumps of a vector in the jump basis, shape of ``index``."""
         return self.gather(y.array_r)
 
     def slip(self, y: PETSc.Vec) -> Floats:
-        """Slip s − s₀ (length) of a displacement in the jump basis, shape of ``index``."""
+        """Return the slip s − s₀ (length) of a vector in the jump basis, shape of ``index``."""
         return self.jumps(y) - self.origin
 
     def gather(self, array: Floats) -> Floats:
-        """Entries of a local array at the jumps, 0 where there is none, shape of ``index``."""
+        """Return entries of a local array at the jumps, 0 for missing ones, shape of ``index``."""
         if not self.index.size:
             return np.zeros(self.index.shape)
         return np.where(self.index >= 0, array[self.index], 0.0)
@@ -99,20 +99,20 @@ class Friction:
         array[self.index[there]] += values[there]
 
     def unknowns(self, where: npt.NDArray[np.bool_]) -> Ints:
-        """Local unknowns of the jumps at these places."""
+        """Return the local unknowns of the jumps at some places."""
         some = self.index[where]
         return some[some >= 0]
 
     def energy(self, slip: Floats) -> float:
-        """Σ c‖slip‖ of this rank, which it dissipates; where c is infinite nothing slips."""
+        """Return Σ c‖slip‖ of this rank, the dissipated energy; infinite c means no slip."""
         sizes = norms(slip)
         slips = (sizes > 0) & np.isfinite(self.bound)
         return float(self.bound[slips] @ sizes[slips])
 
     def slope(self, slip: Floats, change: Floats, beta: float) -> float:
-        """Derivative of the energy of this rank along a change, at ``slip`` + β ``change``.
+        """Return the derivative of this rank's energy along a change, at ``slip`` + β ``change``.
 
-        At a kink it is that from the left, or from the right at β = 0.
+        At a kink it is the left derivative, or at β = 0 the right derivative.
         """
         moves = (norms(change) > 0) & np.isfinite(self.bound)
         d, at = change[moves], slip[moves] + beta * change[moves]
@@ -124,9 +124,12 @@ class Friction:
         return float(self.bound[moves] @ along)
 
     def last_turn(self, slip: Floats, change: Floats, comm: MPI.Intracomm) -> float:
-        """Return the largest β ≥ 1 at which a place stops moving back on a change. Collective.
+        """Return the largest β ≥ 1 at which some place reverses its slip along a change.
 
-        There its ``slip`` + β ``change`` is shortest; 1 where none moves back so far.
+        Collective.
+
+        At this β, ``slip`` + β ``change`` of the place is shortest; the value is 1 if no place
+        reverses beyond 1.
         """
         moves = (norms(change) > 0) & (self.bound > 0)
         d = change[moves]
@@ -135,17 +138,17 @@ class Friction:
 
 
 def norms(vectors: Floats) -> Floats:
-    """Return the length of each row."""
+    """Return the norm of each row."""
     lengths: Floats = np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
     return lengths
 
 
 def shrunk(vectors: Floats, bound: Floats) -> Floats:
-    """Return the nearest vectors that are not longer than their bounds.
+    """Return the vectors shortened to their bounds.
 
     Args:
-        vectors: Shape (n, k).
-        bound: Shape (n,).
+        vectors: Vectors, shape (n, k).
+        bound: Largest norms, shape (n,).
     """
     sizes = norms(vectors)
     share = np.divide(bound, sizes, out=np.ones_like(sizes), where=sizes > bound)

@@ -1,13 +1,13 @@
-"""The basis in which contact is a bound: u = T y.
+"""Construct the basis in which contact is a bound constraint: u = T y.
 
-For every row of B u ≤ g one displacement component of its host is replaced by the jump s = (B u)_i;
-all other unknowns stay as they are. Then the condition of K_h is s ≤ g, and the operator is TᵀKT.
+For every row of B u ≤ g, the jump s = (B u)_i replaces one displacement component of its host. All
+other unknowns are unchanged. Then the condition of K_h is s ≤ g, and the operator is TᵀKT.
 
-Only the normal jump is an unknown, not the tangential ones: the block size is kept, and multigrid
-needs as few iterations as without contact. On two blocks that touch, of 85 thousand unknowns, with
-the rigid motions of each body, CG took 15 in this basis and 16 without contact. It took 60 with the
-rigid motions of both bodies together, and 105 where the whole jump had replaced the host's
-displacement.
+Only the normal jump is an unknown, not the tangential jumps. The block size is unchanged, and
+multigrid needs as few iterations as without contact. For two touching blocks with 85 thousand
+unknowns and the rigid motions of each body, CG took 15 iterations in this basis and 16 without
+contact. It took 60 with the rigid motions of both bodies together, and 105 if the whole jump
+replaced the host's displacement.
 """
 
 from collections.abc import Sequence
@@ -32,23 +32,24 @@ from perfplast_fenicsx.errors import InputError
 
 
 class TooManyConditions(InputError):
-    """Contact nodes have more independent conditions than freedom."""
+    """Contact nodes have more independent conditions than degrees of freedom."""
 
 
 @dataclass(frozen=True)
 class JumpBasis:
-    """u = T y and y = M u for u that vanishes at supports, and where y is bounded.
+    """The maps u = T y and y = M u for u that vanishes at supports, and the bounds of y.
 
-    Jumps of ties are unknowns that are zero for ever: columns of T and rows of M that are zero.
+    Jumps of ties are unknowns that are always zero: their columns of T and rows of M are zero.
 
     Attributes:
         T: Sparse matrix from jump unknowns to displacement.
-        M: Its inverse, for u that keep to the ties.
+        M: Inverse of T, for u that satisfy the ties.
         index: Local (owned) indices of the bounded entries of y, shape (num_pairs,), one for each
             row of the constraints.
-        gap: Upper bounds g there (length).
-        tied: Local (owned) indices of the entries of y that are jumps of ties.
-        sliding: Those of the jumps along surfaces with friction, one for each of its rows.
+        gap: Upper bounds g of these entries (length).
+        tied: Local owned indices of the entries of y that are jumps of ties.
+        sliding: Local owned indices of the tangential jumps along surfaces with friction, one for
+            each of its rows.
     """
 
     T: PETSc.Mat
@@ -59,11 +60,11 @@ class JumpBasis:
     sliding: Ints
 
     def holding(self, held: Ints, left: PairFlags) -> "JumpBasis":
-        """Return the basis in which more entries of y are zero for ever. Collective.
+        """Return the basis in which more entries of y are always zero. Collective.
 
         Args:
-            held: Local (owned) indices of all that are.
-            left: Which pairs are left as bounds, shape (num_pairs,).
+            held: Local owned indices of all entries that are zero.
+            left: Pairs that remain bounds, shape (num_pairs,).
         """
         T = self.T.copy()
         moving = T.createVecRight()
@@ -81,25 +82,25 @@ def make_basis(
     num_ties: int = 0,
     num_sliding: int = 0,
 ) -> JumpBasis:
-    """Build T and M. Collective.
+    """Return the basis with T and M. Collective.
 
     Args:
         V: Displacement space.
-        constraints: The rows of B, on each rank first those of contact, then those of friction,
-            then those of ties.
-        fixed: Components held by supports at each local node, shape (num_nodes, gdim). They have
-            no part in T and M, which then leave them as they are.
-        num_ties: How many rows of this rank are those of ties.
-        num_sliding: How many are those of friction.
+        constraints: The rows of B; on each rank first those of contact, then of friction, then of
+            ties.
+        fixed: Components held by supports at each local node, shape (num_nodes, gdim). T and M do
+            not change these components.
+        num_ties: Number of rows of ties on this rank.
+        num_sliding: Number of rows of friction on this rank.
 
     Raises:
-        InputError: If a node carries more contact conditions than it has freedom for, or the
-            conditions are tied to each other in a ring.
+        InputError: If a node carries more contact conditions than degrees of freedom, or if the
+            conditions refer to each other in a ring.
     """
     comm, index_map, gdim = V.mesh.comm, V.dofmap.index_map, V.dofmap.index_map_bs
     sizes, first = unknowns(V), index_map.local_range[0] * gdim
     pair, column, value = _without_supports(constraints.B, ~fixed[: index_map.size_local])
-    host = constraints.host.astype(np.int64) * gdim  # local number of its first component
+    host = constraints.host.astype(np.int64) * gdim  # local number of the node's first component
     axis = column - first - host[pair]
     at_host = (axis >= 0) & (axis < gdim)
     coefficient = np.zeros((len(host), gdim))
@@ -144,7 +145,10 @@ def make_basis(
 
 
 def _without_supports(B: PETSc.Mat, free: npt.NDArray[np.bool_]) -> tuple[Longs, Longs, Floats]:
-    """Return entries of B, zero at components that supports hold, on whatever rank. Collective."""
+    """Return the entries of B, with zeros at components that supports hold on any rank.
+
+    Collective.
+    """
     moving, kept = B.copy(), B.createVecRight()
     kept.array[:] = free.ravel()
     moving.diagonalScale(None, kept)
@@ -155,10 +159,10 @@ def _without_supports(B: PETSc.Mat, free: npt.NDArray[np.bool_]) -> tuple[Longs,
 
 
 def _terms_of(chosen: Longs, pair: Longs, num_pairs: int) -> tuple[Longs, Longs]:
-    """Return where the terms of chosen pairs, which may repeat, stand in a list sorted by pair.
+    """Return where the terms of chosen pairs, which may repeat, are in a list sorted by pair.
 
     Returns:
-        For each term the place of its pair in ``chosen``, and its own place in the list.
+        For each term, the index of its pair in ``chosen`` and its own index in the list.
     """
     counts = np.bincount(pair, minlength=num_pairs)
     begins = (np.cumsum(counts) - counts)[chosen]
@@ -171,21 +175,21 @@ def _terms_of(chosen: Longs, pair: Longs, num_pairs: int) -> tuple[Longs, Longs]
 def _choose(
     comm: MPI.Intracomm, host: Ints, coefficient: Floats, surface: Ints, names: Sequence[str]
 ) -> tuple[Longs, Floats, Longs]:
-    """Return which component each pair replaces, and the inverse of the replaced part at each host.
+    """Return the component that each pair replaces, and the inverse of the replaced part.
 
-    Gaussian elimination with column pivoting, for all hosts at once: k conditions at a host replace
-    k of its components.
+    The inverse is at each host. Gaussian elimination with column pivoting treats all hosts at once:
+    k conditions at a host replace k of its components.
 
     Args:
         comm: The ranks.
-        host: Of each pair, shape (num_pairs,).
+        host: Host of each pair, shape (num_pairs,).
         coefficient: Coefficient of the host's free components in its row, shape (num_pairs, gdim).
-        surface: Number of the name of each of the first pairs.
-        names: Names of contacts, for messages.
+        surface: Index of the name of each of the first pairs.
+        names: Names of contacts, which messages use.
 
     Returns:
-        The component of each pair; the row of the inverse that gives this component, shape
-        (num_pairs, most conditions at a host); the pairs its entries belong to, −1 for none.
+        The component of each pair; the row of the inverse for this component, shape (num_pairs,
+        most conditions at a host); and the pairs of its entries, −1 for none.
     """
     num, gdim = coefficient.shape
     nodes, group, sizes = np.unique(host, return_inverse=True, return_counts=True)
@@ -221,36 +225,37 @@ def _choose(
 
 
 def _refuse(comm: MPI.Intracomm, nodes: int, contacts: Sequence[str]) -> None:
-    """Refuse nodes of this rank with more conditions than freedom, of these contacts. Collective.
+    """Refuse nodes of this rank with more conditions than degrees of freedom. Collective.
 
     Raises:
-        TooManyConditions: On every rank, if there are any on one.
+        TooManyConditions: On every rank, if there are such nodes on any rank.
     """
     total = comm.allreduce(nodes)
     if not total:
         return
     found = sorted({name for some in comm.allgather(contacts) for name in some})
-    most = 4  # contacts that are named
+    most = 4  # largest number of named contacts
     named = ", ".join(found[:most])
     more = f" and {len(found) - most} more" if len(found) > most else ""
     raise TooManyConditions(
-        f"{total} contact nodes{f' of {named}' if named else ''}{more} carry more independent"
-        " conditions than they have freedom for; name each pair of faces once, leave nodes that"
-        " supports hold out of the contact surfaces, or glue bodies that meet at so coarse a corner"
-        " ([[tie]]; perfplast mesh --tied)."
+        f"{total} contact nodes{f' of {named}' if named else ''}{more} carry more "
+        "independent conditions than they have degrees of freedom; name each pair of "
+        "faces once, remove nodes that supports hold from the contact surfaces, or glue "
+        "bodies that meet at so coarse a corner ([[tie]]; perfplast mesh --tied)."
     )
 
 
 def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """T with T = Q + P T: the sum of P^k Q. Collective.
+    """Return T with T = Q + P T: the sum of P^k Q. Collective.
 
-    It ends as chains of contact do, or fades where normals around a ring turn.
+    The sum ends with the longest chain of contacts, or converges where normals vary around a ring.
     """
     T, term = Q.copy(), Q
-    # Replaced unknowns may refer to replaced unknowns of other nodes, at most this many in a row.
+    # Replaced unknowns may refer to replaced unknowns of other nodes, up to this number in
+    # succession.
     longest_chain = 60
-    # Share of a displacement that is nothing, where they refer to each other in a ring, as around
-    # an edge at which three bodies meet.
+    # Share of a displacement that counts as zero, if unknowns refer to each other in a ring, as
+    # around an edge at which three bodies meet.
     faded = 1e-16
     for _ in range(longest_chain):
         following = P.matMult(term)
@@ -262,6 +267,6 @@ def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
             return T
         T.axpy(1.0, term)
     raise InputError(
-        "contacts or ties follow each other in a ring of bodies; leave one of the contacts or ties"
-        " of the ring out."
+        "contacts or ties follow each other in a ring of bodies; remove one of the "
+        "contacts or ties of the ring."
     )

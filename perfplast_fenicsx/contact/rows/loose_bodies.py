@@ -1,7 +1,7 @@
-"""Bodies that may nearly slide or spin: nothing but the facets of round surfaces resists a motion.
+"""Find rigid motions of bodies that only the facets of curved surfaces resist.
 
-A round bolt without friction turns about its axis but for the normals of its facets, which are a
-little aslant. Such a motion costs next to nothing, and what it comes to says nothing of the body.
+A round frictionless bolt can rotate about its axis, apart from the slightly oblique normals of its
+facets. Such a motion needs almost no energy, and its size has no physical meaning.
 """
 
 import logging
@@ -23,7 +23,7 @@ from perfplast_fenicsx.mesh.connected_bodies import Bodies
 from perfplast_fenicsx.parallel import bounding_box
 
 STILL = 1e-3
-"""Places that move less than so, relative to all of them, are on the axis of a rotation."""
+"""Places with a smaller displacement, relative to all places, are on the axis of a rotation."""
 
 
 log = logging.getLogger(__name__)
@@ -31,11 +31,11 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class LooseMotion:
-    """A motion of a body, the others at rest, that hardly anything resists.
+    """A motion of a body that hardly any row resists while the others are at rest.
 
     Attributes:
-        body: Its number.
-        motion: In words.
+        body: Number of the body.
+        motion: The motion in words.
     """
 
     body: int
@@ -43,7 +43,7 @@ class LooseMotion:
 
 
 def in_words(loose: Sequence[LooseMotion], names: Sequence[str]) -> str:
-    """Return a sentence or two on loosely held bodies, with the loads that would matter.
+    """Return one or two sentences on loosely held bodies, with the loads that would matter.
 
     Args:
         loose: At least one motion.
@@ -57,18 +57,22 @@ def in_words(loose: Sequence[LooseMotion], names: Sequence[str]) -> str:
     )
     acting = [
         words
-        for kind, words in (("rotation", "turn them so"), ("translation", "push them that way"))
+        for kind, words in (
+            ("rotation", "rotate them like this"),
+            ("translation", "push them in this direction"),
+        )
         if any(motion.startswith(kind) for motion in by_motion)
     ]
     return (
-        f"loosely held: {motions}. Only the facets of round surfaces resist these motions, so"
-        f" their size has no meaning. It matters where loads {' or '.join(acting)}; then hold the"
-        " bodies by a [[support]], or glue what touches by a [[tie]]"
+        f"loosely held: {motions}. Only the facets of curved surfaces resist these "
+        "motions, so their size has no meaning. It matters where loads "
+        f"{' or '.join(acting)}; then hold the bodies by a [[support]], or glue touching "
+        "surfaces by a [[tie]]"
     )
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Return names in a row."""
+    """Return names as an enumeration."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
@@ -81,7 +85,7 @@ def warn_of_loose_motions(
     free: Floats,
     flat: int = 0,
 ) -> None:
-    """Warn once of all that is loosely held; see :func:`loose_motions`. Collective."""
+    """Log one warning on all loosely held bodies; see :func:`loose_motions`. Collective."""
     loose = loose_motions(V, bodies, fixed, constraints, free, flat)
     if loose and V.mesh.comm.rank == 0:
         log.warning("%s", in_words(loose, names))
@@ -95,21 +99,21 @@ def loose_motions(
     free: Floats | None = None,
     flat: int = 0,
 ) -> list[LooseMotion]:
-    """Find what is loosely held. Collective.
+    """Return the motions that are loosely held. Collective.
 
-    A motion is loosely held if supports along axes and flat ones leave it, and normals of other
-    surfaces resist it by little. How a support is written does not matter.
+    A motion is loosely held if supports along axes and flat supports leave it free, and normals of
+    other surfaces hardly resist it. The form in which a support is declared does not matter.
 
     Args:
         V: Displacement space.
         bodies: The bodies.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
         constraints: The rows of B.
-        free: Motions that nothing resists at all, orthonormal columns of coefficients of all
-            bodies' rigid motions, which are not meant; None for none.
-        flat: How many of this rank's rows, the last ones, are of flat supports. Like supports along
-            axes they resist what they take up however little that is: a narrow sector's planes or
-            a thin ring's ends are held by nothing else.
+        free: Motions that nothing resists, which the function excludes: orthonormal columns of
+            coefficients of all bodies' rigid motions; None if there are none.
+        flat: Number of this rank's last rows that are of flat supports. Like supports along axes,
+            they count as resisting however small their share is. The planes of a narrow sector and
+            the ends of a thin ring are examples.
     """
     nodes = V.tabulate_dof_coordinates()
     supported, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])
@@ -135,7 +139,7 @@ def loose_motions(
 
 
 def _is_free(v: Floats, free: Floats, here: slice) -> bool:
-    """Whether a motion of a body, whose coefficients are ``here``, is one of the free ones."""
+    """Return whether a motion of a body, with coefficients ``here``, is one of the free motions."""
     whole = np.zeros(len(free))
     whole[here] = v
     return bool(np.linalg.norm(whole - free @ (free.T @ whole)) < STILL * np.linalg.norm(v))
@@ -144,29 +148,29 @@ def _is_free(v: Floats, free: Floats, here: slice) -> bool:
 def _weak(
     comm: MPI.Intracomm, rows: Floats, motions: Floats, exact: npt.NDArray[np.bool_]
 ) -> list[Floats]:
-    """Return motions of a body that no exact row resists, and of which no other takes up enough.
+    """Return motions of a body that no exact row resists and that other rows hardly resist.
 
     Args:
         comm: The ranks.
-        rows: Functionals of its motions, shape (n, num_modes).
-        motions: Motions of the places of the rows, shape (n, gdim, num_modes).
-        exact: Rows whose normals are those of the body, and not of facets, shape (n,).
+        rows: Functionals of the body's motions, shape (n, num_modes).
+        motions: Motions of the nodes of the rows, shape (n, gdim, num_modes).
+        exact: Rows whose normals are those of the true surface instead of facets, shape (n,).
     """
     solid, facets = (comm.allreduce(some.T @ some) for some in (rows[exact], rows[~exact]))
     moved = comm.allreduce(np.einsum("nij,nik->jk", motions, motions))
     count = comm.allreduce(len(rows))
     if not count or np.linalg.matrix_rank(moved) < len(moved):
         return []
-    # Mean square of the share of a motion that rows take up, which is rounding.
+    # Mean squared share of a motion along rows that counts as rounding.
     nothing = 1e-10
     shares, vectors = eigh(solid, moved)
     left = vectors[:, shares <= nothing]
     shares, inner = np.linalg.eigh(left.T @ facets @ left)
     weak = []
-    # The same below which it is looked at.
+    # Mean squared share below which a motion is examined.
     weakest = 0.02
-    # Share (its sine) of the motion of its place, or of all places on average, that one of the rows
-    # has to take up: otherwise the motion is loose.
+    # Share (its sine) of the motion of its node, or of all nodes on average, along at least one
+    # row; with less the motion is loose.
     aslant = 0.35
     for v in (left @ inner[:, shares <= weakest]).T:
         size = np.sqrt(v @ moved @ v / count)

@@ -1,8 +1,8 @@
-"""Rigid motions by which bodies leave each other: contact stops them one way only.
+"""Find rigid motions by which bodies separate: contact stops them only one way.
 
-All v with v = 0 where supports, ties and friction hold, and B v ≤ 0 at all pairs, form a cone. The
-energy of bodies that move so changes only by the work of the loads. Where that is positive for one
-v, no equilibrium exists, whatever the bodies are made of.
+All motions v with v = 0 where supports, ties and friction hold, and B v ≤ 0 at all pairs, form a
+cone. The energy of bodies that move in this way changes only by the work of the loads. If this work
+is positive for one v, no equilibrium exists, whatever the material.
 """
 
 import logging
@@ -18,7 +18,8 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
 
 AWAY = 1e-6
-"""Work on a motion, relative to what it might be, or mean opening, that is more than rounding."""
+"""Work on a motion relative to its largest possible value, or mean opening, above the level of
+rounding."""
 
 
 log = logging.getLogger(__name__)
@@ -26,15 +27,16 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class OneSidedMotions:
-    """Motions that contact stops one way only.
+    """Motions that contact stops only one way.
 
     Attributes:
         V: Displacement space.
         bodies: The bodies that move.
-        names: Their names, for messages.
-        basis: Motions that supports, ties and friction leave, but for those that contact does not
-            stop either way, as columns of coefficients of all bodies' rigid motions.
-        jumps: What these close of the pairs hosted here, shape (num_pairs, number of motions).
+        names: Names of the bodies, which messages use.
+        basis: Motions that supports, ties and friction leave free, except those that contact stops
+            in neither direction, as columns of coefficients of all bodies' rigid motions.
+        jumps: Closing of the pairs hosted by this rank by these motions, shape (num_pairs, number
+            of motions).
     """
 
     V: fem.FunctionSpace
@@ -44,18 +46,21 @@ class OneSidedMotions:
     jumps: Floats
 
     def pushed_away(self, force: PETSc.Vec) -> str | None:
-        """Why no equilibrium exists under nodal forces that push a body away. Collective."""
+        """Return why no equilibrium exists if nodal forces push a body away, else None.
+
+        Collective.
+        """
         gain = self._gain(force)
         v = self._most(gain, [])
         if v is None or not gain @ v > AWAY:
             return None
         return (
-            f"no equilibrium exists: the loads push {self._moving(v)} away from what it touches,"
-            " and nothing holds it there"
+            f"no equilibrium exists: the loads push {self._moving(v)} away from the "
+            "surface in contact, and nothing holds it there"
         )
 
     def warn(self, forces: Sequence[PETSc.Vec]) -> None:
-        """Report bodies that may leave without work of any of these forces. Collective."""
+        """Log bodies that may separate while these forces do no work. Collective."""
         comm = self.V.mesh.comm
         pairs = max(comm.allreduce(len(self.jumps)), 1)
         opening = -comm.allreduce(self.jumps.sum(axis=0)) / pairs
@@ -64,8 +69,8 @@ class OneSidedMotions:
         if v is None or not opening @ v > AWAY or comm.rank:
             return
         log.warning(
-            "%s may move away from what it touches: contact stops it one way only, and no load"
-            " presses it there, so that its place is not determined",
+            "%s may move away from the surface in contact: contact stops it only one way, "
+            "and no load presses it there, so that its position is not determined",
             self._moving(v),
         )
 
@@ -82,28 +87,30 @@ class OneSidedMotions:
         return gain
 
     def _most(self, gain: Floats, least: Sequence[Floats]) -> Floats | None:
-        """Return the motion in the cone that gains most, with no coefficient beyond ±1. Collective.
+        """Return the motion in the cone with the largest gain and no coefficient beyond ±1.
 
-        It is a linear program; rows of pairs come into it as its motions would close them.
+        Collective.
+
+        The function solves a linear program and adds rows of pairs that a motion would close.
 
         Args:
-            gain: Of each coefficient.
-            least: Of what each coefficient gains, and no motion may lose.
+            gain: Gain of each coefficient.
+            least: Gain of each coefficient for a load; no motion may have a negative total.
 
         Returns:
-            Its coefficients; None if the program has not been solved.
+            The coefficients of the motion; None if the linear program has no solution.
         """
         comm = self.V.mesh.comm
         if not len(gain):
             return None
         rows: Floats = -np.reshape([*least], (-1, len(gain))).astype(np.float64)
-        still = 1e-9  # work on a motion, relative to what it might be, that counts as zero
+        still = 1e-9  # relative work on a motion that counts as zero
         room: Floats = np.full(len(rows), still)
-        # So many pairs of a rank that a motion would close join a linear program at once.
+        # Number of pairs of a rank that join a linear program at once if a motion would close them.
         at_once = 20
-        # Linear programs that are solved at most; without an answer by then nothing is said.
+        # Largest number of linear programs; if they do not suffice, the function returns None.
         most_programs = 60
-        closed = 1e-8  # jumps below this one, of motions of unit size, are rounding
+        closed = 1e-8  # jumps below this value, for motions of unit size, are rounding
         for _ in range(most_programs):
             v = comm.bcast(_best(rows, room, gain) if comm.rank == 0 else None)
             if v is None:
@@ -117,17 +124,19 @@ class OneSidedMotions:
         return None
 
     def _moving(self, v: Floats) -> str:
-        """Who moves in a motion."""
+        """Return the names of the bodies that move in a motion."""
         each = np.abs(self.basis @ v).reshape(self.bodies.count, -1).max(axis=1)
         moving = sorted(self.names[body] for body in np.flatnonzero(each > AWAY))
         return f"the {'body' if len(moving) == 1 else 'bodies'} {', '.join(moving)}"
 
 
 def _best(rows: Floats, room: Floats, gain: Floats) -> Floats | None:
-    """Maximise gain·v where rows·v ≤ room."""
+    """Return the v that maximises gain·v subject to rows·v ≤ room."""
     exact = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
     limits = (rows, room) if len(rows) else (None, None)
-    from scipy.optimize import linprog  # a tenth of a second, which few bodies ask for
+    from scipy.optimize import (
+        linprog,
+    )  # importing it takes a tenth of a second, and few bodies need it
 
     found = linprog(-gain, *limits, bounds=(-1, 1), method="highs", options=exact)
     return np.asarray(found.x, dtype=np.float64) if found.success else None

@@ -1,4 +1,4 @@
-"""Rigid motions in words: rotation or translation, and along or about which axis."""
+"""Describe rigid motions in words: rotation or translation, with the axis."""
 
 import numpy as np
 
@@ -10,10 +10,10 @@ def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
     """Return a rigid motion of a body in words.
 
     Args:
-        bodies: Whose rigid motions are meant.
-        v: Its coefficients, shape (num_modes,).
-        middle: Where the body is, shape (gdim,): what hardly turns there is a translation. None
-            for translations that are exactly so.
+        bodies: Bodies with their rigid motions.
+        v: Coefficients of the motion, shape (num_modes,).
+        middle: Position of the body, shape (gdim,): a motion that hardly rotates there is a
+            translation. None accepts only exact translations.
     """
     gdim = bodies.gdim
     if bodies.num_modes == 1:
@@ -21,8 +21,8 @@ def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
     spin = v[gdim:]
     if middle is None:
         along = v[:gdim]
-        # Share of rotation in a rigid motion that makes it one, where its body's place is not
-        # known.
+        # Share of rotation in a rigid motion that makes it a rotation, if the body's position is
+        # unknown.
         least_spin = 1e-6
         turns = np.linalg.norm(spin) > least_spin * np.linalg.norm(v)
     else:
@@ -34,7 +34,7 @@ def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
 
 
 def _direction(d: Floats, axis: str) -> str:
-    """Return the words of a unit vector, first large component positive; an axis by its letter."""
+    """Return a unit vector in words, first large component positive; an axis by its letter."""
     d = d / np.linalg.norm(d)
     d *= np.sign(d[np.argmax(np.abs(d))])
     rounded = np.round(d, 2) + 0.0

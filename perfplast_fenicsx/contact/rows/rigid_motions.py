@@ -1,4 +1,4 @@
-"""Can any body still move as a rigid one?"""
+"""Determine whether any body can still move as a rigid body."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -24,14 +24,14 @@ class RigidMotions:
         constraints: Constraints,
         ties: Constraints | None = None,
     ) -> None:
-        """Form B R. Collective.
+        """Compute B R. Collective.
 
         Args:
             V: Displacement space.
             bodies: The bodies.
             fixed: Components held by supports at each local node, shape (num_nodes, gdim).
             constraints: The rows of B.
-            ties: Rows that are held for ever.
+            ties: Equality rows.
         """
         self._comm, self._gap = V.mesh.comm, constraints.gap
         self._jumps = rigid_jumps(V, bodies, constraints.B)
@@ -41,7 +41,7 @@ class RigidMotions:
         self._supports = self._comm.allreduce(self._held.T @ self._held)
 
     def free(self) -> Floats:
-        """Return motions that supports, ties and contact leave free, both ways. Collective.
+        """Return motions that supports, ties and contact leave free in both directions. Collective.
 
         Returns:
             Orthonormal columns, shape (bodies.count * bodies.num_modes, number of motions).
@@ -53,28 +53,33 @@ class RigidMotions:
         left = self._comm.allreduce(sum(rows.T @ rows for rows in taken))
         values, vectors = np.linalg.eigh(left)
         largest = np.linalg.eigvalsh(gram).max(initial=0)
-        # Jumps below this share of the largest ones are rounding: a motion with no others is free.
+        # Jumps below this share of the largest jumps are rounding; a motion with no larger jump is
+        # free.
         rounding = 1e-9
         return np.asarray(nearly @ vectors[:, values <= rounding**2 * max(largest, 1e-300)])
 
     def one_sided(self, free: Floats) -> tuple[Floats, Floats]:
-        """Return motions that supports and ties leave, but for the free ones. Collective.
+        """Return motions that supports and ties leave free, except those of :meth:`free`.
+
+        Collective.
 
         Args:
             free: The result of :meth:`free`.
 
         Returns:
-            Orthonormal columns; and what they close of the pairs hosted here, shape (num_pairs,
-            number of motions).
+            Orthonormal columns; and their closing of the pairs hosted by this rank, shape
+            (num_pairs, number of motions).
         """
         basis = null_space(self._supports + free @ free.T * np.trace(self._supports + 1.0))
         return basis, self._jumps @ basis
 
     def first_active(self) -> PairFlags:
-        """Pairs that an active set begins with, so that they leave no body freer. Collective.
+        """Return an initial active set of pairs that stops as many motions as all pairs do.
 
-        These are the ones without a gap. Where they leave a motion free that all pairs together
-        stop, those with the smallest gaps are added.
+        Collective.
+
+        The set contains the pairs without a gap. If it leaves a motion free that all pairs together
+        stop, the function adds the pairs with the smallest gaps.
         """
         largest = self._comm.allreduce(float(self._gap.max(initial=0)), MPI.MAX)
         at_least = self._left_free(np.ones(len(self._gap), dtype=bool))
@@ -85,14 +90,17 @@ class RigidMotions:
         return held
 
     def _left_free(self, held: PairFlags) -> int:
-        """Return how many motions supports and these pairs leave nearly free. Collective."""
+        """Return the number of motions that supports and these pairs leave nearly free.
+
+        Collective.
+        """
         rows = self._jumps[held]
         gram = self._supports + self._comm.allreduce(rows.T @ rows)
         return int(null_space(gram).shape[1])
 
 
 def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
-    """B R: the jump of each pair hosted here in each rigid motion of each body. Collective.
+    """Return B R: the jump of each pair on this rank in each rigid motion of each body. Collective.
 
     Returns:
         Shape (num_pairs, bodies.count * bodies.num_modes).
@@ -115,7 +123,7 @@ def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
 
 
 def nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
-    """Owned nodes with a part in any row. Collective."""
+    """Return the owned nodes that appear in any row. Collective."""
     counts = B.createVecRight()
     unknowns = B.getValuesCSR()[1]
     counts.setValues(unknowns, np.ones(len(unknowns)), addv=PETSc.InsertMode.ADD_VALUES)
@@ -126,14 +134,14 @@ def nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
 
 
 def null_space(gram: Floats) -> Floats:
-    """Orthonormal basis of the motions that cost nothing, as columns."""
+    """Return an orthonormal basis of the null space, as columns."""
     values, vectors = np.linalg.eigh(gram)
     negligible = 1e-10  # eigenvalues below this times the largest one count as zero
     return vectors[:, values <= negligible * max(values.max(initial=0), 1e-300)]
 
 
 def _supported(V: fem.FunctionSpace, bodies: Bodies, fixed: npt.NDArray[np.bool_]) -> Floats:
-    """Return components that supports hold, in the rigid motions.
+    """Return the components that supports hold, as functionals of the rigid motions.
 
     Returns:
         Shape (number on this rank, bodies.count * bodies.num_modes).

@@ -1,4 +1,4 @@
-"""Sparse matrices and the entries of the rows that a rank owns."""
+"""Create sparse matrices and read the entries of owned rows."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.parallel import lasting
 
 Sizes = tuple[int, int]
-"""How many rows, or columns, this rank owns, and how many there are on all ranks."""
+"""Number of rows or columns that this rank owns, and their number on all ranks."""
 
 Entries = tuple[npt.NDArray[np.integer], npt.NDArray[np.integer], Floats]
 """Local rows, global columns and values, shape (n,) each."""
@@ -27,13 +27,13 @@ def matrix_of_entries(
     entries: Sequence[Entries],
     block_size: int = 1,
 ) -> PETSc.Mat:
-    """Return a matrix of entries that may come in any order, without zeros. Collective.
+    """Return a sparse matrix from entries in any order, without zeros. Collective.
 
     Args:
         comm: The ranks.
         rows: Rows of the matrix.
         columns: Columns of the matrix.
-        entries: In any number of parts; what comes twice is added.
+        entries: Entries in any number of parts; repeated entries are added.
         block_size: Block size of rows and columns.
     """
     none: Entries = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
@@ -53,6 +53,6 @@ def entries_of(A: PETSc.Mat) -> tuple[Longs, Longs, Floats]:
 
 
 def unknowns(V: fem.FunctionSpace) -> Sizes:
-    """Displacement unknowns, which are rows or columns."""
+    """Return the sizes of rows or columns of displacement unknowns."""
     index_map, gdim = V.dofmap.index_map, V.dofmap.index_map_bs
     return index_map.size_local * gdim, index_map.size_global * gdim

@@ -1,1 +1,1 @@
-"""Nodes, facets, normals and gaps of surfaces."""
+"""Collect nodes, facets, normals and gaps of surfaces."""

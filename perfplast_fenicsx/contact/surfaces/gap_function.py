@@ -1,4 +1,4 @@
-"""Can matched nodes be in contact, along which normal, and how far are they apart?"""
+"""Check whether matched nodes can be in contact, and compute their normals and gaps."""
 
 from mpi4py import MPI
 
@@ -15,11 +15,11 @@ MATCHING_TOLERANCE = 1e-6
 
 
 OVERLAP = 1e-9
-"""Overlap, relative to the size of the surfaces, that is rounding."""
+"""Overlap, relative to the size of the surfaces, that counts as rounding."""
 
 
 class NoPartners(InputError):
-    """Surfaces whose nodes do not match, the same on every rank."""
+    """Raised for surfaces whose nodes do not match; the same on every rank."""
 
 
 def normals_and_gaps(
@@ -29,18 +29,21 @@ def normals_and_gaps(
     matching: Matching,
     size: float,
 ) -> tuple[Floats, Floats]:
-    """Normal and gap of matched nodes, after a look whether they can be in contact. Collective.
+    """Return normal and gap of matched nodes, after checking that they can be in contact.
+
+    Collective.
 
     Args:
         comm: The ranks.
-        place: Place of the contact in the input, for messages.
-        contact: Its gap, a number or a formula, or None to measure it; whether it may be negative.
+        place: Place of the contact in the input, which messages name.
+        contact: The contact, with its gap (a number or a formula, or None to measure it) and
+            whether the gap may be negative.
         matching: Nodes of both surfaces, rows of :func:`surface_nodes.surface_node_type`.
         size: Size of the surfaces (length).
 
     Raises:
-        NoPartners: Nodes without a partner opposite them.
-        InputError: Surfaces that do not face each other, overlap, or a negative gap.
+        NoPartners: For nodes without an opposite partner.
+        InputError: For surfaces that do not face each other or that overlap, or for a negative gap.
     """
     if matching.alone:
         far = matching.farthest
@@ -66,7 +69,7 @@ def normals_and_gaps(
     least = MATCHING_TOLERANCE * size
     mesh_size = np.minimum(primary["size"], secondary["size"])
     # Nodes that are apart may be shifted sideways by this share of their distance (and of the mesh
-    # size): matching surfaces that are not parallel are seen so along their mean normal.
+    # size). Matching surfaces that are not parallel show such a shift along their mean normal.
     tilt = 0.5
     allowed = least + tilt * np.minimum(np.abs(apart), mesh_size)
     shifted = comm.allreduce(int((sideways > allowed).sum()))
@@ -85,7 +88,7 @@ def normals_and_gaps(
 
 
 def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -> Floats:
-    """Measured gaps, rounding removed. Collective.
+    """Return measured gaps without rounding errors. Collective.
 
     Raises:
         InputError: If the bodies overlap.
@@ -93,15 +96,19 @@ def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -
     overlap = -comm.allreduce(float(gap.min(initial=0)), MPI.MIN)
     if overlap > OVERLAP * size:
         raise InputError(
-            f"{place}: the surfaces overlap at first, by up to {overlap:.6g}, or face away from"
-            " each other, as two sides of one body do; move one of them, name two that face each"
-            " other, or give the contact interference = true if the overlap is meant."
+            f"{place}: the surfaces initially overlap by up to {overlap:.6g}, or face away "
+            "from each other like two sides of one body; move one of them, name two that "
+            "face each other, or give the contact interference = true if the overlap is "
+            "intended."
         )
     return np.where(gap > OVERLAP * size, gap, 0.0)
 
 
 def given_gap(comm: MPI.Intracomm, place: str, contact: Contact, x: Floats, size: float) -> Floats:
-    """Gaps of a number or formula at points, negative only where that is meant. Collective."""
+    """Return gaps from a number or formula at points, negative only for interference.
+
+    Collective.
+    """
     message: str | None = None
     gap = 0.0 if contact.gap is None else contact.gap
     gaps: Floats = np.zeros(len(x))
@@ -109,9 +116,9 @@ def given_gap(comm: MPI.Intracomm, place: str, contact: Contact, x: Floats, size
         gaps = evaluate(gap, x, f"{place}: gap")
         if not contact.interference and (gaps < -OVERLAP * size).any():
             message = (
-                f"{place}: gap = {gap} is negative ({gaps.min():.6g}) at some nodes, but bodies"
-                " cannot overlap at first; give a gap of zero or more, or interference = true where"
-                " it is meant."
+                f"{place}: gap = {gap} is negative ({gaps.min():.6g}) at some nodes, but "
+                "bodies cannot overlap initially; give a gap of zero or more, or "
+                "interference = true if the overlap is intended."
             )
     except InputError as error:
         message = str(error)

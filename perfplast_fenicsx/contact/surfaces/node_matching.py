@@ -1,8 +1,8 @@
-"""Which node of one surface meets which node of another, found without gathering either.
+"""Match opposite nodes of two surfaces without gathering either.
 
-Nodes of both surfaces travel to the rank that keeps their slab of space, are matched there with a
-k-d tree, and the matched ones may travel on. A node is a row of a structured type, of which the
-coordinates "x" and the outward unit "normal" are looked at.
+Each node travels to the rank of its slab of space, where a k-d tree matches it; matched nodes may
+travel on. A node is a row of a structured type. The matching reads its coordinates "x" and its
+outward unit "normal".
 """
 
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ from perfplast_fenicsx.parallel import bounding_box, send_rows
 
 @dataclass(frozen=True)
 class Matching:
-    """Matched nodes, each pair on one rank, and what did not match.
+    """Matched nodes, each pair on one rank, and the nodes without a match.
 
     Attributes:
-        primary: Nodes of the primary surface that are kept here, shape (num_pairs,).
-        secondary: The nodes they meet, shape (num_pairs,).
-        alone: Nodes of both surfaces without a partner, on all ranks together.
-        farthest: Largest distance of such a node to the nearest one of the other surface seen by
-            the rank that looked; inf where it saw none. 0 if all match.
+        primary: Primary nodes of this rank's pairs, shape (num_pairs,).
+        secondary: Their secondary nodes, shape (num_pairs,).
+        alone: Number of nodes of both surfaces without a partner, on all ranks.
+        farthest: Largest distance of such a node to the nearest node of the other surface on the
+            rank of the search; inf without such a node. 0 if all nodes match.
     """
 
     primary: SurfaceNodes
@@ -39,17 +39,18 @@ class Matching:
 def match_nodes(
     comm: MPI.Intracomm, primary: SurfaceNodes, secondary: SurfaceNodes, distance: float
 ) -> Matching:
-    """Match the nodes of two surfaces that lie opposite each other. Collective.
+    """Return the matched nodes of two surfaces that are opposite each other. Collective.
 
-    Of the nearest nodes the one is taken that lies most nearly opposite, along the mean normal. Of
-    several in one place that is the one with the most opposite normal. Primary nodes within
-    ``distance`` are matched; what is left is looked for in ever larger distances, up to the size of
-    the surfaces. That each node has exactly one partner is counted, not assumed.
+    Among the nearest nodes, the partner is the one most nearly opposite along the mean normal.
+    Among several nodes at one point, it is the one with the most nearly opposite normal. Primary
+    nodes within ``distance`` are matched first; the remaining ones are matched at growing
+    distances, up to the size of the surfaces. The function verifies that each node has exactly one
+    partner.
 
     Args:
         comm: The ranks.
         primary: This rank's nodes of the primary surface, shape (n,).
-        secondary: Those of the secondary surface.
+        secondary: This rank's nodes of the secondary surface.
         distance: Largest distance of touching nodes (length).
     """
     low, high = bounding_box(comm, np.concatenate([primary["x"], secondary["x"]]))
@@ -77,10 +78,10 @@ class _Near:
 
     Attributes:
         primary: Matched nodes of the primary surface.
-        secondary: The nodes that they meet.
-        left_primary: Nodes of the primary surface that meet none.
-        left_secondary: Nodes of the secondary surface that meet none.
-        twice: How often a secondary node meets more than one.
+        secondary: Their partners.
+        left_primary: Nodes of the primary surface without a match.
+        left_secondary: Nodes of the secondary surface without a match.
+        twice: Number of secondary nodes with more than one match.
         farthest: Largest distance of ``left_primary`` to the nearest node.
     """
 
@@ -100,7 +101,7 @@ def _match_near(
     low: Floats,
     high: Floats,
 ) -> _Near:
-    """Match nodes within a distance. Collective."""
+    """Return the matches of nodes within a distance. Collective."""
     axis = int(np.argmax(high - low))
     width = max(high[axis] - low[axis], distance) / comm.size
 
@@ -108,9 +109,9 @@ def _match_near(
         return np.clip(np.floor((x - low[axis]) / width), 0, comm.size - 1).astype(np.int64)
 
     here = send_rows(comm, primary, slab(primary["x"][:, axis]))
-    # The partner of a node may be so many times as far as the nearest node: surfaces
-    # that are apart and not parallel have their nodes opposite along the mean
-    # normal, not at the shortest distance.
+    # The partner of a node may be this many times as far as the nearest node: surfaces that are
+    # apart and not parallel have their nodes opposite along the mean normal, not at the shortest
+    # distance.
     oblique = 1.2
     along, reach = secondary["x"][:, axis], oblique * distance
     lowest, highest = slab(along - reach), slab(along + reach)
@@ -123,11 +124,11 @@ def _match_near(
     far = np.full(len(here), np.inf)
     nearest = np.zeros(len(here), dtype=np.int64)
     if len(here) and len(there):
-        most_candidates = 32  # nodes nearest to one that are looked at
+        most_candidates = 32  # number of nearest nodes that are examined
         many = np.arange(1, min(most_candidates, len(there)) + 1)
         fars, candidates = cKDTree(there["row"]["x"]).query(here["x"], k=many)
         far = fars[:, 0]
-        # Distance, relative to the size of the surfaces, of nodes that are at the same place.
+        # Distance, relative to the size of the surfaces, of nodes at the same point.
         same_place = 1e-9
         rounding = same_place * float(np.linalg.norm(high - low))
         misfit = _misfit(here[:, None], there["row"][candidates], rounding)
@@ -135,7 +136,7 @@ def _match_near(
         nearest = candidates[np.arange(len(here)), np.argmin(misfit, axis=1)]
     paired = far <= distance
     taken = there[nearest[paired]] if len(there) else there
-    # a secondary node may have been found by several, on this rank or on others
+    # several nodes, on this rank or on others, may have found the same secondary node
     times = np.bincount(send_rows(comm, taken["place"], taken["rank"]), minlength=len(secondary))
     return _Near(
         primary=here[paired],
@@ -148,7 +149,7 @@ def _match_near(
 
 
 def _labelled(comm: MPI.Intracomm, nodes: SurfaceNodes) -> npt.NDArray[np.void]:
-    """Return rows with the rank and the place they come from."""
+    """Return the rows with their original rank and index."""
     labelled = np.empty(
         len(nodes), dtype=[("row", nodes.dtype), ("rank", np.int32), ("place", np.int64)]
     )
@@ -157,7 +158,7 @@ def _labelled(comm: MPI.Intracomm, nodes: SurfaceNodes) -> npt.NDArray[np.void]:
 
 
 def _misfit(primary: SurfaceNodes, secondary: SurfaceNodes, rounding: float) -> Floats:
-    """Return how far nodes are from lying opposite each other; arrays that broadcast together."""
+    """Return how far nodes are from being opposite each other; the arrays broadcast."""
     n, m = primary["normal"], secondary["normal"]
     facing = np.einsum("...i,...i->...", n, m)
     mean = n - m

@@ -1,4 +1,4 @@
-"""Which vertices of a mesh lie on each other where its bodies are in contact."""
+"""Find vertices of a mesh that coincide where its bodies are in contact."""
 
 from collections.abc import Sequence
 
@@ -15,15 +15,17 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 def opposite_vertices(tagged_mesh: TaggedMesh, contacts: Sequence[Contact | Tie]) -> Longs:
-    """Pairs of vertices that lie on each other, or opposite each other across a gap. Collective.
+    """Return pairs of vertices that coincide, or that are opposite each other across a gap.
+
+    Collective.
 
     Args:
         tagged_mesh: The bodies.
-        contacts: Their contacts, or ties; of those whose surfaces do not match, the vertices that
-            do.
+        contacts: Their contacts or ties; for surfaces that do not match, only the matching vertices
+            count.
 
     Returns:
-        Global numbers of vertices, shape (num_pairs, 2); each pair is on one rank, whichever.
+        Global numbers of vertices, shape (num_pairs, 2); each pair is on exactly one rank.
     """
     comm, topology = tagged_mesh.mesh.comm, tagged_mesh.mesh.topology
     V = fem.functionspace(tagged_mesh.mesh, ("Lagrange", 1, (topology.dim,)))

@@ -1,4 +1,4 @@
-"""Facets of a surface in rows that travel between ranks, and the straight pieces of them."""
+"""Collect facets of a surface as rows that travel between ranks, and their straight pieces."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ Facets = npt.NDArray[np.void]
 """Rows of :func:`facet_type`."""
 
 STRAIGHT = 1e-12
-"""A facet is straight if its midsides are no farther from the middle than this share of it."""
+"""A facet is straight if its midsides deviate from the middle by at most this share of its size."""
 
 EDGES = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}
 """Vertices at the ends of each edge of a facet, in the order of its midsides."""
@@ -29,11 +29,11 @@ _SPLIT = {
 
 
 def facet_type(gdim: int, nodes: int, points: int) -> np.dtype:
-    """Return the type of a facet's row.
+    """Return the structured type of a facet.
 
-    Its fields are the coordinates ``x`` of the points that its geometry is made of, and of its
-    nodes the coordinates ``at``, the outward unit ``normal`` of the face there, the global block
-    dof ``node``, the ``rank`` that owns it and its ``place`` among that rank's rows of the surface.
+    Its fields are the coordinates ``x`` of its geometry points. For its nodes they are the
+    coordinates ``at``, the outward unit ``normal`` of the face, the global block dof ``node``, the
+    ``rank`` that owns it and its ``place`` (index) in that rank's rows of the surface.
     """
     return np.dtype(
         [
@@ -50,7 +50,7 @@ def facet_type(gdim: int, nodes: int, points: int) -> np.dtype:
 def nodes_and_facets(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str, fixed: npt.NDArray[np.bool_]
 ) -> tuple[SurfaceNodes, Facets]:
-    """Rows of a surface's nodes that this rank owns, and of the facets that it has. Collective.
+    """Return rows of a surface's owned nodes, and of the facets on this rank. Collective.
 
     Args:
         V: Displacement space.
@@ -73,19 +73,19 @@ def nodes_and_facets(
 
 
 def shape_functions(gdim: int, count: int, points: Floats, derivatives: int = 0) -> Floats:
-    """Lagrange functions of facets at points.
+    """Return Lagrange functions of facets at points.
 
     Args:
         gdim: Dimension of space.
-        count: How many functions a facet has, which says their degree.
+        count: Number of functions of a facet, which determines their degree.
         points: Reference coordinates, shape (..., gdim − 1).
-        derivatives: 1 for the first derivatives.
+        derivatives: 1 for the first derivatives, 0 for values.
 
     Returns:
-        Shape (..., count), or (gdim − 1, ..., count).
+        Values, shape (..., count), or derivatives, shape (gdim − 1, ..., count).
     """
     shape = (*points.shape[:-1], count)
-    if not points.size:  # on which basix ends the process
+    if not points.size:  # basix would end the process for this input
         return np.zeros((gdim - 1, *shape) if derivatives else shape)
     kind = basix.CellType.interval if gdim == 2 else basix.CellType.triangle
     variant = basix.LagrangeVariant.equispaced
@@ -96,18 +96,18 @@ def shape_functions(gdim: int, count: int, points: Floats, derivatives: int = 0)
 
 @dataclass(frozen=True)
 class Pieces:
-    """Straight simplices that stand for facets: one for a straight facet, 2 or 4 for a curved one.
+    """Straight simplices that approximate facets: 1 for a straight facet, 2 or 4 for a curved one.
 
     Attributes:
         facet: Number of the facet, shape (n,).
         x: Corners, shape (n, gdim, gdim).
         at: Reference coordinates of the corners in the facet, shape (n, gdim, gdim − 1).
-        centre: Shape (n, gdim).
+        centre: Centre of the piece, shape (n, gdim).
         radius: Distance of the farthest corner from the centre, shape (n,).
         normal: Outward unit normal, shape (n, gdim).
         measure: Length or area, shape (n,).
-        part: That of the piece in the reference facet, shape (n,).
-        curved: Whether the facet is, shape (n,).
+        part: Length or area of the piece in the reference facet, shape (n,).
+        curved: Whether the facet is curved, shape (n,).
     """
 
     facet: Longs
@@ -167,6 +167,6 @@ def _pieces(
     centre = x.mean(axis=1)
     radius = np.linalg.norm(x - centre[:, None], axis=2).max(axis=1, initial=0)
     sides = at[:, 1:] - at[:, :1]
-    part = np.abs(np.linalg.det(sides)) / (gdim - 1)  # of an interval, or a triangle
+    part = np.abs(np.linalg.det(sides)) / (gdim - 1)  # of an interval or a triangle
     at = np.ascontiguousarray(at)
     return Pieces(facet, x, at, centre, radius, normal, measure, part, curved)

@@ -1,4 +1,4 @@
-"""Nodes of a surface with all that contact asks of them, in rows that travel between ranks."""
+"""Collect nodes of a surface with their contact data, as rows that travel between ranks."""
 
 from mpi4py import MPI
 
@@ -13,21 +13,22 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
 
 LEAST_COSINE = 0.1
-"""Smallest size of n_i for which the normal jump may take the place of component i of the host:
-smaller pivots make the change of basis T ill-conditioned."""
+"""Smallest |n_i| for which the normal jump may replace component i of the host: smaller pivots make
+the change of basis T ill-conditioned."""
 
 SurfaceNodes = npt.NDArray[np.void]
-"""Rows of :func:`surface_node_type`; a node on an edge has one for each face of the surface."""
+"""Rows of :func:`surface_node_type`; a node on an edge has one row for each face of the surface."""
 
 
 def surface_node_type(gdim: int) -> np.dtype:
-    """Return the type of a row.
+    """Return the structured type of a node.
 
     Its fields are the coordinates ``x`` (3 numbers), the ``rank`` that owns the node, its local
-    block dof ``node`` there and its global one ``number``, the ``size`` of the facets around it
-    (length), the ``weight`` ∫N of its shape function over the face (length, area), the outward unit
-    ``normal`` of the face, which components no support holds, ``free``, and Σ m mᵀ of the
-    directions m that rows of other contacts have taken from it as their host, ``taken``.
+    block dof ``node`` on that rank and its global number ``number``. Further fields are the
+    ``size`` of the facets around it (length), the ``weight`` ∫N of its shape function over the face
+    (length, area) and the outward unit ``normal`` of the face. ``free`` marks the components that
+    no support holds. ``taken`` is Σ m mᵀ of the directions m for which rows of other contacts have
+    used the node as their host.
     """
     return np.dtype(
         [
@@ -47,7 +48,7 @@ def surface_node_type(gdim: int) -> np.dtype:
 def surface_nodes(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str, fixed: npt.NDArray[np.bool_]
 ) -> SurfaceNodes:
-    """Return rows of the nodes that this rank owns. Collective.
+    """Return rows of a surface's owned nodes. Collective.
 
     Args:
         V: Displacement space.
@@ -76,15 +77,15 @@ def rows_of_nodes(
 
 
 def check_outside(comm: MPI.Intracomm, place: str, surface: str, nodes: SurfaceNodes) -> None:
-    """Make sure that a surface bounds a body somewhere. Collective.
+    """Refuse a surface that is nowhere on the outside of a body. Collective.
 
     Raises:
-        InputError: If there are no nodes at all.
+        InputError: If the surface has no nodes.
     """
     if not comm.allreduce(len(nodes)):
         raise InputError(
-            f"{place}: '{surface}' has no facet on the outside of a body; name surfaces of bodies"
-            " that share no nodes (write_split cuts them apart)."
+            f"{place}: '{surface}' has no facet on the outside of a body; name surfaces of "
+            "bodies that share no nodes (write_split separates them)."
         )
 
 
@@ -92,8 +93,8 @@ def can_host(nodes: SurfaceNodes, normal: Floats) -> npt.NDArray[np.bool_]:
     """Return whether supports leave nodes enough freedom along normals to host the jump.
 
     Args:
-        nodes: Shape (n,).
-        normal: Shape (n, gdim).
+        nodes: Nodes, shape (n,).
+        normal: Normals, shape (n, gdim).
     """
     able: npt.NDArray[np.bool_] = (np.abs(normal) * nodes["free"]).max(axis=1, initial=0) >= (
         LEAST_COSINE
@@ -102,10 +103,10 @@ def can_host(nodes: SurfaceNodes, normal: Floats) -> npt.NDArray[np.bool_]:
 
 
 def directions(normal: Floats, free: npt.NDArray[np.bool_]) -> Floats:
-    """Unit vectors along what supports leave of normals, shape (n, gdim); 0 where that is nothing.
+    """Return the unit vectors of the free parts of normals, shape (n, gdim); 0 for none.
 
     Args:
-        normal: Shape (n, gdim).
+        normal: Normals, shape (n, gdim).
         free: Components that no support holds, shape (n, gdim).
     """
     left = normal * free
@@ -114,11 +115,11 @@ def directions(normal: Floats, free: npt.NDArray[np.bool_]) -> Floats:
 
 
 def crowded(nodes: SurfaceNodes, normal: Floats) -> Floats:
-    """Σ (m·n)² over the directions m that hosts have given away: 0 if n is normal to all of them.
+    """Return Σ (m·n)² over the directions m that hosts have given away: 0 if n is normal to all.
 
     Args:
-        nodes: Shape (n,).
-        normal: The next direction, shape (n, gdim).
+        nodes: Nodes, shape (n,).
+        normal: Next direction, shape (n, gdim).
     """
     along = directions(normal, nodes["free"])
     shares: Floats = np.einsum("ni,nij,nj->n", along, nodes["taken"], along)

@@ -1,4 +1,4 @@
-"""Nodes of a named surface and their normals, one for each smooth face that a node lies on."""
+"""Find nodes of a named surface and their normals, one for each smooth face of a node."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +16,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import Exchange
 
 SHARP = np.cos(np.radians(40.0))
-"""Facets at a node whose normals have a smaller cosine belong to different faces."""
+"""Facets at a node belong to different faces if the cosine of their normals is smaller."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,14 @@ class FaceNodes:
 
 @dataclass(frozen=True)
 class SurfaceFacets:
-    """Facets of a surface that this rank has, exterior ones alone.
+    """Exterior facets of a surface on this rank.
 
     Attributes:
-        nodes: Local block dofs of the displacements on each, shape (n, nodes of a facet).
-        x: Its coordinates, those that make up the geometry, shape (n, points of a facet, gdim).
-        normal: Its outward unit normal at its nodes, shape (n, nodes of a facet, gdim).
-        area: Its area (length, area), shape (n,).
-        weight: ∫N of the shape function of each node on it, shape (n, nodes of a facet).
+        nodes: Local block dofs of the displacements on each facet, shape (n, nodes of a facet).
+        x: Coordinates of each facet's geometry points, shape (n, points of a facet, gdim).
+        normal: Outward unit normal at each facet's nodes, shape (n, nodes of a facet, gdim).
+        area: Length or area of each facet, shape (n,).
+        weight: ∫N of the shape function of each node over each facet, shape (n, nodes of a facet).
     """
 
     nodes: Ints
@@ -57,11 +57,11 @@ class SurfaceFacets:
 
 @dataclass(frozen=True)
 class FaceNumbers:
-    """Where nodes of facets stand in the list of :class:`FaceNodes` on the ranks that own them.
+    """Indices of facets' nodes in the list of :class:`FaceNodes` on the ranks that own them.
 
     Attributes:
         rank: The owner of each node of each facet, shape (n, nodes of a facet).
-        place: Its place in the owner's list, same shape.
+        place: Index of the node in the owner's list, same shape.
         normal: The unit normal of its face, shape (n, nodes of a facet, gdim).
     """
 
@@ -71,7 +71,7 @@ class FaceNumbers:
 
 
 def face_nodes(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> FaceNodes:
-    """Find the nodes of a surface, vertices and midsides, with their normals. Collective.
+    """Return the nodes of a surface, vertices and midsides, with their normals. Collective.
 
     The normal of a face at a node is the mean over its facets there, weighted by area. Facets that
     differ by more than 40° are different faces. A smooth surface, flat or curved, gives one normal
@@ -81,7 +81,7 @@ def face_nodes(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> F
 
 
 def faces_of(V: fem.FunctionSpace, facets: SurfaceFacets) -> tuple[FaceNodes, FaceNumbers]:
-    """Return the nodes of facets, as :func:`face_nodes`, and where each facet finds its own.
+    """Return the nodes of facets, as :func:`face_nodes`, and the indices of each facet's nodes.
 
     Collective.
     """
@@ -134,15 +134,15 @@ def faces_of(V: fem.FunctionSpace, facets: SurfaceFacets) -> tuple[FaceNodes, Fa
 def _faces(node: Longs, normals: Floats) -> Longs:
     """Return the number of the face of each row among those of its node.
 
-    A face is all that differs by less than 40° from one of its facets. Where facets are coarse it
-    matters which. It is the one that lies flattest to a direction, so that it is the same on all
-    ranks and on both sides of a contact.
+    A face contains all facets whose normal differs by less than 40° from one of its facets. For
+    coarse facets the choice of this facet matters. It is the facet most perpendicular to a fixed
+    direction, so that the choice is the same on all ranks and on both sides of a contact.
     """
     face = np.full(len(node), -1)
     place = np.empty(len(node), dtype=np.int64)
-    # Decimal places to which facets are compared: those in one plane differ by rounding.
+    # Decimal places for the comparison of facets: facets in one plane differ by rounding.
     decimals = 9
-    # A direction to which facets of few bodies are symmetric.
+    # A direction about which facets of few bodies are symmetric.
     askew = np.sqrt([1.0, 2.0, 3.0])
     steepness = np.round((normals @ askew[: normals.shape[1]]) ** 2, decimals)
     place[np.lexsort((steepness, node))] = np.arange(len(node))
@@ -208,15 +208,15 @@ def outer_facets(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, facets: Ints) ->
 
 
 def _crossed(geometry: basix.finite_element.FiniteElement, x: Floats, points: Floats) -> Floats:
-    """Return normals at points of facets, as long as a facet's area element there.
+    """Return normals at points of facets, with the length of the facet's area element.
 
     Args:
         geometry: Geometry of the coordinates.
         x: Coordinates of facets, shape (n, points of a facet, gdim).
-        points: On the reference facet, shape (p, gdim − 1).
+        points: Points on the reference facet, shape (p, gdim − 1).
 
     Returns:
-        Shape (n, p, gdim).
+        Normals, shape (n, p, gdim).
     """
     slopes = np.asarray(geometry.tabulate(1, np.asarray(points)))[1:, :, :, 0]
     tangents = np.einsum("dpb,fbi->fpdi", slopes, x)
@@ -226,7 +226,7 @@ def _crossed(geometry: basix.finite_element.FiniteElement, x: Floats, points: Fl
 
 
 def _weights(dim: int, degree: int, geometry: int, x: Floats, kinematics: Kinematics) -> Floats:
-    """∫N of each node of facets, shape (n, nodes of a facet)."""
+    """Return ∫N of each node of facets, shape (n, nodes of a facet)."""
     element = _lagrange(dim, degree)
     rule = basix.make_quadrature(element.cell_type, degree + 2 * geometry)
     points, weights = (np.asarray(part, dtype=np.float64) for part in rule)
@@ -242,7 +242,7 @@ def _nodes(dim: int, degree: int) -> Floats:
 
 
 def _lagrange(dim: int, degree: int) -> basix.finite_element.FiniteElement:
-    """Shape functions of a facet, nodes equally spaced."""
+    """Return the Lagrange element of a facet, with equally spaced nodes."""
     kind = basix.CellType.triangle if dim == 2 else basix.CellType.interval
     variant = basix.LagrangeVariant.equispaced
     return basix.create_element(basix.ElementFamily.P, kind, degree, variant)

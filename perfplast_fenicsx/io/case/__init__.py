@@ -1,1 +1,1 @@
-"""Case files."""
+"""Read case files."""

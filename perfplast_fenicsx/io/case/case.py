@@ -1,12 +1,12 @@
-"""Case files: what is solved and how, as TOML.
+"""Define case files: what is solved and how, as TOML.
 
 A case file holds the bodies: ``[mesh]``, ``[geometry]``, or ``[[region]]``, ``[[stratum]]`` and
 ``[[line]]`` of drawn ground. Other tables are ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
 ``[gravity]``, ``[earthquake]``, ``[water]``, ``[[combination]]``, ``[design]``, ``[[contact]]``,
 ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``, ``[[initial_stress]]``,
 ``[[bolt]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``, ``[output]``,
-``[report]`` and ``[units]``; see ``demos/two_blocks.toml``. What may be in a table is the dataclass
-it becomes.
+``[report]`` and ``[units]``; see ``demos/two_blocks.toml``. The dataclass of a table defines its
+keys.
 """
 
 from collections.abc import Sequence
@@ -57,8 +57,8 @@ from perfplast_fenicsx.units import Units
 class Case:
     """A case file, read and checked as far as it can be without its mesh.
 
-    ``text`` is what it says, ``table`` the same as TOML; with ``trust`` scripts may be run. The
-    loads of ``water`` are among all ``loads``. ``cracks`` are the names of their sides.
+    ``text`` is its text, ``table`` its content as TOML; with ``trust`` scripts may be run.
+    ``loads`` includes the loads of ``water``. ``cracks`` are the names of the cracks' sides.
     """
 
     path: Path
@@ -94,7 +94,7 @@ class Case:
 
     @property
     def scene(self) -> Scene:
-        """Return the data that pictures need."""
+        """Return the additional data of pictures."""
         return Scene(
             self.title,
             self.loads,
@@ -107,14 +107,14 @@ class Case:
 
     @property
     def stages(self) -> Sequence[Stage]:
-        """Stages of a loading history; empty if there is a [loading]."""
+        """Return the stages of a loading history; empty with a [loading] table."""
         return self.loading.in_turn()
 
     def combined(self, combination: Combination) -> "Case":
         """Return the case of one of its combinations.
 
         Raises:
-            InputError: If a load is unknown, or its loads do not go with the control.
+            InputError: If a load is unknown, or if its loads do not fit the control.
         """
         strained = bool(self.initial) or any(a.interference and a.constant for a in self.contacts)
         with at(f"{self.path.name}, [[combination]] '{combination.name}'"):
@@ -151,8 +151,8 @@ class Case:
         """Build or read the mesh. Collective.
 
         Raises:
-            InputError: If there is no such builder or file, its arguments or content are wrong, or
-                it cannot be adapted where that is wanted.
+            InputError: If the builder or file does not exist, if its arguments or content are
+                wrong, or if it cannot be adapted as requested.
         """
         made = isinstance(self.mesh, GeometryFile | GroundInCase)
         with at(f"{self.path.name}, [{'geometry' if made else 'mesh'}]"):
@@ -189,13 +189,13 @@ class Case:
             )
 
     def loads_on(self, bodies: TaggedMesh | Problem) -> list[Load]:
-        """Return the loads, those of water that flows with its pressure. Collective.
+        """Return the loads, with the pressure of seepage. Collective.
 
         Args:
-            bodies: The mesh, or a problem of this case on it, whose flow is known.
+            bodies: The mesh, or a problem of this case on it, whose seepage is known.
 
         Raises:
-            InputError: If the flow cannot be found.
+            InputError: If the seepage cannot be computed.
         """
         if self.seepage is None:
             return self.loads
@@ -207,7 +207,7 @@ class Case:
         return with_flow(self.loads, flow)
 
     def history(self, problem: Problem) -> LoadingHistory | None:
-        """Return the loading history of the stages; None if there is a [loading]. Collective.
+        """Return the loading history of the stages; None with a [loading] table. Collective.
 
         Raises:
             InputError: If the stages do not fit the problem.
@@ -222,7 +222,7 @@ class Case:
         return METHODS[self.method].solver(problem, self.options)
 
     def limit_method(self, problem: Problem) -> LimitMethod | None:
-        """Return how the limit load of a problem is found; None where levels are given."""
+        """Return how the limit load of a problem is computed; None if levels are given."""
         if self.loading.limit_tolerance is None:
             return None
         if self.loading.limit_method is not None:
@@ -232,11 +232,11 @@ class Case:
         return LimitMethod.PATH if by_path else method_for(problem)
 
     def method_on(self, problem: Problem) -> str:
-        """Return the name of what solves a problem: an algorithm, or the interior point method."""
+        """Return the name of the method: an algorithm, or the interior point method."""
         direct = self.limit_method(problem) is LimitMethod.INTERIOR_POINT
         return str(LimitMethod.INTERIOR_POINT) if direct else self.method
 
 
 def _moves(one: Support | RigidSurface | Obstacle) -> bool:
-    """Return whether it is moved by a given way."""
+    """Return whether an object has a prescribed motion."""
     return one.moves if isinstance(one, Support | RigidSurface) else any(one.move)

@@ -1,4 +1,4 @@
-"""Reading case files."""
+"""Read case files."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -52,16 +52,16 @@ from perfplast_fenicsx.spatial_fields import SpatialField, spatial_field
 
 
 def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD, trust: bool = False) -> Case:
-    """Read a case file on rank 0 and check it on every rank alike. Collective.
+    """Read a case file on rank 0 and check it on every rank in the same way. Collective.
 
     Args:
         path: The TOML file.
         comm: The ranks that need the case.
-        trust: Let gmsh run the script that the mesh is made of, if it is one.
+        trust: Whether gmsh may run the script that makes the mesh, if there is one.
 
     Raises:
-        InputError: A file that cannot be read or is not TOML, unknown or missing keys, or values of
-            a wrong type or outside their range.
+        InputError: For a file that cannot be read or is not TOML, for unknown or missing keys, and
+            for values of a wrong type or outside their range.
     """
     path = Path(path)
     text: str = comm.bcast(on_rank0(comm, lambda: read_text(path)))
@@ -72,12 +72,12 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD, trust: boo
 
 
 def case_of(path: Path, text: str, table: Table) -> Case:
-    """Return a case as its file has it, or with other values. Not collective.
+    """Return the case of a file, or the same case with other values. Not collective.
 
     Args:
         path: The file.
         text: Its text.
-        table: The same as TOML; where it says something else, that counts.
+        table: Content of the file as TOML; it takes precedence over ``text``.
 
     Raises:
         InputError: As :func:`read_case`.
@@ -200,16 +200,16 @@ def case_of(path: Path, text: str, table: Table) -> Case:
 
 
 def with_fields(table: Table, law: type[Any], folder: Path, place: str) -> Table:
-    """Return a table of a material with fields in the place of what says them.
+    """Return a material's table with field objects instead of their descriptions.
 
     Args:
-        table: As TOML has it, without the law.
+        table: Table from TOML, without the law.
         law: The dataclass of the material.
-        folder: That of the case file.
-        place: Where the table is, for messages.
+        folder: Folder of the case file.
+        place: Place of the table, which messages name.
 
     Raises:
-        InputError: If something is no field.
+        InputError: If a description is not a valid field.
     """
     hints, found = get_type_hints(law), dict(table)
     for key, value in table.items():
@@ -221,7 +221,7 @@ def with_fields(table: Table, law: type[Any], folder: Path, place: str) -> Table
 
 
 def _numbered(tables: list[Table], place: str) -> list[tuple[str, Table]]:
-    """Return tables of an array with their places; the number is left out where there is one."""
+    """Return the tables of an array with their places; a single table has no number."""
     if len(tables) == 1:
         return [(place, tables[0])]
     return [(f"{place} number {i}", table) for i, table in enumerate(tables, start=1)]

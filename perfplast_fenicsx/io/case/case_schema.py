@@ -1,8 +1,8 @@
-"""The JSON Schema of case files, by which editors complete keys and mark faults.
+"""Generate the JSON Schema of case files, with which editors complete keys and mark faults.
 
-It is made of the same dataclasses that read a case (:mod:`schema`): keys, types, defaults and
-choices are theirs, descriptions the ``Args`` of their docstrings. What goes with what is beyond
-it: ``perfplast check`` says that.
+The schema comes from the dataclasses that read a case (:mod:`schema`): their keys, types, defaults
+and choices, and the ``Args`` of their docstrings as descriptions. It does not contain which keys
+fit together; ``perfplast check`` reports that.
 """
 
 import dataclasses
@@ -48,7 +48,7 @@ from perfplast_fenicsx.spatial_fields import SpatialField
 from perfplast_fenicsx.units import Units
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
-"""The version of JSON Schema that editors of TOML understand."""
+"""The version of JSON Schema that TOML editors support."""
 
 Schema = dict[str, Any]
 
@@ -100,7 +100,7 @@ def case_schema() -> Schema:
 
 
 def _tables() -> dict[str, Schema]:
-    """Return each table, or each item of an array of tables, by its key at the top level."""
+    """Return the schema of each table, or of each item of an array, by its top-level key."""
     return {
         "mesh": _mesh(),
         "geometry": _geometry(),
@@ -135,7 +135,7 @@ def _tables() -> dict[str, Schema]:
 
 
 def _of_type(hint: Any) -> Schema:
-    """Return an annotation of a field."""
+    """Return the schema of a field's annotation."""
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint in _SCALARS:
         return dict(_SCALARS[hint])
@@ -154,11 +154,11 @@ def _of_type(hint: Any) -> Schema:
 
 
 def _table(described: type[Any], own: Schema | None = None) -> Schema:
-    """Return a dataclass as a table.
+    """Return the schema of a dataclass as a table.
 
     Args:
         described: The dataclass.
-        own: Schemas of fields whose type does not say all.
+        own: Schemas of fields whose type is not sufficient.
     """
     hints, meaning = typing.get_type_hints(described), arguments(described)
     properties: Schema = {}
@@ -181,7 +181,7 @@ def _object(properties: Schema, required: Sequence[str]) -> Schema:
 
 
 def _told(schema: Schema, text: str) -> Schema:
-    """Return a schema with its description in plain words."""
+    """Return a schema with its description in plain text."""
     plain = re.sub(r":\w+:`[~.]?([^`]+)`", r"\1", text).replace("``", "'")
     plain = re.sub(r"\s+", " ", plain).replace(" Collective.", "").strip()
     return schema | ({"description": plain} if plain else {})
@@ -190,13 +190,13 @@ def _told(schema: Schema, text: str) -> Schema:
 def _choice(
     key: str, choices: Mapping[str, type[Any]], default: str | None = None, required: bool = True
 ) -> Schema:
-    """Return a table whose key ``key`` says which of several dataclasses it is.
+    """Return the schema of a table whose key ``key`` selects one of several dataclasses.
 
     Args:
         key: The key.
-        choices: The dataclasses by its values.
+        choices: The dataclasses by the values of the key.
         default: Value without the key.
-        required: Whether the key has to be there, if it has no default.
+        required: Whether the key is required if it has no default.
     """
     names: Schema = {"enum": list(choices)} | ({"default": default} if default else {})
     variants = []
@@ -212,7 +212,7 @@ def _choice(
 
 
 def _mesh() -> Schema:
-    """``[mesh]``: a file, a builder with its arguments, or beside a geometry ``adapt`` alone."""
+    """Return ``[mesh]``: a file, a builder with arguments, or with a geometry only ``adapt``."""
     adapt = {"adapt": _table(Adaptation)}
     builders: dict[str, Callable[..., Any]] = dict(BUILDERS)
     variants = []
@@ -238,7 +238,7 @@ def _mesh() -> Schema:
 
 
 def _solve() -> Schema:
-    """``[solve]``: an algorithm with its options, or the solver of conic programs."""
+    """Return ``[solve]``: an algorithm with its options, or the solver of conic programs."""
     methods = {name: entry.options for name, entry in METHODS.items()}
     schema = _choice("method", methods, required=False)
     conic = _told({"enum": list(SOLVERS), "default": USUAL}, CONIC)
@@ -248,7 +248,7 @@ def _solve() -> Schema:
 
 
 def _geometry() -> Schema:
-    """``[geometry]``: the file (none of drawn ground), how it is meshed, and faces with names."""
+    """Return ``[geometry]``: the file (none for drawn ground), mesh options, and named faces."""
     faces = {"face": {"type": "array", "items": _table(NamedFace)}}
     options = _table(MeshingOptions, faces)
     file = _told({"type": "string"}, "Its path, relative to the folder of the case file.")
@@ -256,5 +256,5 @@ def _geometry() -> Schema:
 
 
 def _seepage() -> Schema:
-    """``[seepage]``: conductivities, and levels at surfaces."""
+    """Return ``[seepage]``: conductivities, and water levels at surfaces."""
     return _table(Seepage, {"head": {"type": "array", "items": _table(Head)}})

@@ -1,8 +1,8 @@
-"""Templates of ``[design]`` and ``[[combination]]`` by names of codes, and what is left open there.
+"""Store templates of ``[design]`` and ``[[combination]]`` by names of codes, with open values.
 
-A template says which factors a check asks for and where its code has them. It has a number if a
-public source gives it with standard and clause; what none has stays open, and a case in which
-something is still open is refused.
+A template lists the factors that a check requires and their clauses in the code. It contains a
+number if a public source gives it with standard and clause. Other values are open, and the program
+refuses a case with an open value.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from perfplast_fenicsx.errors import InputError
 
 OPEN = "fill in: "
-"""First words of a value for which a template has no number; its source follows."""
+"""First words of a value without a number in the template; its source follows."""
 
 _HEAD = """\
 # A template, and no more: names of loads are those of the case, and whoever signs takes the
@@ -132,18 +132,18 @@ factors = {{ gravity = 1.0, water = 1.0, permanent = 1.35, variable = 1.5 }}
 strength = 1.25
 """,
 }
-"""By name, as TOML to be put into a case."""
+"""Templates by name, as TOML to be copied into a case."""
 
 
 def check_filled_in(table: Mapping[str, object], place: str) -> None:
-    """Refuse what a template has left open.
+    """Refuse values that a template left open.
 
     Args:
         table: Table of a case.
-        place: Place in the input, for messages.
+        place: Place in the input, which messages name.
 
     Raises:
-        InputError: If a value begins as :data:`OPEN`.
+        InputError: If a value begins with :data:`OPEN`.
     """
     for key, value in table.items():
         if isinstance(value, Mapping):
@@ -151,8 +151,8 @@ def check_filled_in(table: Mapping[str, object], place: str) -> None:
         elif isinstance(value, str) and value.startswith(OPEN.strip()):
             where = value.removeprefix(OPEN.strip()).strip() or "the number is missing"
             raise InputError(
-                f"{place}: {key} is still to be filled in ({where}); give a number, by the edition"
-                " of the code that applies."
+                f"{place}: {key} must still be filled in ({where}); give a number from the "
+                "edition of the code that applies."
             )
 
 

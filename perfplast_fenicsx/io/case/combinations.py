@@ -1,4 +1,4 @@
-"""``[[combination]]`` and ``[design]``: loads times factors, strengths divided by others."""
+"""Read ``[[combination]]`` and ``[design]``: loads times factors, strengths divided by factors."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -17,19 +17,19 @@ from perfplast_fenicsx.problem.declared.stage import called
 
 @dataclass(frozen=True)
 class Combination:
-    """Loads that act together, each times a factor.
+    """Loads that act together, each multiplied by a factor.
 
-    It is solved by itself, on the mesh and with the contact of all. Loads that it does not name do
-    not act in it, and ζ multiplies those that are not constant. Without ``design`` under [loading]
-    the combination itself is the design load, ζ = 1. With control = "strength" each has its own
-    factor of safety, and is verified if that is 1 or more.
+    Each combination is solved separately, on the same mesh and with the same contact. Loads without
+    a factor do not act in it, and ζ multiplies those that are not constant. Without ``design``
+    under [loading] the combination itself is the design load, ζ = 1. With control = "strength",
+    each combination has its own factor of safety, and is verified if the factor is at least 1.
 
     Args:
         name: Name of the combination, and of the folder of its results.
-        factors: Factors of loads, by their names, or by their surfaces or volumes where they have
-            none.
-        strength: Partial factor on strengths in this combination, beside that of [design]: a number
-            for all bodies, or one for each, by its name.
+        factors: Factors of loads, by their names, or by their surfaces or volumes if they have no
+            names.
+        strength: Partial factor on strengths in this combination, in addition to that of [design]:
+            one number for all bodies, or one for each body by its name.
     """
 
     name: str
@@ -37,40 +37,42 @@ class Combination:
     strength: float | dict[str, float] = 1.0
 
     def __post_init__(self) -> None:
-        outside = self.name.strip(" .") != self.name  # ".." is another folder
-        # Characters that no folder may have in its name, on whatever system.
+        outside = self.name.strip(" .") != self.name  # ".." would be another folder
+        # Characters that some system forbids in names of folders.
         barred = '/\\:*?"<>|'
         if outside or not self.name or not self.name.isprintable() or set(self.name) & set(barred):
             raise InputError(
-                f"name = {self.name!r} cannot be the name of a folder; give one"
-                f" without {barred}, and with neither a blank nor a dot at its ends."
+                f"name = {self.name!r} cannot be the name of a folder; give one without "
+                f"{barred}, and without a blank or a dot at its ends."
             )
         for load, factor in self.factors.items():
             if not (factor >= 0 and math.isfinite(factor)):
                 raise InputError(
-                    f"the factor of '{load}' is {factor:g}; give 0 or more, and turn the load"
-                    " around if it acts the other way."
+                    f"the factor of '{load}' is {factor:g}; give 0 or more, and reverse "
+                    "the load if it acts in the opposite direction."
                 )
         if not any(self.factors.values()):
-            raise InputError(f"'{self.name}' has no factor above 0; give one, or leave it out.")
+            raise InputError(
+                f"'{self.name}' has no factor above 0; give one, or remove the combination."
+            )
 
     def of(self, loads: Sequence[Load], idle: Collection[str] = ()) -> list[Load]:
         """Return the loads that act in it.
 
         Args:
             loads: Loads of the case.
-            idle: Names of what strains or moves the bodies, which changes no limit load.
+            idle: Names of strains and motions, which do not change a limit load.
 
         Raises:
-            InputError: If there is none that is called as a factor is.
+            InputError: If a factor has the name of no load.
         """
         known = [called(load) for load in loads]
         for name in self.factors:
             if name in idle and name not in known:
                 raise InputError(
-                    f"'{name}' is not a load: temperatures, initial stresses, preloads and given"
-                    " motions change no limit load of bodies that flow, and have no factor; leave"
-                    " it out of factors."
+                    f"'{name}' is not a load: temperatures, initial stresses, preloads and "
+                    "given motions do not change the limit load and have no factor; "
+                    "remove it from factors."
                 )
             if name not in known:
                 raise InputError(f"there is no load '{name}'; {nearest(name, known)}")
@@ -89,11 +91,12 @@ class Combination:
 
 @dataclass(frozen=True)
 class DesignTable:
-    """Divisors of strengths, applied before anything is computed.
+    """Partial factors, by which strengths are divided before any computation.
 
     Args:
-        strength: Partial factor on yield stresses, cohesions and slopes of friction: a number for
-            all bodies, or one for each, by its name; those that are not named keep theirs.
+        strength: Partial factor on yield stresses, cohesions and slopes of friction: one number for
+            all bodies, or one for each body by its name. Bodies without a factor keep their
+            strength.
         code: Source of the factors of strengths and combinations, as results print it.
     """
 
@@ -105,41 +108,44 @@ def read_combinations(tables: Sequence[tuple[str, Table]]) -> list[Combination]:
     """Return the combinations of a case.
 
     Args:
-        tables: With their places.
+        tables: Tables with their places.
 
     Raises:
-        InputError: If keys are wrong, or two have one name.
+        InputError: If keys are wrong, or if two combinations share a name.
     """
     found: list[Combination] = []
     for place, table in tables:
         check_filled_in(table, place)
         one = convert(table, Combination, place)
         if one.name.casefold() in [other.name.casefold() for other in found]:
-            raise InputError(f"{place}: there are two combinations '{one.name}'; rename one.")
+            raise InputError(
+                f"{place}: there are two combinations '{one.name}'; rename one of them."
+            )
         found.append(one)
     return found
 
 
 def designed_for(loading: Control, place: str) -> Control:
-    """Return a control whose design load is the combination itself, where it names none.
+    """Return a control whose design load is the combination itself, unless it has one.
 
     Raises:
-        InputError: If no limit load is sought, or none by the interior point method.
+        InputError: If no limit load is sought, or not by the interior point method.
     """
     known: Any = loading
     if loading.divides:
         return loading
     if not hasattr(known, "design") or loading.limit_tolerance is None or loading.in_turn():
         raise InputError(
-            f"{place}: combinations are for limit loads and bounds; give control = 'bounds', or"
-            " 'work' with until = 'limit', under [loading]."
+            f"{place}: combinations need limit loads or bounds; give control = 'bounds', "
+            "or 'work' with until = 'limit', under [loading]."
         )
     try:
         found: Control = known if loading.design else replace(known, design=1.0)
     except (TypeError, ValueError):
         raise InputError(
-            f"{place}: this control seeks no load factor, which is what combinations are compared"
-            " by; give control = 'bounds', or 'work' with until = 'limit', under [loading]."
+            f"{place}: this control computes no load factor, by which combinations are "
+            "compared; give control = 'bounds', or 'work' with until = 'limit', under "
+            "[loading]."
         ) from None
     return found
 
@@ -147,10 +153,11 @@ def designed_for(loading: Control, place: str) -> Control:
 def reduced(
     materials: Mapping[str, Material], table: Table, place: str
 ) -> tuple[dict[str, Material], str]:
-    """Return materials with strengths that are divided by partial factors, and what is said of it.
+    """Return materials with strengths divided by partial factors, and a sentence on it.
 
     Raises:
-        InputError: If a body is unknown, a factor none, or a material has no reduced strength.
+        InputError: If a body is unknown, a factor is not valid, or a material has no strength to
+            reduce.
     """
     check_filled_in(table, place)
     design = convert(table, DesignTable, place)
@@ -165,20 +172,23 @@ def reduced(
 def weakened(
     materials: Mapping[str, Material], strength: float | Mapping[str, float]
 ) -> tuple[dict[str, Material], str]:
-    """Return materials with strengths that are divided by partial factors, and this in words.
+    """Return materials with strengths divided by partial factors, and a text on it.
 
     Args:
-        materials: By the names of their bodies.
-        strength: A factor for all bodies, or one for each, by its name.
+        materials: Materials by the names of their bodies.
+        strength: One factor for all bodies, or one for each body by its name.
 
     Raises:
-        InputError: If a body is unknown, a factor none, or a material has no reduced strength.
+        InputError: If a body is unknown, a factor is not valid, or a material has no strength to
+            reduce.
     """
     factors = dict.fromkeys(materials, strength) if isinstance(strength, float | int) else strength
     found: dict[str, Material] = dict(materials)
     for body, factor in factors.items():
         if body not in materials:
-            raise InputError(f"strength names '{body}', no body; {nearest(body, materials)}")
+            raise InputError(
+                f"strength names '{body}', which is not a body; {nearest(body, materials)}"
+            )
         if not (factor > 0 and math.isfinite(factor)):
             raise InputError(f"strength = {factor:g} is not positive; give one above 0.")
         if factor == 1:
@@ -186,7 +196,7 @@ def weakened(
         weaker = getattr(materials[body], "divided_by", None)
         if weaker is None:
             raise InputError(
-                f"the material of '{body}' has no reduced strength; leave it out of strength."
+                f"the material of '{body}' has no strength to reduce; remove it from strength."
             )
         found[body] = weaker(factor)
     changed = {body: factor for body, factor in factors.items() if factor != 1}
@@ -198,4 +208,7 @@ def weakened(
 
 def _source(code: str) -> str:
     """Return a sentence on the source of factors."""
-    return f"factors are those of the case, which gives {code} for them; it is not checked here"
+    return (
+        f"factors are those of the case, which names {code} as their source; the program "
+        "does not check them"
+    )

@@ -1,4 +1,4 @@
-"""``[geometry]`` of a case file: a CAD file, or ground drawn in the case, meshed for the run."""
+"""Read ``[geometry]``: a CAD file, or ground drawn in the case, meshed for the run."""
 
 import tempfile
 from collections.abc import Callable, Sequence
@@ -36,14 +36,14 @@ class GeometryFile:
     file draws ground in the plane: its closed lines are as ``[[region]]``, other lines as
     ``[[line]]``, with the names of their layers.
 
-    The mesh is kept beside the case file, as ``case.msh`` for ``case.toml``, and is made again
-    after the geometry file or this table has changed. ``perfplast mesh`` writes a first case file
-    with the names of all bodies and faces.
+    The mesh is stored next to the case file, as ``case.msh`` for ``case.toml``. It is made again
+    after the geometry file or this table changes. ``perfplast mesh`` writes a first case file with
+    the names of all bodies and faces.
 
     Args:
         file: Its path, relative to the folder of the case file.
         options: The other keys.
-        adapt: As for files.
+        adapt: See :class:`MeshFile`.
     """
 
     file: str
@@ -51,15 +51,16 @@ class GeometryFile:
     adapt: Table | None = None
 
     def mesh(self, comm: MPI.Intracomm, case: Path, trust: bool = False) -> TaggedMesh:
-        """Return the mesh of a case, which rank 0 makes unless it is there. Collective.
+        """Return the mesh of a case; rank 0 makes it unless it exists. Collective.
 
         Args:
-            comm: The ranks.
+            comm: The ranks of the run.
             case: The case file.
-            trust: Run a script.
+            trust: Whether to run a script.
 
         Raises:
-            InputError: If the file cannot be read or meshed, or is a script without trust.
+            InputError: If the file cannot be read or meshed, or if it is a script without
+                ``trust``.
         """
         source, mesh = case.parent / self.file, case.with_suffix(".msh")
         return _kept(comm, mesh, lambda: keep_mesh(source, mesh, self.options, trust))
@@ -69,12 +70,12 @@ class GeometryFile:
 class GroundInCase:
     """Ground that a case draws by ``[[region]]``, ``[[stratum]]``, ``[[line]]`` or a DXF file.
 
-    The mesh is kept beside the case file, as of a geometry file.
+    The mesh is stored next to the case file, as for a geometry file.
 
     Args:
-        ground: What is drawn.
-        options: How it is meshed.
-        adapt: As for files.
+        ground: The drawn ground.
+        options: Mesh options.
+        adapt: See :class:`MeshFile`.
     """
 
     ground: DrawnGround
@@ -82,12 +83,12 @@ class GroundInCase:
     adapt: Table | None = None
 
     def mesh(self, comm: MPI.Intracomm, case: Path, trust: bool = False) -> TaggedMesh:
-        """Return the mesh of a case, which rank 0 makes unless it is there. Collective.
+        """Return the mesh of a case; rank 0 makes it unless it exists. Collective.
 
         Args:
-            comm: The ranks.
+            comm: The ranks of the run.
             case: The case file.
-            trust: Not needed: the script is the program's own.
+            trust: Not used: the script is the program's own.
 
         Raises:
             InputError: If the ground cannot be meshed.
@@ -97,7 +98,7 @@ class GroundInCase:
         return replace(found, remarks=(*found.remarks, *self.ground.remarks()))
 
     def _keep(self, case: Path, mesh: Path) -> None:
-        """Make the mesh unless it is there. Not collective."""
+        """Make the mesh unless it exists. Not collective."""
         with tempfile.TemporaryDirectory() as folder:
             script = Path(folder) / "ground.geo"
             script.write_text(self.ground.script(), encoding="utf-8")
@@ -134,8 +135,9 @@ def read_ground(top: Document, case: Path) -> DrawnGround | None:
         return None
     if not (regions or strata or of_file.regions):
         raise InputError(
-            f"{name}, [[line]]: there is no [[region]] and no [[stratum]], whose boundaries lines"
-            " name; draw the ground, or name faces of a file by [[geometry.face]]."
+            f"{name}, [[line]]: lines name boundaries of a [[region]] or [[stratum]], but "
+            "there is neither; draw the ground, or name faces of a file by "
+            "[[geometry.face]]."
         )
 
     def read(key: str, kind: type[T], tables: Sequence[Table]) -> list[T]:
@@ -155,24 +157,24 @@ def read_geometry(
 
     Args:
         table: ``[geometry]``.
-        mesh: ``[mesh]``, of which ``adapt`` alone may be there.
-        place: Place of the table in the input, for messages.
-        ground: What the case draws, if it does.
+        mesh: Table ``[mesh]``, which may contain only ``adapt``.
+        place: Place of the table in the input, which messages name.
+        ground: The ground that the case draws, if any.
 
     Raises:
-        InputError: If there is a mesh besides, or keys are wrong.
+        InputError: If there is a mesh as well, or if keys are wrong.
     """
     other_file = "file" in table and not is_dxf(table)
     if ground is not None and (mesh.keys() - {"adapt"} or other_file):
         other = "[geometry] file" if other_file else "[mesh] file or builder"
         raise InputError(
-            f"{place}: the case draws its ground by [[region]] or [[stratum]], and there is a"
-            f" {other} besides; leave out one of them."
+            f"{place}: the case draws its ground by [[region]] or [[stratum]], but there "
+            f"is also a {other}; remove one of them."
         )
     if mesh.keys() - {"adapt"}:
         raise InputError(
-            f"{place}: there is a [mesh] besides; leave out one of them, since the bodies are"
-            " meshed from the geometry file."
+            f"{place}: there is also a [mesh]; remove one of them, since the bodies are "
+            "meshed from the geometry file."
         )
     named = {key: table[key] for key in ("file", "face") if key in table}
     file = {} if ground is None else {"file": ""}
@@ -192,7 +194,7 @@ def read_geometry(
 
 @dataclass(frozen=True)
 class _Named:
-    """Keys that are not passed on to the mesher."""
+    """Keys that are not passed to the mesher."""
 
     file: str
     face: list[Table] = field(default_factory=list)

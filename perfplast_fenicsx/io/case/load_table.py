@@ -1,4 +1,4 @@
-"""``[[load]]``: its keys are the kinds of loads, and their further fields."""
+"""Read ``[[load]]``: its keys are the kinds of loads and their further fields."""
 
 import dataclasses
 import math
@@ -15,12 +15,12 @@ SHARED: dict[str, tuple[Any, Any, str]] = {
     "constant": (
         bool | None,
         None,
-        "Whether the load acts in full at any load factor, as a weight does; without it true of a"
-        " ``pore_pressure``, and false of others.",
+        "Whether the load acts in full at any load factor, as a weight does. The default "
+        "is true for a ``pore_pressure``, and false for others.",
     ),
-    "name": (str, "", "What messages and stages call the load."),
+    "name": (str, "", "Name of the load in messages and stages."),
 }
-"""Type, default and meaning of the keys that all loads have after their own."""
+"""Type, default and meaning of the keys that all loads have, listed after their own keys."""
 
 HEAD = """A load on a surface or in a volume: give exactly one of its kinds.
 
@@ -33,7 +33,7 @@ Args:
 
 
 def load_table() -> type[Any]:
-    """The table's dataclass: what :data:`perfplast_fenicsx.problem.declared.loads.LOADS` has."""
+    """Return the table's dataclass, from :data:`perfplast_fenicsx.problem.declared.loads.LOADS`."""
     volumes = [f"``{kind}``" for kind, cls in LOADS.items() if cls.in_volume]
     text = HEAD.format(volumes=" or ".join(volumes))
     fields: list[Any] = [("on", str)]
@@ -55,11 +55,11 @@ def read_load(table: Table, place: str) -> Load:
 
     Args:
         table: The table, as TOML has read it.
-        place: Place in the input, for messages.
+        place: Place in the input, which messages name.
 
     Raises:
-        InputError: If it has none or several of the kinds, keys of another kind, or numbers that
-            are not finite.
+        InputError: If the table has none or several of the kinds, keys of another kind, or numbers
+            that are not finite.
     """
     row = convert(table, load_table(), place)
     given = {key: value for key, value in vars(row).items() if value is not None}
@@ -78,8 +78,8 @@ def read_load(table: Table, place: str) -> Load:
     for key in given:
         if key not in fields:
             raise InputError(
-                f"{place}: the {kind} on '{row.on}' has a {key}, which goes with"
-                f" {_with(key)}; leave it out."
+                f"{place}: the {kind} on '{row.on}' has a {key}, which applies only to "
+                f"{_with(key)}; remove it."
             )
         if key in loads:
             _check_numbers(given[key], key, place)
@@ -87,12 +87,12 @@ def read_load(table: Table, place: str) -> Load:
 
 
 def _key(kind: str, field: str) -> str:
-    """Return the key of a field of a kind of load: its value goes by the kind."""
+    """Return the key of a field of a load: the kind for its value, else the field's name."""
     return kind if field == "value" else field
 
 
 def _with(key: str) -> str:
-    """Return the kinds that have a field."""
+    """Return the kinds of loads that have a field."""
     kinds = [kind for kind, cls in LOADS.items() if key in typing.get_type_hints(cls)]
     return " or ".join(kinds)
 

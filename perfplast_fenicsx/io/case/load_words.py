@@ -1,4 +1,4 @@
-"""Loads in words, with their units: those that the load factor ζ multiplies, and constant ones."""
+"""Describe loads in words with units: those that ζ multiplies, and constant ones."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -6,7 +6,7 @@ from perfplast_fenicsx.formulas import WordedFormula
 from perfplast_fenicsx.problem.declared.loads import FieldPores, ForceBelow, Load, Traction, kind_of
 from perfplast_fenicsx.units import Units
 
-if TYPE_CHECKING:  # what reads results for reports starts no MPI
+if TYPE_CHECKING:  # code that reads results for reports does not start MPI
     from perfplast_fenicsx.io.case.case import Case
 
 
@@ -14,9 +14,9 @@ def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
     """Return a load in words, such as ``pressure 1 MPa on 'top'``.
 
     Args:
-        load: It.
+        load: The load.
         units: Units of its numbers.
-        whole: As for :meth:`units.Units.table`.
+        whole: See :meth:`units.Units.table`.
     """
     table = units.table(whole)
     words = []
@@ -38,11 +38,11 @@ def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
 
 
 def meaning(case: "Case", whole: bool = True) -> list[str]:
-    """Return a sentence for each meaning of a case's numbers: the load factor, and all units.
+    """Return sentences on the meaning of a case's numbers: the load factor and the units.
 
     Args:
-        case: It.
-        whole: As for :meth:`units.Units.table`.
+        case: The case.
+        whole: See :meth:`units.Units.table`.
     """
     units = case.units
     live = [load_in_words(load, units, whole) for load in case.loads if not load.constant]
@@ -54,7 +54,7 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
         told.append(f"{factor} is {', '.join(live)}.")
     elif case.scene.driven:
         told.append(
-            "zeta = 1 is the motion of supports, obstacles and overlaps as the case gives it."
+            "zeta = 1 is the motion of supports, obstacles and overlaps as given in the case."
         )
     elsewhere = dict.fromkeys(name for stage in case.stages for name in stage.factors)
     others = [
@@ -63,13 +63,13 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
         if name not in {load.name or load.on for load in case.loads}
     ]
     if others:
-        told.append(f"A factor of 1 of {', '.join(others)} is what the case gives there.")
+        told.append(f"A factor of 1 of {', '.join(others)} is the value in the case.")
     if dead:
-        told.append(f"At any load factor there is {', '.join(dead)}.")
+        told.append(f"At any load factor these act in full: {', '.join(dead)}.")
     if case.scene.axisymmetric:
         told.append(
-            "Forces and works of results are those of the full turn; pressures, tractions and body"
-            " forces are for each area and volume."
+            "Forces and works in results are those of the full turn; pressures, tractions "
+            "and body forces are per area and volume."
         )
     if units.in_words():
         told.append(f"Units: {units.in_words(whole)}.")
@@ -77,7 +77,7 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
 
 
 def _value(value: Any) -> str:
-    """Return a number, a formula, or one a direction."""
+    """Return a number or a formula as text, or one for each direction."""
     if isinstance(value, WordedFormula):
         return value.words
     if isinstance(value, str):

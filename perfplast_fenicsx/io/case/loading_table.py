@@ -1,4 +1,4 @@
-"""The loading of a case file: ``[loading]``, or ``[[stage]]`` with bodies that remember."""
+"""Read the loading: ``[loading]``, or ``[[stage]]`` with bodies that remember plastic flow."""
 
 from collections.abc import Mapping
 
@@ -15,15 +15,15 @@ from perfplast_fenicsx.problem.declared.stage import Stage
 
 
 def read_loading(top: Document, name: str) -> Control:
-    """Return how the bodies are loaded.
+    """Return the control of the loading.
 
     Raises:
-        InputError: If there is not exactly one of both tables, or its keys are wrong.
+        InputError: If there is not exactly one of both tables, or if its keys are wrong.
     """
     if top.stage and top.loading is not None:
         raise InputError(
-            f"{name}: there are both [loading] and [[stage]], which is a loading by itself; leave"
-            " one of them out."
+            f"{name}: there are both [loading] and [[stage]], which define two loadings; "
+            "remove one of them."
         )
     if top.stage:
         places = [f"{name}, [[stage]] number {i}" for i in range(1, len(top.stage) + 1)]
@@ -40,17 +40,17 @@ def read_loading(top: Document, name: str) -> Control:
 
 
 def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str, Material]:
-    """Materials as the loading wants them: those that flow remember it where there are stages.
+    """Return the materials for a loading: with stages they remember plastic flow.
 
     Raises:
-        InputError: If a limit load is sought that hardening bodies do not have, or there are stages
-            for a body that cannot remember.
+        InputError: If a limit load is sought for hardening bodies, which have none, or if there are
+            stages for a body that cannot remember.
     """
     hard = sorted(name for name, a in materials.items() if carries_any_load(a))
     if hard and loading.limit_tolerance is not None:
         raise InputError(
-            f"the material of '{hard[0]}' hardens, so that bodies carry any load, and there is no"
-            " limit load to be sought; give values or stages, or law = 'von-mises'."
+            f"the material of '{hard[0]}' hardens, so that bodies carry any load and there "
+            "is no limit load; give values or stages, or law = 'von-mises'."
         )
     if not loading.in_turn():
         return dict(materials)

@@ -1,4 +1,4 @@
-"""``[mesh]``, ``[geometry]`` or drawn ground of a case file, and how the mesh is adapted."""
+"""Read ``[mesh]``, ``[geometry]`` or drawn ground, and how the mesh is adapted."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,16 +29,16 @@ CaseMesh = MeshFile | MeshBuilder | GeometryFile | GroundInCase
 def read_mesh(
     table: Table, geometry: Table | None, name: str, ground: DrawnGround | None = None
 ) -> CaseMesh:
-    """Return the mesh, or what it is made of.
+    """Return the mesh, or the data from which it is made.
 
     Args:
         table: ``[mesh]``.
         geometry: ``[geometry]``, if there is one.
         name: Name of the case file.
-        ground: What the case draws, if it does.
+        ground: The ground that the case draws, if any.
 
     Raises:
-        InputError: If there is not exactly one of a file and a builder, or keys are wrong.
+        InputError: If there is not exactly one of a file and a builder, or if keys are wrong.
     """
     place = f"{name}, [mesh]"
     if geometry is not None or ground is not None:
@@ -64,18 +64,18 @@ def load_mesh(
     contacts: Sequence[Contact],
     trust: bool,
 ) -> TaggedMesh:
-    """Build the mesh of a case, or read it and look whether its bodies are sound. Collective.
+    """Build the mesh of a case, or read it and check its bodies. Collective.
 
     Args:
-        comm: The ranks.
-        mesh: Which one.
+        comm: The ranks of the run.
+        mesh: The mesh, or its data.
         case: The case file.
-        contacts: Where one is an interference that is measured, bodies may overlap.
-        trust: Run a script that it is made of.
+        contacts: The contacts; for a measured interference, bodies may overlap.
+        trust: Whether to run a script that makes it.
 
     Raises:
-        InputError: If there is no such builder or file, its arguments or content are wrong, or
-            bodies overlap or are cut inside.
+        InputError: If the builder or file does not exist, if its arguments or content are wrong, or
+            if bodies overlap or are cut inside.
     """
     if isinstance(mesh, MeshBuilder):
         return build(comm, mesh.builder, **mesh.arguments)
@@ -91,14 +91,14 @@ def read_adaptation(table: Table | None, loading: Control, place: str) -> Adapta
     """Return the adaptation of the mesh; None without one.
 
     Raises:
-        InputError: If no bounds of the body are sought, or keys are wrong.
+        InputError: If no bounds of the body are sought, or if keys are wrong.
     """
     if table is None:
         return None
     if not loading.of_body:
         raise InputError(
-            f"{place}: meshes are adapted to bounds, but there are none without control = 'bounds'"
-            " or 'strength' under [loading]; choose it, or leave adapt out."
+            f"{place}: meshes are adapted to bounds, which need control = 'bounds' or "
+            "'strength' under [loading]; choose one of these, or remove adapt."
         )
     adaptation = convert(table, Adaptation, place)
     with at(place):

@@ -1,4 +1,4 @@
-"""``[solve]`` of a case file: the algorithm, and whether it goes with the loading."""
+"""Read ``[solve]``: the algorithm, and whether it fits the loading."""
 
 from typing import Any
 
@@ -13,28 +13,28 @@ from perfplast_fenicsx.solvers.methods import METHODS
 
 
 def read_conic(table: Table, loading: Control, place: str) -> tuple[str, Table]:
-    """Return the solver of conic programs, and the table without it.
+    """Return the solver of conic programs, and the table without its key.
 
     Args:
         table: The table.
         loading: The loading that the case asks for.
-        place: Place in the input, for messages.
+        place: Place in the input, which messages name.
 
     Raises:
-        InputError: If there is no such solver, or the loading has no conic program.
+        InputError: If the solver does not exist, or if the loading has no conic program.
     """
     if "conic" not in table:
         return USUAL, table
     conic, _, rest = choose(table, "conic", SOLVERS, place)
     if loading.limit_tolerance is None:
         raise InputError(
-            f"{place}: conic = '{conic}' solves limit loads and bounds, and this loading asks for"
-            " neither; leave it out, or give control = 'bounds'."
+            f"{place}: conic = '{conic}' solves limit loads and bounds, but this loading "
+            "needs neither; remove it, or give control = 'bounds'."
         )
     if rest or loading.limit_method == LimitMethod.PATH:
         raise InputError(
-            f"{place}: conic = '{conic}' goes with the interior point method, and a path is asked"
-            " for; leave conic out, or all that is about the path."
+            f"{place}: conic = '{conic}' applies to the interior point method, but a path "
+            "is requested; remove conic, or all keys about the path."
         )
     return conic, rest
 
@@ -42,21 +42,22 @@ def read_conic(table: Table, loading: Control, place: str) -> tuple[str, Table]:
 def read_method(
     table: Table, loading: Control, place: str, coulomb: bool = False
 ) -> tuple[str, Any]:
-    """Method and options; ALG1 for loads and ALG3 for works where none is named.
+    """Return method and options; by default ALG1 for loads and ALG3 for works.
 
     Args:
         table: The table.
         loading: The loading that the case asks for.
-        place: Place in the input, for messages.
+        place: Place in the input, which messages name.
         coulomb: Whether there is Coulomb's friction.
 
     Raises:
-        InputError: If the method does not go with the loading, or its options are wrong.
+        InputError: If the method does not fit the loading, or if its options are wrong.
     """
     if table and loading.limit_method == LimitMethod.INTERIOR_POINT:
         raise InputError(
-            f"{place}: the interior point method has no levels to solve; leave this table out, or"
-            " follow a path with control = 'work', until = 'limit' and limit_method = 'path'."
+            f"{place}: the interior point method has no levels to solve; remove this "
+            "table, or follow a path with control = 'work', until = 'limit' and "
+            "limit_method = 'path'."
         )
     wanted = loading.prescribes
     fitting = [name for name, entry in METHODS.items() if entry.solver.prescribes is wanted]

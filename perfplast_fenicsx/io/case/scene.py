@@ -1,6 +1,6 @@
-"""Data for pictures besides the fields: names, loads, contacts, obstacles, units; ``scene.json``.
+"""Store data of pictures besides the fields in ``scene.json``: names, loads, contacts, units.
 
-A run writes it with its results, so that pictures can be made of them without the case.
+A run writes the file with its results, so that pictures can be drawn without the case.
 """
 
 import json
@@ -19,19 +19,19 @@ from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.problem.declared.loads import Load, kind_of, load_kinds
 from perfplast_fenicsx.units import Units
 
-if TYPE_CHECKING:  # what reads results for pictures starts no MPI
+if TYPE_CHECKING:  # code that reads results for pictures does not start MPI
     from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Names and surroundings of the bodies.
+    """Names of the bodies and objects around them.
 
     Attributes:
-        title: Heading of pictures.
-        loads: Loads; ζ multiplies all of them except constant ones.
+        title: Title of pictures.
+        loads: Loads; ζ multiplies all except constant ones.
         contacts: Pairs of surfaces.
-        obstacles: Rigid ones.
+        obstacles: Rigid obstacles.
         units: Units of the numbers.
         axisymmetric: Whether the mesh is half a section of bodies of revolution.
         driven: Whether ζ moves supports and obstacles, and no load grows.
@@ -46,25 +46,25 @@ class Scene:
     driven: bool = False
 
     def unit_of_work(self, gdim: int) -> str:
-        """Return the unit of works on a mesh of this dimension; empty if not known."""
+        """Return the unit of works on a mesh of this dimension; empty if it is unknown."""
         return self.units.of_work(whole=self.axisymmetric or gdim == 3)
 
     @property
     def view(self) -> str:
-        """Return the note of a picture of half a section; empty for other pictures."""
+        """Return the caption note for a half section; empty for other pictures."""
         return ",   axisymmetric about z" if self.axisymmetric else ""
 
     @property
     def on_surfaces(self) -> list[Load]:
-        """The loads that act on surfaces, and are shown as arrows."""
+        """Return the loads that act on surfaces, which pictures show as arrows."""
         return [load for load in self.loads if not load.in_volume]
 
     @property
     def marks(self) -> dict[str, list[str]]:
-        """Surfaces of each mark in a picture.
+        """Return the surfaces of each mark in a picture.
 
-        ``load i`` for each load on surfaces, ``contact`` where its pressure is shown, ``opposite``
-        for the other surface of each pair.
+        The marks are ``load i`` for each load on surfaces, ``contact`` for surfaces with a
+        displayed pressure, and ``opposite`` for the other surface of each pair.
         """
         marks = {f"load {i}": [load.on] for i, load in enumerate(self.on_surfaces)}
         contact = [contact.secondary for contact in self.contacts]
@@ -117,11 +117,11 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
     """Return the content of ``scene.json``.
 
     Args:
-        table: As JSON has it.
-        place: Place of the file, for messages.
+        table: Table from JSON.
+        place: Place of the file, which messages name.
 
     Raises:
-        InputError: If it is not what :func:`write_scene` writes.
+        InputError: If :func:`write_scene` did not write it.
     """
     top = convert(dict(table), _Document, place)
 

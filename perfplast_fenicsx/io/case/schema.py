@@ -1,7 +1,7 @@
-"""TOML tables into dataclasses, every fault as one sentence.
+"""Convert TOML tables into dataclasses, and report every fault in one sentence.
 
-The schema of a table is a dataclass: its field names are the keys, its annotations the types, its
-defaults the defaults, and its ``__post_init__`` the ranges. Nothing is said twice.
+A dataclass is the schema of a table: its field names are the keys, its annotations the types, its
+defaults the defaults, and its ``__post_init__`` checks the ranges. There is no second definition.
 """
 
 import dataclasses
@@ -30,7 +30,7 @@ _WORDS: dict[Any, str] = {
 
 @contextmanager
 def at(place: str) -> Iterator[None]:
-    """Put ``place`` in front of the message of an InputError."""
+    """Prefix the message of an InputError with ``place``."""
     try:
         yield
     except InputError as error:
@@ -43,10 +43,10 @@ def convert(table: Table, schema: type[T], place: str) -> T:
     Args:
         table: The table, as TOML has read it.
         schema: A dataclass, frozen or not.
-        place: Where the table is, for the message, e.g. ``"case.toml, [material.upper]"``.
+        place: Place of the table, which messages name, e.g. ``"case.toml, [material.upper]"``.
 
     Raises:
-        InputError: An unknown or missing key, a value of another type, or a value that the
+        InputError: For an unknown or missing key, a value of another type, or a value that the
             dataclass itself refuses.
     """
     fields = {field.name: field for field in dataclasses.fields(schema)}  # type: ignore[arg-type]
@@ -70,7 +70,7 @@ def choose(
     """Return the choice named by ``table[key]``, and the table without that key.
 
     Raises:
-        InputError: If the key is missing without a default, or names none of the choices.
+        InputError: If the key is missing without a default, or is not one of the choices.
     """
     if key not in table and default is None:
         listed = _either([shown(choice) for choice in choices])
@@ -82,7 +82,7 @@ def choose(
 
 
 def shown(value: object) -> str:
-    """Return a value as TOML writes it, cut short."""
+    """Return a shortened value as TOML writes it."""
     if isinstance(value, bool):
         text = "true" if value else "false"
     elif isinstance(value, Mapping):
@@ -127,7 +127,7 @@ def described(hint: Any, key: str) -> str:
         return _either([described(argument, key) for argument in known])
     if origin in (list, Sequence):
         if typing.get_origin(arguments[0]) is dict or dataclasses.is_dataclass(arguments[0]):
-            return f"tables, each under a heading [[{key}]] of its own"
+            return f"tables, each under its own heading [[{key}]]"
         return f"a list whose items are each {described(arguments[0], key)}"
     if origin is dict and arguments[-1] is float:
         return f"a table of numbers, {key} = {{NAME = 1.0}}"

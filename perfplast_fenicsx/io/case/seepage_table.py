@@ -1,4 +1,4 @@
-"""``[seepage]``: water that flows through the ground, and its loads."""
+"""Read ``[seepage]``: water that flows through the ground, and its loads."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -14,13 +14,13 @@ from perfplast_fenicsx.units import Units
 
 
 def read_seepage(table: Table, units: Units, gravity: GravityTable | None, place: str) -> Seepage:
-    """Return what a table says of water that flows.
+    """Return the seepage that a table declares.
 
     Args:
         table: ``[seepage]``.
-        units: Of the numbers.
+        units: Units of the numbers.
         gravity: The weight of the bodies, if they have any.
-        place: Place in the input, for messages.
+        place: Place in the input, which messages name.
 
     Raises:
         InputError: If keys or values are wrong.
@@ -37,15 +37,15 @@ def read_seepage(table: Table, units: Units, gravity: GravityTable | None, place
 
 
 def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | None) -> list[Load]:
-    """Return the loads of water: pressure in pores, and on surfaces below its level.
+    """Return the loads of water: pore pressure, and pressure on submerged surfaces.
 
     Args:
-        seepage: The flow.
+        seepage: The declared seepage.
         bodies: Names of all bodies.
-        weight: Gravity, which has to point down.
+        weight: Gravity, which must point down.
 
     Raises:
-        InputError: If a conductivity is that of no body, or gravity has another direction.
+        InputError: If a conductivity belongs to no body, or if gravity has another direction.
     """
     if weight is not None:
         down = [0.0] * len(weight.acceleration)
@@ -53,13 +53,15 @@ def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | 
             down[seepage.axis] = -max(map(abs, weight.acceleration))
         if list(weight.acceleration) != down:
             raise InputError(
-                f"up = '{seepage.up}' is not the direction against gravity, whose acceleration is"
-                f" {weight.acceleration}; give the coordinate that points upwards as up."
+                f"up = '{seepage.up}' is not opposite to gravity, whose acceleration is "
+                f"{weight.acceleration}; give the coordinate that points upwards as up."
             )
     known, found = list(bodies), list[Load]()
     for body in seepage.conductivity:
         if body not in known:
-            raise InputError(f"conductivity names '{body}', no body; {nearest(body, known)}")
+            raise InputError(
+                f"conductivity names '{body}', which is not a body; {nearest(body, known)}"
+            )
         found.append(FieldPores(body, "steady seepage", name=f"pore water in {body}"))
     for head in seepage.head:
         if head.presses:
@@ -79,11 +81,11 @@ def drawdowns(seepage: Seepage | None) -> list[str]:
 
 
 def with_flow(loads: Sequence[Load], flow: SteadyFlow) -> list[Load]:
-    """Return the loads with the pressure of the flow.
+    """Return the loads with the pressure of the seepage.
 
     Args:
         loads: Loads of a case.
-        flow: The flow on a mesh of its bodies.
+        flow: The seepage on a mesh of its bodies.
     """
     return [
         replace(load, field=flow.pressure_in(load.on)) if isinstance(load, FieldPores) else load

@@ -1,4 +1,4 @@
-"""Tables that hold or move bodies: ``[[support]]``, ``[[rigid_surface]]``, ``[[contact]]``."""
+"""Read tables that hold or move bodies: ``[[support]]``, ``[[rigid_surface]]``, ``[[contact]]``."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,18 +13,20 @@ from perfplast_fenicsx.problem.declared.supports import AXES, Support
 
 @dataclass(frozen=True)
 class SupportTable:
-    """Known displacement of some components on a surface.
+    """Prescribed displacement of some components on a surface.
 
     Args:
         on: Physical surface.
-        components: Any of the letters x, y, z; the default holds all that the mesh has. Or
-            "normal" for what is normal to a flat surface of any direction, which may slide along
-            itself, as a plane of symmetry does. With a value the surface may be curved.
-        value: Their displacement (length), such as a settlement, or that out of the body along the
-            normal; a number, or a formula in x, y, z such as "0.01*y". There is none by default.
-        constant: Whether it is the same at any load factor, as always but under control =
-            "displacement" and in stages that name it: these multiply it unless this is true.
-        name: Name in results and stages; by default that of its surface.
+        components: Any of the letters x, y, z; the default holds all components of the mesh. Or
+            "normal" for the component normal to a flat surface of any direction, which may then
+            slide tangentially, as a plane of symmetry does. With a value the surface may be curved.
+        value: Prescribed displacement (length), such as a settlement; with "normal" the
+            displacement out of the body along the normal. A number, or a formula in x, y, z such as
+            "0.01*y". The default is no displacement.
+        constant: Whether the displacement is the same at any load factor. Under control =
+            "displacement", and in stages that name the support, the factor multiplies the
+            displacement unless this is true; otherwise it is always constant.
+        name: Name in results and stages; by default the name of its surface.
     """
 
     on: str
@@ -34,10 +36,10 @@ class SupportTable:
     name: str = ""
 
     def support(self, driven: bool) -> Support:
-        """Return the support, where motions follow the load factor, or do not.
+        """Return the support, with or without motions that follow the load factor.
 
         Raises:
-            InputError: If it is to follow where none does.
+            InputError: If it should follow a loading without motions.
         """
         constant = _stays(self.constant, driven, f"the support on '{self.on}'")
         return Support(self.on, self.components, self.value, constant, self.name)
@@ -45,23 +47,23 @@ class SupportTable:
 
 @dataclass(frozen=True)
 class RigidSurfaceTable:
-    """A surface that a rigid plate is glued to, such as the rough base of a footing.
+    """A surface glued to a rigid plate, such as the rough base of a footing.
 
-    Without displacement and rotation it is free to move, and loads act on it, a ``force`` among
-    them.
+    Without displacement and rotation it is free to move, and loads act on it, including a
+    ``force``.
 
     Args:
         on: Physical surface.
         point: Centre of the rotation (length; 2 or 3 numbers); by default the origin.
         displacement: Displacement of that point (length; 2 or 3 numbers); by default 0.
-        rotation: A number in the plane, one for each axis in space (rad), 0 if there is a
-            displacement alone.
-        components: Letters of x, y, z that a known motion holds; the default holds
-            all. A bar that is twisted so by its end may warp there.
+        rotation: A number in the plane, one for each axis in space (rad); 0 if only a displacement
+            is given.
+        components: Letters of x, y, z that a prescribed motion holds; the default holds all. With
+            only some of them, a bar that is twisted at its end may warp there.
         constant: As for supports.
         name: As for supports.
-        held: Letters of x, y, z along which a free surface cannot move, as at a plane of symmetry;
-            it then does not turn either.
+        held: Letters of x, y, z along which a free surface cannot move, as at a plane of symmetry.
+            The surface then does not rotate either.
     """
 
     on: str
@@ -74,10 +76,10 @@ class RigidSurfaceTable:
     held: str = ""
 
     def surface(self, driven: bool) -> RigidSurface:
-        """Return the surface, where motions follow the load factor, or do not.
+        """Return the surface, with or without motions that follow the load factor.
 
         Raises:
-            InputError: If it is to follow where none does.
+            InputError: If it should follow a loading without motions.
         """
         constant = _stays(self.constant, driven, f"the rigid surface '{self.on}'")
         turn: Turn = () if self.rotation is None else self.rotation
@@ -89,12 +91,12 @@ def read_contact(table: Table, moved: Callable[[str, str], bool], place: str) ->
     """Return a contact, whose overlap may follow the load factor.
 
     Args:
-        table: Its keys.
+        table: Its table.
         moved: See :meth:`~perfplast_fenicsx.controls.control.Control.moved`.
-        place: Place in the input, for messages.
+        place: Place in the input, which messages name.
 
     Raises:
-        InputError: If keys are wrong, or it is to follow where none does.
+        InputError: If keys are wrong, or if it should follow a loading without motions.
     """
     _, kind, rest = choose(table, "interface", INTERFACES, place, default="friction")
     contact = convert(rest, kind, place)
@@ -105,14 +107,14 @@ def read_contact(table: Table, moved: Callable[[str, str], bool], place: str) ->
 
 
 def _stays(constant: bool | None, driven: bool, what: str) -> bool:
-    """Whether what is moved keeps its place at any load factor, where motions follow it or do not.
+    """Return whether a moved object keeps its place at any load factor.
 
     Raises:
-        InputError: If it is to follow where none does.
+        InputError: If it should follow a loading without motions.
     """
     if not driven and constant is False:
         raise InputError(
-            f"{what} has constant = false, but nothing moves it: control = 'displacement' does,"
-            " or stages that name it; choose one of them, or leave constant out."
+            f"{what} has constant = false, but nothing moves it: control = 'displacement' "
+            "or stages that name it would; choose one of them, or remove constant."
         )
     return not driven if constant is None else constant

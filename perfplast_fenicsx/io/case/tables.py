@@ -1,7 +1,6 @@
-"""Tables of a case file: one dataclass a table, or several to choose from.
+"""Define the tables of a case file: one dataclass for a table, or several to choose from.
 
-Those of materials, contacts, obstacles, loadings and algorithms are of the modules that
-use them.
+Tables of materials, contacts, obstacles, loadings and algorithms are in the modules that use them.
 """
 
 from dataclasses import dataclass, field
@@ -17,29 +16,28 @@ class Document:
     """The top level of a case file.
 
     Args:
-        mesh: The bodies; it is missing, or has ``adapt`` alone, where there is a geometry.
+        mesh: Mesh of the bodies; with a geometry the table is missing, or contains only ``adapt``.
         geometry: A CAD file that is meshed for the run, or how drawn ground is meshed.
-        region: Ground that is drawn in the case, each piece as a polygon.
+        region: Ground that is drawn in the case, each part as a polygon.
         stratum: Ground that is drawn in the case as layers, from the surface downwards.
-        line: Lines of drawn ground that name pieces of its boundary, and that the mesh follows.
-        material: The law of each body; NAME is that of its physical volume.
+        line: Lines of drawn ground that name parts of its boundary, and that the mesh follows.
+        material: The law of each body; NAME is the name of its physical volume.
         load: Loads, at least one unless control = "displacement". The load factor ζ multiplies all
             loads except constant ones.
-        loading: How far the bodies are loaded, and by what it is controlled; it is missing where
-            there are stages.
-        stage: A history of loading, instead of [loading]: the bodies then remember plastic flow.
+        loading: How the bodies are loaded and what controls the loading; missing with stages.
+        stage: A loading history instead of [loading]: the bodies then remember plastic flow.
         model: Meaning of the coordinates of a plane mesh.
-        title: For people; the name of the file where it is missing.
+        title: Title of the case; by default the name of the file.
         gravity: The weight of bodies, by their densities.
-        earthquake: A horizontal force on all that has a weight.
-        water: Water in the pores of ground and above it, by its table.
+        earthquake: A horizontal force on everything with a weight.
+        water: Water in the pores of ground and above the ground, from its table.
         seepage: Water that flows through the ground.
-        combination: Loads that act together with factors, each solved by itself; a table of
-            results, the worst one first.
+        combination: Loads that act together with factors, each combination solved separately;
+            results include a table with the worst one first.
         design: Partial factors on strengths.
         support: Supports of the bodies.
         temperature: Changes of temperature.
-        initial_stress: Stress of bodies before they are deformed.
+        initial_stress: Stress of bodies before any deformation.
         bolt: Bolts that are tightened before any load acts.
         contact: Surfaces of bodies that touch, or may touch, each other.
         obstacle: Rigid obstacles, which may move.
@@ -86,14 +84,14 @@ class Document:
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """Files that are written beside ``summary.json`` and ``path.csv``.
+    """Files of a run in addition to ``summary.json`` and ``path.csv``.
 
     Args:
         fields: Write ``fields.vtkhdf.series`` and the folder ``fields``.
-        pictures: Draw ``path.png``, and of the fields on file ``fields.png`` and
-            ``mechanism.png``; without fields ``path.png`` alone.
-        points: With the fields, write stress at the points of the quadrature, where the solver has
-            it, and the volume of each: ``points.vtkhdf.series`` and ``mechanism_points.vtkhdf``.
+        pictures: Draw ``path.png``, and with fields also ``fields.png`` and ``mechanism.png``.
+        points: With the fields, write stress at the quadrature points, where the solver evaluates
+            it, and the volume of each point: ``points.vtkhdf.series`` and
+            ``mechanism_points.vtkhdf``.
     """
 
     fields: bool = True
@@ -103,15 +101,15 @@ class OutputOptions:
 
 @dataclass(frozen=True)
 class ReportHead:
-    """Whose computation it is: at the head of the report, with the date, and in ``summary.json``.
+    """Document data at the head of the report, with the date, and in ``summary.json``.
 
-    With any of the keys from ``client`` on the report has lines to sign, a date beside each.
+    With any key from ``client`` on, the report has signature lines with a date next to each.
 
     Args:
-        project: Project that the case belongs to.
+        project: Project of the case.
         number: Number of the case or the document, as text, such as ``"2026-17 b"``.
-        author: Who answers for it.
-        client: Whom the report is for.
+        author: Person responsible for the computation.
+        client: Recipient of the report.
         revision: Revision of the document, as text, such as ``"B"``.
         prepared: Name of the person who prepared the document.
         checked: Name of the person who checks it.
@@ -129,7 +127,7 @@ class ReportHead:
 
     @property
     def given(self) -> dict[str, str]:
-        """Return the texts that are given, by their keys."""
+        """Return the given texts by their keys."""
         return {key: text for key, text in vars(self).items() if text}
 
 
@@ -137,17 +135,17 @@ class ReportHead:
 class ModelOptions:
     """Meaning of the coordinates of a mesh of triangles.
 
-    In axisymmetry x is the radius (x ≥ 0), y the axis of revolution, and zz the hoop direction,
-    as in an initial stress. Nothing moves outwards on the axis, without a support. Loads are per
-    area and volume, as anywhere. All forces and works in results are those of the full turn. Their
-    column r is what pushes outwards all around, not a resultant of vectors.
+    In axisymmetry x is the radius (x ≥ 0), y the axis of revolution, and zz the hoop direction, as
+    in an initial stress. On the axis no point moves radially, even without a support. Loads are per
+    area and volume, as in other models. All forces and works in results are those of the full turn.
+    The column r of a force is the sum of outward forces around the axis, not a vector resultant.
 
-    In plane stress triangles are sheets that are free to grow thicker or thinner; bodies are of
-    von Mises, Hill or elastic. All forces and works in results are for each unit of thickness.
+    In plane stress, triangles are sheets whose thickness is free to change; laws are von Mises,
+    Hill or elastic. All forces and works in results are per unit of thickness.
 
     Args:
-        kind: The default is plane strain.
-        thickness: Thickness of sheets in plane stress (length), 1 by default. Forces and moments of
+        kind: Kind of the model; the default is plane strain.
+        thickness: Thickness of sheets in plane stress (length), 1 by default. Forces and moments on
             a whole surface are spread over it.
     """
 
@@ -162,11 +160,11 @@ class ModelOptions:
             )
 
     def of(self, tagged_mesh: TaggedMesh) -> TaggedMesh:
-        """Return the mesh with that meaning. Collective.
+        """Return the mesh with this meaning. Collective.
 
         Raises:
-            InputError: If it is one of tetrahedra, or reaches to where the radius is negative, or
-                the thickness is not positive.
+            InputError: If the mesh consists of tetrahedra or reaches negative radii, or if the
+                thickness is not positive.
         """
         if self.kind == "axisymmetric":
             return tagged_mesh.turned()
@@ -174,8 +172,8 @@ class ModelOptions:
             return tagged_mesh.thin(1.0 if self.thickness is None else self.thickness)
         if self.kind is not None and tagged_mesh.mesh.geometry.dim == 3:
             raise InputError(
-                f"kind = '{self.kind}' is for meshes of triangles, but this one has tetrahedra;"
-                " leave it out."
+                f"kind = '{self.kind}' is for meshes of triangles, but this mesh has "
+                "tetrahedra; remove it."
             )
         return tagged_mesh
 
@@ -185,7 +183,7 @@ class ElementOptions:
     """The finite element.
 
     Args:
-        degree: Degree of the displacements, 1 or 2; of mechanisms (control = "bounds") 2 by
+        degree: Degree of the displacements, 1 or 2; for mechanisms (control = "bounds") 2 by
             default.
     """
 
@@ -199,7 +197,7 @@ class MeshFile:
     Args:
         file: Its path, relative to the folder of the case file. Bodies and surfaces have physical
             names.
-        adapt: With ``control = "bounds"``: bound the limit load on finer and finer meshes.
+        adapt: With ``control = "bounds"``: bound the limit load on successively finer meshes.
     """
 
     file: str
@@ -211,9 +209,9 @@ class MeshBuilder:
     """A structured builder of :mod:`perfplast_fenicsx.mesh.sample_meshes` and its arguments.
 
     Args:
-        builder: Its name.
-        arguments: Arguments of the builder, each a key of its own.
-        adapt: As for files.
+        builder: Name of the builder.
+        arguments: Arguments of the builder, each as a separate key.
+        adapt: See :class:`MeshFile`.
     """
 
     builder: str

@@ -11,18 +11,18 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table
 
 LARGEST_FILE = 1_000_000
-"""Bytes of a file."""
+"""Largest size of a file (bytes)."""
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file that is to be TOML. Not collective.
+    """Return the text of a file that should be TOML. Not collective.
 
     Raises:
-        InputError: If it is no regular file, cannot be read, is very large or no text.
+        InputError: If it is not a regular file, cannot be read, is very large or is not text.
     """
     try:
         content = _content(path)
-    except (OSError, ValueError) as error:  # the latter for a name that no file can have
+    except (OSError, ValueError) as error:  # ValueError occurs for names that no file can have
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(
             f"the case file '{path}' cannot be read ({reason.lower()}); check its name."
@@ -33,7 +33,7 @@ def read_text(path: Path) -> str:
             " as a mesh file."
         )
     try:
-        return content.decode("utf-8-sig")  # Windows' editors begin files with a mark
+        return content.decode("utf-8-sig")  # Windows editors begin files with a byte order mark
     except UnicodeDecodeError as error:
         raise InputError(
             f"'{path}' is not a text file in UTF-8; give a case file (TOML)."
@@ -41,7 +41,7 @@ def read_text(path: Path) -> str:
 
 
 def _content(path: Path) -> bytes:
-    """Return the first bytes, one more than are allowed."""
+    """Return the first bytes, up to one more than allowed."""
     mode = path.stat().st_mode  # opening a FIFO would wait for its other end
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise OSError(errno.EINVAL, "no regular file")
@@ -50,10 +50,10 @@ def _content(path: Path) -> bytes:
 
 
 COMMA = re.compile(r"=\s*([+-]?\d+),(\d+)\s*(#.*)?$")
-"""A number with a decimal comma after a key, alone in its line."""
+"""A number with a decimal comma after a key, alone on its line."""
 
 WINDOWS = re.compile(r'=\s*"([^"]*\\[^"]*)"')
-"""A text in double quotes with a backslash, as in a path of Windows."""
+"""A text in double quotes with a backslash, as in a Windows path."""
 
 
 def _remedy(text: str, reason: str) -> str:
@@ -65,28 +65,28 @@ def _remedy(text: str, reason: str) -> str:
         return f"write a decimal point, {comma[1]}.{comma[2]} for {comma[1]},{comma[2]}"
     if path := WINDOWS.search(line):
         return f"write / for \\ in paths, \"{path[1].replace(chr(92), '/')}\", or 'single quotes'"
-    return "correct this place"
+    return "correct this line"
 
 
 def parse(text: str, name: str) -> Table:
-    """TOML as a table.
+    """Return TOML text as a table.
 
     Args:
-        text: The file's.
-        name: Name of the file, for the message.
+        text: Text of the file.
+        name: Name of the file, which messages use.
 
     Raises:
-        InputError: If the text is not TOML, or none that can be used: nested very deep, or with
-            whole numbers of more than 64 bits, at which msgspec fails without a message.
+        InputError: If the text is not valid TOML, or cannot be used: nested very deep, or with
+            integers of more than 64 bits, at which msgspec fails without a message.
     """
     try:
         table = tomllib.loads(text)
     except RecursionError as error:
         raise InputError(
-            f"{name} is nested too deeply to be read; a case needs a few brackets at most."
+            f"{name} is nested too deeply to be read; a case needs only a few brackets."
         ) from error
     except ValueError as error:  # also a TOMLDecodeError
-        reason = str(error).partition("; use sys.")[0]  # not for who writes a case
+        reason = str(error).partition("; use sys.")[0]  # the author of a case does not need it
         reason = reason[:1].lower() + reason[1:]
         remedy = _remedy(text, reason)
         raise InputError(f"{name} is not valid TOML: {reason}; {remedy}.") from error
@@ -100,7 +100,7 @@ def parse(text: str, name: str) -> Table:
             entries += [(key, item) for item in value]
         elif isinstance(value, int) and value not in int64:
             raise InputError(
-                f"{name}: {key} = {hex(value)[:20]}... has {value.bit_length()} bits, but whole"
-                " numbers have 64; write a smaller one, or 1e30 for a large number."
+                f"{name}: {key} = {hex(value)[:20]}... has {value.bit_length()} bits, but "
+                "integers have 64; write a smaller one, or 1e30 for a large number."
             )
     return table

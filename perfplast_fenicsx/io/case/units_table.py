@@ -1,4 +1,4 @@
-"""``[units]`` of a case file, and whether the materials are in them."""
+"""Read ``[units]``, and check whether the materials use these units."""
 
 from collections.abc import Mapping
 
@@ -24,7 +24,7 @@ def odd_magnitudes(
     Args:
         units: Units that the case names.
         materials: Materials of each body.
-        comm: The ranks.
+        comm: The ranks of the run.
         points: Points of the mesh, on this rank, shape (n, 3).
     """
     told = []
@@ -36,18 +36,18 @@ def odd_magnitudes(
             told += [f"material '{body}': {text}?" for text in odd]
     low, high = bounding_box(comm, points)
     size = float(np.max(high - low))
-    # Lengths of bodies that are computed with (m): a thousandth of a millimetre to ten kilometres.
+    # Plausible sizes of bodies (m): a thousandth of a millimetre to ten kilometres.
     least, most = 1e-6, 1e4
-    # The smallest unit of length that a case without [units] may be in (m).
+    # The smallest plausible unit of length of a case without [units] (m).
     millimetre = 1e-3
     if units.known and not least <= size * units.known.metres <= most:
         length = units.known.length
         told.append(
-            f"the mesh is {size:.3g} {length} large, that is {size * units.known.metres:.3g} m; is"
-            f" it in {length}, as [units] says?"
+            f"the mesh is {size:.3g} {length} large, that is "
+            f"{size * units.known.metres:.3g} m; is it in {length}, as [units] says?"
         )
     elif not units.known and not least <= size <= most / millimetre:
-        told.append(f"the mesh is {size:.3g} large, in whatever unit; is that right?")
+        told.append(f"the mesh is {size:.3g} large, in an unknown unit; is that right?")
     return told
 
 
@@ -60,13 +60,13 @@ def read_units(table: Table, materials: Mapping[str, Material], name: str) -> Un
         name: Name of the case file.
 
     Raises:
-        InputError: If keys are wrong or contradict each other, or a material has the numbers that a
-            common one has in another system.
+        InputError: If keys are wrong or contradict each other, or if a material has the numbers of
+            a common one in another system.
     """
     units = convert(table, Units, f"{name}, [units]")
     if units.name is None:
         return units
-    # What `perfplast materials` shows of a material.
+    # Properties that `perfplast materials` shows.
     for strength, check in (("yield_stress", check_units), ("cohesion", check_soil_units)):
         copied = ("young", "poisson", strength)
         for body, material in materials.items():

@@ -1,4 +1,4 @@
-"""Values in place of those of a case file, as a sweep has them."""
+"""Replace values of a case file, as a sweep does."""
 
 import copy
 import itertools
@@ -14,12 +14,12 @@ from perfplast_fenicsx.io.case.schema import Table
 
 @dataclass(frozen=True)
 class Variation:
-    """A key of a case file, and the values that it has in turn.
+    """A key of a case file and its values in turn.
 
     Attributes:
-        key: Dotted, such as ``material.block.yield_stress`` or ``load.live.pressure``: tables by
-            their names, entries of an array of tables by their name or surface, or their number.
-        values: Values, as TOML may have them.
+        key: Dotted key, such as ``material.block.yield_stress`` or ``load.live.pressure``: tables
+            by their names, entries of an array of tables by name, surface or number.
+        values: Values of the types in TOML.
     """
 
     key: str
@@ -27,13 +27,14 @@ class Variation:
 
 
 def read_variation(text: str) -> Variation:
-    """Return the variation that is written as KEY=VALUES.
+    """Return the variation from a text KEY=VALUES.
 
     Args:
-        text: Values are FROM:TO:NUMBER, evenly apart with both ends, or a list with commas.
+        text: The text, in which VALUES are FROM:TO:NUMBER, equally spaced with both ends, or a list
+            with commas.
 
     Raises:
-        InputError: If it is not of this form.
+        InputError: If the text does not have this form.
     """
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (key and equals and values):
@@ -59,20 +60,20 @@ def read_variation(text: str) -> Variation:
 
 
 def _all_different(values: list[Any], whole: str) -> tuple[Any, ...]:
-    """Return the values, none of which would be solved twice."""
+    """Return the values, after checking that no value is repeated."""
     for number, value in enumerate(values):
         if value in values[:number]:
             raise InputError(
-                f"--vary {whole}: the value {value} is there twice, and would be solved twice; give"
-                " different values."
+                f"--vary {whole}: the value {value} occurs twice, and would be solved "
+                "twice; give different values."
             )
     return tuple(values)
 
 
 def _value(text: str, whole: str) -> Any:
-    """Return a value as TOML has it; a word without quotes is a text."""
+    """Return a value as in TOML; a word without quotes is a text."""
     if not text.strip():
-        raise InputError(f"--vary {whole}: there is an empty value; leave out the comma.")
+        raise InputError(f"--vary {whole}: there is an empty value; remove the comma.")
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -80,16 +81,16 @@ def _value(text: str, whole: str) -> Any:
 
 
 def grid(variations: Sequence[Variation]) -> list[dict[str, Any]]:
-    """Return all cases of a sweep: a value for each key, the last key going fastest.
+    """Return all cases of a sweep: a value for each key, the last key varying fastest.
 
     Raises:
-        InputError: If a key is given twice, or there are very many cases.
+        InputError: If a key is given twice, or if there are very many cases.
     """
     keys = [variation.key for variation in variations]
     for key in keys:
         if keys.count(key) > 1:
             raise InputError(f"--vary gives '{key}' twice; give all its values at once.")
-    most_cases = 10_000  # cases of a sweep; more are taken for a slip of the pen
+    most_cases = 10_000  # largest number of cases of a sweep; more are probably a mistake
     if math.prod(len(variation.values) for variation in variations) > most_cases:
         raise InputError(f"the sweep has more than {most_cases} cases; give fewer values.")
     product = itertools.product(*(variation.values for variation in variations))
@@ -101,10 +102,10 @@ def varied(table: Table, values: Mapping[str, Any]) -> Table:
 
     Args:
         table: The table, as TOML has read it.
-        values: Values by their keys, of :class:`Variation`.
+        values: Values by their keys, see :class:`Variation`.
 
     Raises:
-        InputError: If there is no table that a key names.
+        InputError: If a key names no table.
     """
     found = copy.deepcopy(table)
     for key, value in values.items():
@@ -122,7 +123,7 @@ def varied(table: Table, values: Mapping[str, Any]) -> Table:
 
 
 def _inside(place: Any, part: str, key: str) -> Any:
-    """Return the entry that a part of a key names."""
+    """Return the entry for one part of a key."""
     if isinstance(place, list):
         return place[_index(place, part, key)]
     if not isinstance(place, dict) or part not in place:
@@ -132,8 +133,8 @@ def _inside(place: Any, part: str, key: str) -> Any:
 
 
 def _index(entries: Sequence[Any], part: str, key: str) -> int:
-    """Return the number of an entry that is called so, or has this number."""
-    # Keys by which an entry of an array of tables is known.
+    """Return the number of an entry with this name or number."""
+    # Keys that identify an entry of an array of tables.
     named_by = ("name", "on", "primary")
     names = [
         [entry[name] for name in named_by if name in entry] if isinstance(entry, dict) else []

@@ -1,4 +1,4 @@
-"""``[water]`` of a case file: water in the pores of ground, above it, and in its weight."""
+"""Read ``[water]``: water in the pores of ground, above the ground, and in its weight."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -17,7 +17,7 @@ from perfplast_fenicsx.problem.declared.loads import ForceBelow, Load, PorePress
 from perfplast_fenicsx.units import Units
 
 NAME = "water"
-"""Name of all loads of water, for messages and stages."""
+"""Name of all loads of water in messages and stages."""
 
 NEWTONS = 9810.0
 """Unit weight of water (N/m³)."""
@@ -25,26 +25,26 @@ NEWTONS = 9810.0
 
 @dataclass(frozen=True)
 class WaterTable:
-    """Water in the pores of ground, and above it.
+    """Water in the pores of ground and above the ground.
 
-    Below the table the pore pressure is the unit weight of water times the vertical depth, and
-    above it there is none. Where the table is above the surface of drawn ground, the water there
-    presses on it. The mesh of drawn ground has lines at the table and below its corners, so that
-    the pressure is linear in each cell. On other meshes both bounds stay strict, too.
+    Below the table the pore pressure is the unit weight of water times the vertical depth; above it
+    the pressure is zero. Where the table is above the surface of drawn ground, the water presses on
+    the surface. The mesh of drawn ground has lines at the table and below its corners, so that the
+    pressure is linear in each cell. On other meshes both bounds are strict, too.
 
     Args:
-        table: The water table, points [x, y] from left to right (length), over all of the ground.
-        unit_weight: Of water (force per volume); without it that of 9.81 kN/m³ in the system of
+        table: The water table, points [x, y] from left to right (length), across the whole ground.
+        unit_weight: Unit weight of water (force per volume); by default 9.81 kN/m³ in the system of
             [units].
-        piezometric: Lines of bodies whose pore pressure follows another level than the table, by
-            their names; such water does not press on the surface.
-        ru: The pore pressure over the weight of all that is above, by the names of bodies of drawn
-            ground; from 0 to 1.
+        piezometric: Piezometric lines by names of bodies, for bodies whose pore pressure follows
+            another level than the table; such water does not press on the surface.
+        ru: Pore pressure divided by the total weight above, by the names of bodies of drawn ground;
+            from 0 to 1.
         dry: Bodies without pore pressure.
-        saturated: Densities of bodies below the table, by their names; those of [gravity] hold
+        saturated: Densities of bodies below the table, by their names; those of [gravity] apply
             above it.
-        on: Surface on which water above the ground presses; that of drawn ground is "surface". For
-            ground that is not drawn it is needed; "" where no water is above the ground.
+        on: Surface on which water above the ground presses; for drawn ground it is "surface". It is
+            required for ground that is not drawn; "" if no water is above the ground.
     """
 
     table: list[list[float]] = field(default_factory=list)
@@ -58,10 +58,10 @@ class WaterTable:
 
 @dataclass(frozen=True, eq=False)
 class Water:
-    """Water as loads, and the lines that a mesh should follow for their sake.
+    """Water as loads, and the lines that a mesh should follow for them.
 
     Attributes:
-        loads: In the order of the bodies.
+        loads: Loads in the order of the bodies.
         kinks: Polylines at which pore pressures have kinks, shape (n, 2) each.
         table: The water table, for pictures, shape (n, 2); no points without one.
     """
@@ -78,14 +78,14 @@ def read_water(
     units: Units,
     name: str,
 ) -> Water:
-    """Return the water of a case; without ``[water]`` there are no loads in it.
+    """Return the water of a case; without ``[water]`` it contains no loads.
 
     Args:
-        top: The case.
-        ground: What it draws, if it does.
+        top: The case as a document.
+        ground: The ground that the case draws, if any.
         bodies: Names of all bodies.
-        units: Of the numbers.
-        name: Of the case file.
+        units: Units of the numbers.
+        name: Name of the case file.
 
     Raises:
         InputError: As :func:`water_of`.
@@ -95,8 +95,8 @@ def read_water(
     place = f"{name}, [water]"
     if top.seepage is not None:
         raise InputError(
-            f"{place}: there is [seepage] besides, which finds the pore pressures; leave out one of"
-            " them."
+            f"{place}: there is also [seepage], which computes the pore pressures; remove "
+            "one of them."
         )
     table = convert(top.water, WaterTable, place)
     gravity = None
@@ -109,29 +109,30 @@ def read_water(
 def water_in_cracks(
     ground: DrawnGround | None, given: float | None, units: Units, gravity: GravityTable | None
 ) -> tuple[list[Load], tuple[str, ...]]:
-    """Return the loads of water in cracks, and the names of the sides of all cracks.
+    """Return the loads of water in cracks, and the names of all cracks' sides.
 
     Args:
-        ground: What the case draws, if it does.
+        ground: The ground that the case draws, if any.
         given: The unit weight of water, if the case gives it.
-        units: Of the numbers.
+        units: Units of the numbers.
         gravity: The weight of the bodies, if they have any.
 
     Raises:
-        InputError: If the unit weight is not known, or water is in no crack, or is at none of the
-            points of its crack.
+        InputError: If the unit weight is unknown, if water is not in a crack, or if its level is at
+            no point of its crack.
     """
     for line in () if ground is None else ground.lines:
         heights = [point[1] for point in line.points]
         if line.water is not None and not line.crack:
             raise InputError(
-                f"the line '{line.name}' has water, and is no crack; give crack = true, or leave"
-                " water out."
+                f"the line '{line.name}' has water, but is not a crack; give crack = true, "
+                "or remove water."
             )
         if line.water is not None and line.water < max(heights) and line.water not in heights:
             raise InputError(
-                f"the water in the crack '{line.name}' is at {line.water:g}, at none of its points;"
-                " give the line a point at that height, at which the mesh then has a vertex."
+                f"the water in the crack '{line.name}' is at {line.water:g}, where the "
+                "crack has no point; give the line a point at that height, so that the "
+                "mesh has a vertex there."
             )
     cracks = [] if ground is None else ground.cracks()
     loads = list[Load]()
@@ -155,15 +156,15 @@ def water_of(
     """Return the loads of water.
 
     Args:
-        table: What the case says.
-        ground: What it draws, if it does.
+        table: The table ``[water]``.
+        ground: The ground that the case draws, if any.
         gravity: The weight of the bodies, if they have any.
-        bodies: Their names.
-        units: Of the numbers.
+        bodies: Names of the bodies.
+        units: Units of the numbers.
 
     Raises:
-        InputError: If lines are not over all of the ground or go back, a name is unknown or has two
-            pressures, or numbers are not those of water or ground.
+        InputError: If lines do not cross the whole ground or are not ordered, if a name is unknown
+            or has two pressures, or if numbers are not plausible for water or ground.
     """
     given = _Given(table, ground, gravity, bodies, units)
     given.check_names()
@@ -184,7 +185,7 @@ def water_of(
 
 
 class _Given:
-    """The ``[water]`` of a case, with the ground and units that it refers to."""
+    """The ``[water]`` of a case with its ground and units."""
 
     def __init__(
         self,
@@ -207,7 +208,7 @@ class _Given:
         }
 
     def check_names(self) -> None:
-        """Refuse unknown bodies, and several pressures in one."""
+        """Refuse unknown bodies, and several pressures in one body."""
         said = self.said
         if not (len(self.table) or said.piezometric or said.ru):
             raise InputError("no water is given; give table = [[x, y], ...], piezometric or ru.")
@@ -216,7 +217,7 @@ class _Given:
             for name in names:
                 if name not in self.bodies:
                     raise InputError(
-                        f"{kind} names '{name}', no body; {nearest(name, self.bodies)}"
+                        f"{kind} names '{name}', which is not a body; {nearest(name, self.bodies)}"
                     )
         for body in self.bodies:
             own = [kind for kind, names in kinds.items() if body in names]
@@ -227,7 +228,7 @@ class _Given:
                 )
         if said.saturated and not len(self.table):
             raise InputError(
-                "saturated is of ground below a table, but there is no table; give it."
+                "saturated applies to ground below a table, but there is no table; give one."
             )
 
     def weight_of_water(self) -> float:
@@ -235,7 +236,7 @@ class _Given:
         return unit_weight_of_water(self.said.unit_weight, self.units, self.gravity)
 
     def line(self, body: str) -> Floats | None:
-        """Return the level that the pore pressure of a body follows; None without one."""
+        """Return the level that determines the pore pressure of a body; None without one."""
         if body in self.others:
             return self.others[body]
         if body in self.said.dry or body in self.said.ru or not len(self.table):
@@ -243,11 +244,11 @@ class _Given:
         return self.table
 
     def reaches(self, body: str, line: Floats) -> bool:
-        """Return whether some of a body is below a line, as far as it is drawn."""
+        """Return whether a part of a body is below a line, as far as it is drawn."""
         return body not in self.shapes or _deepest(self.shapes[body], line, True)[0] > 0
 
     def pressure(self, weight: float, body: str = "") -> WordedFormula:
-        """Return the pressure of water, below the line of a body or below the table."""
+        """Return the pressure of water below the line of a body, or below the table."""
         line = self.others.get(body, self.table)
         unit = self.units.table()["force_density"]
         what = "its piezometric line" if body in self.others else "the water table"
@@ -261,8 +262,8 @@ class _Given:
         if self.outline is not None and not self.said.on:
             if self.outline.unnamed:
                 raise InputError(
-                    f"{self.outline.unnamed}, so that on must name the surface on which water above"
-                    " the ground presses; give a [[line]] along it a name."
+                    f"{self.outline.unnamed}, so that on must name the surface on which "
+                    "water above the ground presses; name a [[line]] along it."
                 )
             plan = self.outline.plan
             edges = plan.points[plan.edges[self.outline.sides["surface"]]]
@@ -270,8 +271,9 @@ class _Given:
                 return []
         elif self.said.on is None:
             raise InputError(
-                "the ground is not drawn in the case, so that its surface is not known; give the"
-                ' surface under water as on, or on = "" where no water is above the ground.'
+                "the ground is not drawn in the case, so that its surface is unknown; "
+                'give the surface under water as on, or on = "" if no water is above '
+                "the ground."
             )
         elif not self.said.on:
             return []
@@ -283,8 +285,8 @@ class _Given:
         for body, density in self.said.saturated.items():
             if self.gravity is None or body not in self.gravity.density:
                 raise InputError(
-                    f"saturated has '{body}', which has no density in [gravity]; give that of the"
-                    " ground above the table there."
+                    f"saturated has '{body}', which has no density in [gravity]; give "
+                    "there the density of the ground above the table."
                 )
             more = density - self.gravity.density[body]
             if more < 0:
@@ -294,21 +296,23 @@ class _Given:
                 )
             if more > 0 and self.reaches(body, self.table):
                 force = tuple(more * g for g in self.gravity.acceleration)
-                depth = WordedFormula(f"{level(self.table)} - y", "it is below the water table")
+                depth = WordedFormula(
+                    f"{level(self.table)} - y", "the ground is below the water table"
+                )
                 told = (NAME, self.gravity.constant, depth)
                 found.append(ForceBelow(body, force, *told))
         return found
 
     def weight_above(self) -> list[tuple[Floats, float]]:
-        """Return lines, and by how much the unit weight below each is larger than that above it.
+        """Return lines, and the difference of the unit weights below and above each line.
 
-        The weight above a point is the sum of these differences times the height of each line over
+        The weight above a point is the sum of these differences times the height of each line above
         the point.
         """
         if self.outline is None or self.gravity is None:
             raise InputError(
-                "ru needs the weight of ground whose surface is known; draw it by [[region]] and"
-                " give [gravity], or give the pressure as a [[load]]."
+                "ru needs the weight of ground whose surface is known; draw it by "
+                "[[region]] and give [gravity], or give the pressure as a [[load]]."
             )
         down = -self.gravity.acceleration[1]
         if not down > 0:
@@ -340,7 +344,7 @@ class _Given:
     def share_of_weight(
         self, body: str, share: float, above: Sequence[tuple[Floats, float]]
     ) -> PorePressure:
-        """Return the pore pressure that is a share of the weight above."""
+        """Return the pore pressure as a share of the weight above."""
         if not 0 <= share <= 1:
             raise InputError(f"ru has {share:g} for '{body}'; give a number from 0 to 1.")
         x = np.concatenate([line[:, 0] for line, _ in above])
@@ -355,13 +359,13 @@ class _Given:
         text = " + ".join(terms)
         if len(text) > LONGEST:
             raise InputError(
-                f"ru of '{body}': the ground above has too many corners; leave out some of them."
+                f"ru of '{body}': the ground above has too many corners; remove some of them."
             )
         words = f"{share:g} times the weight of the ground above"
         return PorePressure(body, WordedFormula(text, words), NAME)
 
     def kinks(self, line: Floats, ends: bool = False) -> list[Floats]:
-        """Return a line and verticals below its corners, and below its ends if they count."""
+        """Return a line and verticals below its corners, and below its ends if requested."""
         if self.outline is None:
             return []
         lowest = min(float(corners[:, 1].min()) for corners in self.shapes.values())
@@ -372,13 +376,13 @@ class _Given:
         return [line, *down]
 
     def _line(self, given: Sequence[Sequence[float]], what: str) -> Floats:
-        """Return a polyline from left to right over all of the ground."""
+        """Return a polyline from left to right across the whole ground."""
         line = points_of(given, what)
         back = np.flatnonzero(np.diff(line[:, 0]) <= 0)
         if back.size:
             raise InputError(
-                f"{what} does not go to the right from {place_of(line[back[0]])} to"
-                f" {place_of(line[back[0] + 1])}; give its points from left to right."
+                f"{what} does not go to the right from {place_of(line[back[0]])} to "
+                f"{place_of(line[back[0] + 1])}; give its points from left to right."
             )
         if not self.shapes:
             return line
@@ -386,8 +390,9 @@ class _Given:
         little = 1e-9 * float(np.ptp(x))
         if line[0, 0] > x.min() + little or line[-1, 0] < x.max() - little:
             raise InputError(
-                f"{what} goes from x = {line[0, 0]:.6g} to {line[-1, 0]:.6g}, but the ground from"
-                f" {x.min():.6g} to {x.max():.6g}; let it reach over all of the ground."
+                f"{what} goes from x = {line[0, 0]:.6g} to {line[-1, 0]:.6g}, but the "
+                f"ground from {x.min():.6g} to {x.max():.6g}; extend it across the whole "
+                "ground."
             )
         if not any(_deepest(corners, line, True)[0] > 0 for corners in self.shapes.values()):
             lowest = int(np.argmin(y))
@@ -402,12 +407,13 @@ def unit_weight_of_water(given: float | None, units: Units, gravity: GravityTabl
     """Return the unit weight of water (force per volume).
 
     Args:
-        given: What the case says of it, if it does.
-        units: Of the numbers.
+        given: The value that the case gives, if any.
+        units: Units of the numbers.
         gravity: The weight of the bodies, if they have any.
 
     Raises:
-        InputError: If it is missing and not known by the units, or is not that of water.
+        InputError: If it is missing and [units] does not define it, or if it is not plausible for
+            water.
     """
     system = units.known
     usual = None if system is None else NEWTONS * system.metres / system.pascals
@@ -419,8 +425,10 @@ def unit_weight_of_water(given: float | None, units: Units, gravity: GravityTabl
             )
         return usual
     if not (given > 0 and math.isfinite(given)):
-        raise InputError(f"unit_weight = {given:g} is that of no water; give a positive number.")
-    least, most = 0.9, 1.4  # of that of fresh water; mud has the most
+        raise InputError(
+            f"unit_weight = {given:g} is not possible for water; give a positive number."
+        )
+    least, most = 0.9, 1.4  # relative to fresh water; mud is the heaviest
     if usual is not None and not least <= given / usual <= most:
         unit = units.table()["force_density"]
         raise InputError(
@@ -429,11 +437,12 @@ def unit_weight_of_water(given: float | None, units: Units, gravity: GravityTabl
         )
     if usual is None and gravity is not None:
         ground = max(gravity.density.values()) * math.hypot(*gravity.acceleration)
-        lightest, heaviest = 0.3, 20.0  # weights of ground and buildings, over that of water
+        lightest, heaviest = 0.3, 20.0  # weights of ground and buildings, relative to water
         if not lightest <= ground / given <= heaviest:
             raise InputError(
-                f"unit_weight = {given:g}, but the heaviest body weighs {ground:.4g} for each"
-                f" volume, {ground / given:.3g} times as much; give both in the same units."
+                f"unit_weight = {given:g}, but the heaviest body weighs {ground:.4g} per "
+                f"unit of volume, {ground / given:.3g} times as much; give both in the "
+                "same units."
             )
     return given
 
@@ -442,7 +451,7 @@ def level(points: Floats) -> str:
     """Return the height of a polyline over x as a formula.
 
     Args:
-        points: From left to right, shape (n, 2).
+        points: Points from left to right, shape (n, 2).
     """
     (x, y), slopes = points.T, np.diff(points[:, 1]) / np.diff(points[:, 0])
     text = _number(y[0])
@@ -455,11 +464,11 @@ def level(points: Floats) -> str:
 
 
 def _joined(ends: Floats, values: Floats) -> list[tuple[Floats, float]]:
-    """Return polylines of the edges that continue each other and have the same value.
+    """Return polylines of adjoining edges with equal values.
 
     Args:
-        ends: Of each edge, from left to right, shape (n, 2, 2).
-        values: Of each edge, shape (n,).
+        ends: Ends of the edges, from left to right, shape (n, 2, 2).
+        values: Values of the edges, shape (n,).
     """
     found: list[tuple[list[Floats], float]] = []
     for k in np.lexsort((ends[:, 0, 1], ends[:, 0, 0])):
@@ -476,9 +485,9 @@ def _deepest(corners: Floats, line: Floats, closed: bool) -> tuple[float, Floats
     """Return how deep a polygon or its side is below a line, and where; not positive if nowhere.
 
     Args:
-        corners: Shape (n, 2).
-        line: From left to right.
-        closed: Whether the last corner is joined to the first.
+        corners: Corners of the polygon, shape (n, 2).
+        line: Line from left to right.
+        closed: Whether an edge joins the last corner to the first.
     """
     ends = np.roll(corners, -1, axis=0)
     start, end = (corners, ends) if closed else (corners[:-1], corners[1:])

@@ -1,1 +1,1 @@
-"""Result folders: fields, checkpoints, summaries."""
+"""Write and read result folders: fields, checkpoints, summaries."""

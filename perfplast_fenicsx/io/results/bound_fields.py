@@ -1,4 +1,4 @@
-"""Fields of bounds of a body: the stress of the lower one, and where the gap between them is."""
+"""Compute fields of bounds: the stress of the lower bound, and contributions to the gap."""
 
 import basix.ufl
 import numpy as np
@@ -14,12 +14,12 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
-    """Piecewise constant functions by name. Collective.
+    """Return piecewise constant functions by name. Collective.
 
     Returns:
-        ``lower_bound_stress``, the mean of each cell (3×3), where there is a lower bound, and
-        ``gap_share``, what each cell that was given has of the gap, in its parts if it was split.
-        Of rigid blocks ``contact_pressure`` of the forces on joints.
+        ``lower_bound_stress`` is the mean stress of each cell (3×3), if there is a lower bound.
+        ``gap_share`` is the contribution of each given cell to the gap, repeated in its parts after
+        a split. For rigid blocks, ``contact_pressure`` is the pressure of the forces on joints.
     """
     fields = dict[str, fem.Function]()
     if body.joints is not None:
@@ -27,7 +27,7 @@ def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
     tagged_mesh = body.problem.tagged_mesh
     if body.stress is not None:
         means = body.stress.mean(axis=1)
-        if tagged_mesh.axisymmetric:  # of rσ
+        if tagged_mesh.axisymmetric:  # coefficients of rσ
             vertices, points = corners(tagged_mesh.mesh)
             means /= points[vertices][..., 0].mean(axis=1)[:, None]
         fields["lower_bound_stress"] = _tensors(body, means)
@@ -46,7 +46,7 @@ def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
 
 
 def _of_joints(problem: Problem, joints: JointProof) -> dict[str, fem.Function]:
-    """Return the pressure of forces at vertices over the area that these stand for. Collective."""
+    """Return the pressure of forces at vertices, divided by their tributary areas. Collective."""
     mesh, body = problem.tagged_mesh.mesh, bound_body(problem)
     space = fem.functionspace(mesh, ("Lagrange", 1))
     pressure, areas = fem.Function(space, name="contact_pressure"), fem.Function(space)
@@ -66,7 +66,7 @@ def _of_joints(problem: Problem, joints: JointProof) -> dict[str, fem.Function]:
 
 
 def _tensors(body: BodyBounds, mandel: Floats) -> fem.Function:
-    """Mandel vectors of the cells as 3×3 tensors."""
+    """Return Mandel vectors of the cells as 3×3 tensors."""
     mesh = body.problem.tagged_mesh.mesh
     space = fem.functionspace(mesh, basix.ufl.element("DG", mesh.basix_cell(), 0, shape=(3, 3)))
     function = fem.Function(space, name="lower_bound_stress")

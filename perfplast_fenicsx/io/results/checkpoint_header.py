@@ -1,7 +1,7 @@
-"""The header of a checkpoint, and the checkpoints of a folder.
+"""Define the header of a checkpoint, and list the checkpoints of a folder.
 
-A checkpoint is of one case and one mesh, whose hashes are in it. Its header has a hash of its own,
-so that a damaged one is known as such.
+A checkpoint contains the hashes of its case and its mesh. Its header has its own hash, so that
+damage is detected.
 """
 
 import dataclasses
@@ -35,9 +35,9 @@ class Header:
     Attributes:
         schema: :data:`SCHEMA`.
         version: Version of the program.
-        case: The case file's content.
-        case_hash: Its hash.
-        mesh_hash: That of the mesh.
+        case: Content of the case file.
+        case_hash: Hash of the case.
+        mesh_hash: Hash of the mesh.
         reports: Reports of the levels so far.
         search: State of the search for a limit load.
         timings: Wall time by activity (s).
@@ -56,10 +56,10 @@ class Header:
 
 
 def read_header(folder: ResultFolder) -> Header:
-    """Return the header of the last checkpoint that has one. Collective.
+    """Return the header of the newest checkpoint that has one. Collective.
 
     Raises:
-        InputError: If none has, or it is of another version of this format.
+        InputError: If no checkpoint has a header, or if it is from another version of this format.
     """
     faults = []
     for path in generations(folder):
@@ -79,12 +79,12 @@ def read_header(folder: ResultFolder) -> Header:
 
 
 def check_case(folder: ResultFolder, table: Table, name: str) -> None:
-    """Make sure that the checkpoint is one of this case. Collective.
+    """Refuse a checkpoint of another case. Collective.
 
     Args:
         folder: Its folder.
-        table: The case file's content.
-        name: Its name, for the message.
+        table: Content of the case file.
+        name: Name of the case, which messages use.
 
     Raises:
         InputError: With the first difference.
@@ -98,7 +98,7 @@ def check_case(folder: ResultFolder, table: Table, name: str) -> None:
 
 
 def packed(header: Header, rank: int) -> Block:
-    """The header as bytes, with a hash of them in front; whole on rank 0, nothing elsewhere."""
+    """Return the header as bytes after a hash of them; complete on rank 0, empty elsewhere."""
     text = json.dumps(dataclasses.asdict(header)).encode()
     data = np.frombuffer(hashlib.sha256(text).digest() + text, dtype=np.uint8)
     return Block(data if rank == 0 else data[:0], 0 if rank == 0 else len(data), len(data))
@@ -131,7 +131,7 @@ def header_of(comm: MPI.Intracomm, path: Path) -> Header:
 
 
 def generations(folder: ResultFolder) -> list[Path]:
-    """Return the checkpoints that a folder may have, the newest first."""
+    """Return the possible checkpoints of a folder, the newest first."""
     return [folder.file(NEWEST), folder.file(BEFORE)]
 
 
@@ -141,5 +141,5 @@ def damaged(path: Path, reason: object) -> str:
 
 
 def nothing_left(folder: ResultFolder, faults: Sequence[str]) -> InputError:
-    """Return the error where no checkpoint of a folder can be used."""
+    """Return the error if no checkpoint of a folder can be used."""
     return InputError(f"{', and '.join(faults)}; start again with -o {folder.path} --force.")

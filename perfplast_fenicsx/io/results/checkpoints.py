@@ -1,10 +1,10 @@
-"""Checkpoints: all that a run needs to go on from its last level, on any number of ranks.
+"""Store checkpoints: all data to continue a run from its last level, on any number of ranks.
 
-``checkpoint.h5`` is written after each level, and the one before stays as ``checkpoint_before.h5``.
-Both have the order of the input. What loading by chosen steps depends on, the state of the level
-before and what the search for the limit load has found, is part of it, and so are the internal
-variables of the laws, each under its name. The algorithms keep nothing else from level to level:
-ALG2 begins each with σ = Σ(ε(u)) and a new penalty.
+``checkpoint.h5`` is written after each level, and the previous one is kept as
+``checkpoint_before.h5``. Both use the order of the input. A checkpoint contains the data of loading
+by chosen steps: the previous state and the progress of the limit load search. It also contains the
+internal variables of the laws, each under its name. The algorithms need no other data from previous
+levels: ALG2 begins each level with σ = Σ(ε(u)) and a new penalty.
 """
 
 import dataclasses
@@ -64,8 +64,8 @@ class Saved:
 
     Attributes:
         reports: Reports of the levels so far.
-        level: The last one, without its iterations; None before the first.
-        before: State of the level before it.
+        level: The last level, without its iterations; None before the first.
+        before: State of the previous level.
         search: State of the search for a limit load, if there is one.
         timings: Wall time by activity (s).
     """
@@ -78,7 +78,7 @@ class Saved:
 
     @property
     def reached(self) -> Reached | None:
-        """How far a loading by chosen steps has come."""
+        """Return how far a loading by chosen steps has come."""
         if self.level is None:
             return None
         rest = self.search.rest if self.search else None
@@ -90,12 +90,12 @@ class Checkpoints:
     """Writes and reads the checkpoints of one problem."""
 
     def __init__(self, folder: ResultFolder, problem: Problem, case: Table, version: str) -> None:
-        """Number cells and nodes, and look at the mesh. Collective.
+        """Number cells and nodes, and check the mesh. Collective.
 
         Args:
-            folder: Their folder.
-            problem: Whose states they hold.
-            case: The case file's content.
+            folder: Folder of the checkpoints.
+            problem: Problem of the states.
+            case: Content of the case file.
             version: Version of the program.
         """
         self._folder, self._problem, self._case, self._version = folder, problem, case, version
@@ -108,10 +108,10 @@ class Checkpoints:
         self._bit = _bits(problem)
 
     def write(self, saved: Saved) -> None:
-        """Replace the checkpoint, and keep the one there is as the one before. Collective.
+        """Write a new checkpoint, and keep the present one as the previous one. Collective.
 
         Raises:
-            InputError: If the system refuses; the checkpoints are then as they were.
+            InputError: If the system refuses; the checkpoints are then unchanged.
         """
         arrays: dict[str, Block] = {}
         if saved.level is not None:
@@ -135,19 +135,21 @@ class Checkpoints:
         write_arrays(folder, folder.file(NEWEST), arrays, folder.file(BEFORE))
 
     def read(self, stages: LoadingHistory | None = None) -> Saved:
-        """Return the last checkpoint that is whole. Collective.
+        """Return the newest undamaged checkpoint. Collective.
 
         Args:
-            stages: Where the problem goes through stages; it is left at the time of the last level.
+            stages: The stages of the problem, if any; the problem is then at the time of the last
+                level.
 
         Raises:
-            InputError: If none is, or the mesh is another one.
+            InputError: If there is no such checkpoint, or if the mesh is different.
         """
         header, faults = read_header(self._folder), []
         if header.mesh_hash != self._mesh_hash:
             raise InputError(
-                f"the mesh is not the one of the checkpoint in '{self._folder.path}' (its points,"
-                " cells or names have changed); give the mesh as it was, or start again with -o."
+                f"the mesh differs from that of the checkpoint in '{self._folder.path}' "
+                "(its points, cells or names have changed); give the original mesh, or "
+                "start again with -o."
             )
         for path in generations(self._folder):
             try:
@@ -157,12 +159,14 @@ class Checkpoints:
                 faults.append(str(error))
                 continue
             if faults:
-                log.warning("%s; going on from '%s', level %d", faults[0], path, len(saved.reports))
+                log.warning(
+                    "%s; continuing from '%s', level %d", faults[0], path, len(saved.reports)
+                )
             return saved
         raise nothing_left(self._folder, faults)
 
     def _read(self, header: Header, path: Path, stages: LoadingHistory | None) -> Saved:
-        """Collective.
+        """Return the content of a checkpoint.
 
         Raises:
             InputError: If the file is damaged.
@@ -198,9 +202,9 @@ class Checkpoints:
         return Saved(reports, level, before, search, header.timings)
 
     def _of_state(self, state: State, end: str = "") -> dict[str, Block]:
-        """Displacement, history, and a byte a node with a bit for each closed pair.
+        """Return displacement, history, and a byte for each node with a bit for each closed pair.
 
-        ``end`` is what the names of the level before the last end with.
+        ``end`` is the suffix of the names of the level before the last.
         """
         width = self._problem.V.dofmap.index_map_bs
         u = state.u.x.array.reshape(-1, width)[: self._owned_nodes]
@@ -224,7 +228,7 @@ class Checkpoints:
         return State(u, report.zeta, report.alpha, active, self._to_history(arrays, end))
 
     def _to_history(self, arrays: dict[str, npt.NDArray], end: str) -> dict[str, fem.Function]:
-        """Internal variables by name. Collective."""
+        """Return internal variables by name. Collective."""
         history, mesh = {}, self._problem.tagged_mesh.mesh
         for array, values in arrays.items():
             group, _, name = array.partition("/")
@@ -240,7 +244,7 @@ class Checkpoints:
         return self._cells if at_points else self._nodes
 
     def _of_points(self, function: fem.Function) -> Block:
-        """Vectors or numbers at the points of each cell, shape (num_cells, points, size)."""
+        """Return vectors or numbers at the points of each cell, shape (num_cells, points, size)."""
         dofmap = function.function_space.dofmap
         points = dofmap.list[: self._owned_cells]
         return block(self._cells, function.x.array.reshape(-1, dofmap.index_map_bs)[points])
@@ -253,9 +257,9 @@ class Checkpoints:
 
 
 def _bits(problem: Problem) -> npt.NDArray[np.uint8]:
-    """Return a bit for each pair hosted here, another one for each pair of the same host."""
+    """Return a bit for each pair on this rank; pairs of one host have different bits."""
     constraints = problem.constraints
-    # Along this direction the normals of the faces that meet at a node are all different.
+    # Along this direction the normals of all faces that meet at a node differ.
     generic = np.array([0.5377, 0.8319, 0.1379])
     along = constraints.normal @ generic[: constraints.normal.shape[1]]
     order = np.lexsort([along, constraints.surface, constraints.host])

@@ -1,4 +1,4 @@
-"""Compare the claims of a result folder with what its proof files prove when checked again."""
+"""Compare the claims of a result folder with the proofs that its files contain."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -14,22 +14,22 @@ from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.verdict import Checked
 
 Proofs = dict[str, dict[str, Checked]]
-"""By the name of a file what its halves prove."""
+"""The proven results of each half, by the name of the file."""
 
 SAME = 1e-9
-"""Bounds that differ by less, relative to their size, are the same."""
+"""Bounds with a smaller relative difference are equal."""
 
 
 def direction_file(angles: tuple[float, ...]) -> str:
-    """Return the name of the proof of a direction (degrees) of an envelope."""
+    """Return the name of the proof file for a direction (degrees) of an envelope."""
     return "_".join([DIRECTIONS, *(f"{angle:06.2f}" for angle in angles)]) + ".h5"
 
 
 def proofs_in(folder: Path) -> Proofs:
-    """Return what the proof files of a folder prove.
+    """Return the results that the proof files of a folder prove.
 
     Raises:
-        InputError: If one cannot be read.
+        InputError: If a file cannot be read.
     """
     names = [name for name in (PROOF, LEAST, STANDS, FALLS) if (folder / name).exists()]
     names += [path.name for path in sorted(folder.glob(f"{DIRECTIONS}_*.h5"))]
@@ -37,13 +37,15 @@ def proofs_in(folder: Path) -> Proofs:
 
 
 def proven_by(path: Path) -> dict[str, Checked]:
-    """Return what a file proves.
+    """Return the results that a file proves.
 
     Raises:
-        InputError: If it cannot be read.
+        InputError: If the file cannot be read.
     """
     if path.is_symlink():
-        raise InputError(f"'{path}' is a link, which may lead out of the results; run again.")
+        raise InputError(
+            f"'{path}' is a link, which may lead out of the results; run the case again."
+        )
     try:
         return check(path)
     except ProofError as error:
@@ -51,31 +53,31 @@ def proven_by(path: Path) -> dict[str, Checked]:
 
 
 def check_claims(limit: dict[str, Any], proofs: Proofs) -> None:
-    """Make sure that files prove the bounds that ``summary.json`` says are strict.
+    """Check that files prove the bounds that ``summary.json`` calls strict.
 
-    A bound of the body whose proof is missing is taken out of the table, with the reason.
+    A bound of the body whose proof is missing is removed from the table, with the reason.
 
     Args:
-        limit: Its table of the limit load.
+        limit: Table of the limit load in ``summary.json``.
         proofs: Verdicts of the checker on the files.
 
     Raises:
-        InputError: If a file proves another bound than the table has, or an envelope or a factor of
-            safety has no proof.
+        InputError: If a file proves another bound than the table has, or if an envelope or a factor
+            of safety has no proof.
     """
     body = limit.get("body") or {}
     for name, kind, claimed in list(_claims(limit)):
         halves = proofs.get(name, {})
         if name == PROOF and kind not in halves:
             _take_out(body, kind)
-            why = f"summary.json claims {claimed:.9g}, and {name} with its proof is missing"
+            why = f"summary.json claims {claimed:.9g}, but {name} with its proof is missing"
             body["why_not"] = [*body.get("why_not", []), f"{kind} bound: {why}"]
             continue
         check_claim("summary.json", name, kind, claimed, halves)
 
 
 def _take_out(body: dict[str, Any], kind: str) -> None:
-    """Leave a bound of the body out of its table."""
+    """Remove a bound of the body from its table."""
     if body.get("standing"):
         low, high = body["standing"]
         body["standing"] = [None, high] if kind == "lower" else [low, None]
@@ -84,18 +86,18 @@ def _take_out(body: dict[str, Any], kind: str) -> None:
 
 
 def check_factor(folder: Path, limit: Mapping[str, Any], proofs: Proofs) -> None:
-    """Make sure that the files of a factor of safety have it, and are of the same bodies.
+    """Check that the files of a factor of safety prove it for the same bodies.
 
-    Ground that dilates less is replaced by associated ground that depends on the factor, so that
-    the bodies of such an estimate are not compared.
+    For ground with ψ < φ, the associated ground depends on the factor; the bodies of such an
+    estimate are not compared.
 
     Args:
-        folder: The results.
+        folder: The result folder.
         limit: The table of the limit load in ``summary.json``.
         proofs: Verdicts of the checker on the files.
 
     Raises:
-        InputError: If they do not, or are not.
+        InputError: If the files do not prove the factor, or if their bodies differ.
     """
     strength = limit.get("strength") or {}
     both = {"lower": folder / STANDS, "upper": folder / FALLS}
@@ -124,17 +126,17 @@ def check_factor(folder: Path, limit: Mapping[str, Any], proofs: Proofs) -> None
 def check_claim(
     source: str, name: str, kind: str, claimed: float, halves: Mapping[str, Checked]
 ) -> None:
-    """Make sure that a file proves a bound.
+    """Check that a file proves a bound.
 
     Args:
-        source: The file that claims it.
-        name: That of the proof.
+        source: Name of the file with the claim.
+        name: Name of the proof file.
         kind: "lower" or "upper".
         claimed: The bound.
         halves: Verdicts of the checker on both halves.
 
     Raises:
-        InputError: If it does not.
+        InputError: If the file does not prove it.
     """
     said = f"{source} says that the {kind} bound {claimed:.9g} is proven, but {name}"
     again = "run the case again"
@@ -149,10 +151,10 @@ def check_claim(
 
 
 def _claims(limit: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
-    """Yield the file, the kind and the value of each bound that is claimed.
+    """Yield the file, the kind and the value of each claimed bound.
 
-    Of a factor of safety the smaller strengths carry the loads once at least, and the larger
-    factor's do not carry them.
+    For a factor of safety, the strengths of the lower factor carry the loads at least once, and
+    those of the upper factor do not.
     """
     body, strength = limit.get("body") or {}, limit.get("strength") or {}
     if strength:
@@ -164,7 +166,7 @@ def _claims(limit: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
     for kind, value in zip(("lower", "upper"), bounds, strict=True):
         if value is not None:
             yield PROOF, kind, float(value)
-    least = body.get("least") or {}  # of the loads turned round
+    least = body.get("least") or {}  # bounds of the reversed loads
     for kind, key in (("lower", "carried"), ("upper", "none_below")):
         if least.get(key) is not None:
             yield LEAST, kind, -float(least[key])
@@ -173,13 +175,13 @@ def _claims(limit: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
 
 
 def _in_directions(envelope: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
-    """Yield the same of an envelope: each point is λ times the ray of one of its directions.
+    """Yield the claims of an envelope: each point is λ times the ray of one of its directions.
 
-    Half-spaces are not among them, as a proof has the loads of one direction alone.
+    Half-spaces are excluded, since a proof contains the loads of only one direction.
     """
     directions = [tuple(map(float, angles)) for angles in envelope["directions"]]
     rays = rays_at(np.array(directions))
-    parallel = 1e-9  # what a unit vector across a ray has less
+    parallel = 1e-9  # smallest error of a unit vector off a ray
     for point in np.array(envelope["carried"], dtype=np.float64):
         if point.any():
             along = rays @ point

@@ -1,4 +1,4 @@
-"""``combinations.csv``: the results of each combination of loads, the worst first."""
+"""Write ``combinations.csv``: the results of each combination of loads, the worst first."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -11,22 +11,22 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 TABLE = "combinations.csv"
-"""File of the table, in the folder that has those of the combinations."""
+"""File of the table, in the folder that contains those of the combinations."""
 
 
 Rows = list[dict[str, Any]]
-"""``combination``, ``lower``, ``upper``, ``estimate`` and ``design load`` of each."""
+"""Rows with ``combination``, ``lower``, ``upper``, ``estimate`` and ``design load``."""
 
 
 def write_table(folder: Path, found: Mapping[str, Mapping[str, Any] | None]) -> Rows:
     """Write the table. Not collective.
 
     Args:
-        folder: Folder that has the folders of the combinations.
-        found: What ``summary.json`` says of the limit load of each, by their names.
+        folder: Folder with the folders of the combinations.
+        found: Table of the limit load in ``summary.json`` of each combination, by their names.
 
     Returns:
-        The rows.
+        The rows of the table.
 
     Raises:
         InputError: If the file cannot be written.
@@ -40,7 +40,7 @@ def write_table(folder: Path, found: Mapping[str, Mapping[str, Any] | None]) -> 
 
 
 def read_table(folder: Path) -> Rows:
-    """Return the rows of the table in a folder; none where there is no table that can be read."""
+    """Return the rows of the table in a folder; an empty list without a readable table."""
     try:
         with (folder / TABLE).open(encoding="utf-8", newline="") as file:
             rows: Rows = list(csv.DictReader(file))
@@ -53,7 +53,7 @@ def read_table(folder: Path) -> Rows:
 
 
 def as_cells(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]:
-    """Return the table for people: a line of headings, then combinations, bounds and verdicts."""
+    """Return the table as text: a line of headings, then combinations, bounds and verdicts."""
     cells = [["combination", "carried", "collapses", "estimate", "design load"]]
     dash = "-"
     for row in rows:
@@ -74,7 +74,7 @@ def _row(name: str, limit: Mapping[str, Any] | None) -> dict[str, Any]:
     """Return the row of a combination: strict bounds of the bodies, and the estimate."""
     known = limit or {}
     body, design = known.get("body") or {}, known.get("design") or {}
-    if strength := known.get("strength"):  # the factor of safety, of which 1 is enough
+    if strength := known.get("strength"):  # the factor of safety, which must be at least 1
         body = design = strength
     low, high = design.get("lower"), design.get("upper")
     carried = low is not None and low >= 1

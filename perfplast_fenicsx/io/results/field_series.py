@@ -1,7 +1,7 @@
-"""The fields of all levels: a VTKHDF file each, and the list that ParaView opens as a time series.
+"""Write the fields of all levels: a VTKHDF file for each, and a list for ParaView's time series.
 
-Each file gets its name when it is whole, then the list is replaced as a whole. So no crash harms
-the levels that are there, and a restart goes on with them.
+Each file is renamed when it is complete; then the list is replaced as a whole. So a crash does not
+damage existing levels, and a restart continues them.
 
 ParaView opens ``fields.vtkhdf.series``; PyVista shows a level by one line::
 
@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 
 
 class FieldSeries:
-    """Writes fields of load levels; the time is ζ or α, whichever is prescribed."""
+    """Writes fields of load levels; the time is the prescribed quantity ζ or α."""
 
     def __init__(
         self,
@@ -47,15 +47,15 @@ class FieldSeries:
         kept: Sequence[LevelReport] = (),
         points: bool = False,
     ) -> None:
-        """Write the mesh, and take over the levels of an earlier run. Collective.
+        """Write the mesh, and keep the levels of an earlier run. Collective.
 
         Args:
             folder: Folder of the files.
-            problem: Whose levels are written.
-            prescribed: The prescribed quantity of a level; the other one is found.
+            problem: Problem of the levels.
+            prescribed: The prescribed quantity of a level.
             kept: The levels that an earlier run has written, from the first one on; files of later
-                ones are removed.
-            points: Whether to write fields at the points of the quadrature too.
+                levels are removed.
+            points: Whether to write fields at the quadrature points too.
 
         Raises:
             InputError: If the files cannot be written.
@@ -67,8 +67,9 @@ class FieldSeries:
         self._times = {number: prescribed.of(kept[number - 1]) for number in there}
         if len(there) < len(kept) and folder.comm.rank == 0:
             log.warning(
-                "the fields of %d of the %d levels that are solved are missing in '%s': they are"
-                " not listed, and have no pictures; to have them, run the case again with --force",
+                "the fields of %d of the %d solved levels are missing in '%s': they are "
+                "not listed, and have no pictures; to write them, run the case again with "
+                "--force",
                 *(len(kept) - len(there), len(kept), folder.file(FIELDS)),
             )
         folder.on_root(lambda: folder.file(FIELDS).mkdir(exist_ok=True))
@@ -87,16 +88,16 @@ class FieldSeries:
         report: LevelReport,
         at_points: Mapping[str, Floats] | None = None,
     ) -> None:
-        """Append a level that is solved. Collective.
+        """Append a solved level. Collective.
 
         Args:
-            number: Number of the level, from 1; higher than those before.
+            number: Number of the level, from 1; higher than the previous ones.
             fields: Nodal or piecewise constant functions by name (:meth:`FieldWriter.write`).
             report: The level.
-            at_points: Fields at the points of the quadrature, by name, where these are written.
+            at_points: Fields at the quadrature points by name, if these are written.
 
         Raises:
-            InputError: If the files cannot be written; what was there before is whole.
+            InputError: If the files cannot be written; existing files remain complete.
         """
         facts: dict[str, float | int | str] = {"level": number}
         facts["prescribed"] = self._prescribed.value
@@ -117,10 +118,10 @@ class FieldSeries:
         """Write ``mechanism.vtkhdf``. Collective.
 
         Args:
-            fields: A velocity of unit work, its plastic work, and what belongs to them, by name.
-            zeta: The load factor it belongs to.
-            alpha: The work α that has been reached.
-            at_points: Fields at the points of the quadrature, by name, where these are written.
+            fields: A velocity of unit work, its plastic work, and further fields by name.
+            zeta: The load factor of the velocity.
+            alpha: The reached work α.
+            at_points: Fields at the quadrature points by name, if these are written.
 
         Raises:
             InputError: If the file cannot be written.

@@ -1,8 +1,9 @@
-"""The pictures of a result folder: one list, which the run, the report and the terminal read.
+"""List the pictures of a result folder, for the run, the report and the terminal.
 
-An entry of :data:`FIGURES` names the function that draws. Drawing needs matplotlib or VTK, and goes
-on in a process of its own; so functions are named here, and loaded where they draw. Installed
-packages add entries by an entry point of the group :data:`GROUP`, which names a :class:`Figure`.
+An entry of :data:`FIGURES` contains the name of the function that draws. Drawing needs matplotlib
+or VTK, and happens in a separate process. Functions are therefore given by name, and imported when
+they draw. Installed packages add entries by entry points of the group :data:`GROUP`, each of which
+refers to a :class:`Figure`.
 """
 
 from collections.abc import Callable
@@ -16,10 +17,10 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.extensions import loaded
 
 GROUP = "perfplast_fenicsx.figures"
-"""Entry points of figures that other packages add."""
+"""Group of entry points for figures of other packages."""
 
 Drawing: TypeAlias = Callable[[Path], str | None]
-"""Draws into a PNG file; returns a remark for the terminal, or None."""
+"""Function that draws into a PNG file and returns a remark for the terminal, or None."""
 
 OURS = "perfplast_fenicsx.pictures.result_figures"
 
@@ -29,13 +30,13 @@ class Figure:
     """A picture of a run.
 
     Attributes:
-        file: Its name in the result folder, of a PNG file.
-        title: Heading of the figure.
-        source: The function that decides and draws, as "package.module:function". Its argument is
-            a :class:`~perfplast_fenicsx.pictures.result_reader.ResultReader`. It returns a
-            :data:`Drawing`, a sentence that gives the reason for no picture, or None where the
-            picture is of another kind of run.
-        wide: Whether it has several parts side by side.
+        file: Name of its PNG file in the result folder.
+        title: Title of the figure.
+        source: The function that decides and draws, as "package.module:function". Its argument is a
+            :class:`~perfplast_fenicsx.pictures.result_reader.ResultReader`. It returns a
+            :data:`Drawing`, the reason why there is no picture, or None if the picture does not
+            apply to this kind of run.
+        wide: Whether it has several panels side by side.
     """
 
     file: str
@@ -44,10 +45,10 @@ class Figure:
     wide: bool = False
 
     def of(self, reader: Any) -> Drawing | str | None:
-        """Return what draws the results of a reader, why nothing can be drawn, or None.
+        """Return a drawing function for the results of a reader, why there is none, or None.
 
         Raises:
-            ImportError: If the source or what it needs is not installed.
+            ImportError: If the source or its dependencies are not installed.
         """
         module, function = self.source.split(":")
         found: Drawing | str | None = getattr(import_module(module), function)(reader)
@@ -63,24 +64,25 @@ FIGURES = (
     Figure("shakedown.png", "Shakedown", f"{OURS}:shakedown"),
     Figure("mechanism.png", "The collapse mechanism", f"{OURS}:mechanism", wide=True),
 )
-"""Those of this package, in the order in which they are drawn."""
+"""Figures of this package, in the order of drawing."""
 
 
 @cache
 def figures() -> tuple[Figure, ...]:
-    """Return :data:`FIGURES`, and those that installed packages add, by name of the entry point.
+    """Return :data:`FIGURES` and those of installed packages, ordered by entry point name.
 
     Raises:
-        InputError: If an entry point cannot be loaded, does not name a :class:`Figure`, or its file
-            has another name than ``*.png`` or one that is taken.
+        InputError: If an entry point cannot be loaded, does not refer to a :class:`Figure`, or has
+            a file name that is not ``*.png`` or already used.
     """
     found = {figure.file: figure for figure in FIGURES}
     for entry, figure in loaded(GROUP, "the figure '{name}' cannot be loaded"):
         file = figure.file if isinstance(figure, Figure) else ""
         if Path(file).name != file or Path(file).suffix != ".png" or file in found:
             raise InputError(
-                f"the figure '{entry.name}' of {entry.value} must be a Figure whose file is a new"
-                f" name *.png, not {figure!r}; mend or uninstall the package that adds it."
+                f"the figure '{entry.name}' of {entry.value} must be a Figure whose file "
+                f"is a new name *.png, not {figure!r}; repair or uninstall the package "
+                "that adds it."
             )
         found[file] = figure
     return tuple(found.values())

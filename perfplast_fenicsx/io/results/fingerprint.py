@@ -1,4 +1,7 @@
-"""Is it the same case and the same mesh? What a restart asks before it goes on."""
+"""Check whether the case and the mesh are the same.
+
+A restart uses this check before it continues.
+"""
 
 import copy
 import hashlib
@@ -19,20 +22,20 @@ from perfplast_fenicsx.spatial_fields import PointValues, varying
 NOTHING = object()
 
 CONTENT = "content"
-"""The key of the hash of a file's content, beside its name as ``file``."""
+"""Key of the hash of a file's content, next to its name in ``file``."""
 
 
 def case_hash(table: Table) -> str:
-    """SHA-256 of the data of a case file, whatever its layout and comments."""
+    """Return the SHA-256 of the data of a case file, independent of layout and comments."""
     text = json.dumps(table, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def with_contents(table: Table, materials: Mapping[str, object]) -> Table:
-    """Return a case with the hash of each file of values beside its name.
+    """Return a case with the hash of each data file next to its name.
 
     Args:
-        table: The case file's content.
+        table: Content of the case file.
         materials: Its materials, by the names of the bodies.
     """
     found = copy.deepcopy(table)
@@ -44,9 +47,9 @@ def with_contents(table: Table, materials: Mapping[str, object]) -> Table:
 
 
 def first_difference(now: Table, then: Table) -> str | None:
-    """Return where a case differs from an earlier one, in words; None where it does not.
+    """Return in words where a case differs from an earlier one; None if it does not.
 
-    More load levels after the earlier ones are not a difference.
+    Additional load levels at the end are not a difference.
     """
     entries, earlier = dict(_entries(now)), dict(_entries(then))
     levels = ("loading.values",)  # lists to which a restart may append
@@ -54,7 +57,7 @@ def first_difference(now: Table, then: Table) -> str | None:
         new, old = entries.get(key, NOTHING), earlier.get(key, NOTHING)
         if key.endswith(f".{CONTENT}") and new != old:
             file = entries[key.removesuffix(CONTENT) + "file"]
-            return f"the content of '{file}' is another one than"
+            return f"the content of '{file}' differs from that"
         if new is NOTHING:
             return f"{key} is not given, but was {shown(old)}"
         if old is NOTHING:
@@ -65,13 +68,13 @@ def first_difference(now: Table, then: Table) -> str | None:
 
 
 def _goes_on(new: object, old: object) -> bool:
-    """Return whether a list is an earlier one with more entries after it."""
+    """Return whether a list is an earlier list with more entries at its end."""
     both = isinstance(new, list) and isinstance(old, list)
     return both and len(new) > len(old) and new[: len(old)] == old  # type: ignore[arg-type,index]
 
 
 def _changed(key: str, new: object, old: object) -> str:
-    """Return a text on the changed value; of lists the first changed entry."""
+    """Return a text on the changed value; for lists on the first changed entry."""
     if not (isinstance(new, list) and isinstance(old, list)):
         return f"{key} = {shown(new)}, but was {shown(old)}"
     pairs = enumerate(zip_longest(new, old, fillvalue=NOTHING), start=1)
@@ -80,7 +83,8 @@ def _changed(key: str, new: object, old: object) -> str:
         return f"{key} has {len(new)} entries, but had {len(old)}"
     if then is NOTHING:
         return (
-            f"{key} has {len(new)} entries, but had {len(old)}; the first one more is {shown(now)}"
+            f"{key} has {len(new)} entries, but had {len(old)}; the first additional one "
+            f"is {shown(now)}"
         )
     return f"{key}: entry {number} is {shown(now)}, but was {shown(then)}"
 
@@ -112,7 +116,7 @@ def mesh_hash(tagged_mesh: TaggedMesh, cells: Ordering) -> str:
 
 
 def _entries(table: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """The values of nested tables under names such as ``material.upper.young``, ``load[2].on``."""
+    """Yield values of nested tables by names such as ``material.upper.young``, ``load[2].on``."""
     if isinstance(table, dict):
         for key, value in table.items():
             yield from _entries(value, f"{place}.{key}" if place else key)

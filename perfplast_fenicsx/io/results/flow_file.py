@@ -1,4 +1,4 @@
-"""``seepage.vtkhdf``: water that flows through the ground, for ParaView and for pictures."""
+"""Write ``seepage.vtkhdf``: the seepage, for ParaView and for pictures."""
 
 import os
 from pathlib import Path
@@ -23,8 +23,8 @@ def write_flow(flow: SteadyFlow, path: Path) -> None:
     """Write a flow at the vertices of its cells. Not collective.
 
     Args:
-        flow: The flow.
-        path: The file, which is replaced if it is there.
+        flow: The seepage flow.
+        path: The file, which is replaced if it exists.
 
     Raises:
         OSError: If the file cannot be written.

@@ -1,4 +1,4 @@
-"""Slip and friction on contact surfaces as fields that people look at."""
+"""Compute slip and friction on contact surfaces as output fields."""
 
 import numpy as np
 from dolfinx import fem
@@ -13,20 +13,19 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 class FrictionFields:
-    """Linear on surfaces with friction, zero elsewhere.
+    """Fields that are linear on surfaces with friction and zero elsewhere.
 
     Attributes:
         fields: ``slip`` (length), u_a − u_b along the surface since the beginning, on both
-            of them; and ``friction_stress``, what friction exerts on each surface, with opposite
-            signs.
+            surfaces; and ``friction_stress``, the friction on each surface, with opposite signs.
     """
 
     def __init__(self, problem: Problem, vertices: fem.FunctionSpace) -> None:
-        """Make what brings values of places to vertices. Collective.
+        """Create the map from values at places of friction to vertices. Collective.
 
         Args:
             problem: The bodies.
-            vertices: Linear functions.
+            vertices: Space of linear functions.
         """
         self._problem = problem
         gdim = problem.bodies.gdim
@@ -43,11 +42,11 @@ class FrictionFields:
         self._shares = matrix_of_entries(problem.comm, rows, columns, [positive])
 
     def update(self, level: Level, areas: Floats) -> None:
-        """Bring the fields to a level. Collective.
+        """Update the fields from a level. Collective.
 
         Args:
             level: The level.
-            areas: ∫ψ of each owned vertex over the surfaces of contact.
+            areas: ∫ψ of each owned vertex over the contact surfaces.
         """
         problem, friction = self._problem, self._problem.friction
         y = problem.create_vector()
@@ -73,7 +72,7 @@ class FrictionFields:
         array[: len(values), axis] = values
 
     def _at_vertices(self, of_places: Floats) -> Floats:
-        """Return values of places, shared among nodes and then vertices. Collective."""
+        """Return values at places distributed to nodes and then to vertices. Collective."""
         on_rows, on_nodes = self._shares.createVecLeft(), self._shares.createVecRight()
         on_rows.array[self._problem.friction.pair] = of_places
         self._shares.multTranspose(on_rows, on_nodes)
@@ -83,7 +82,7 @@ class FrictionFields:
         return values
 
     def _gathered(self, of_nodes: Floats) -> Floats:
-        """Σ_k f_k ψ_j(x_k) of each owned vertex j. Collective."""
+        """Return Σ_k f_k ψ_j(x_k) for each owned vertex j. Collective."""
         on_vertices, on_nodes = self._to_nodes.createVecs()
         on_nodes.array[:] = of_nodes
         self._to_nodes.multTranspose(on_nodes, on_vertices)

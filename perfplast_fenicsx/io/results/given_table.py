@@ -1,4 +1,4 @@
-"""The input as ``summary.json`` has it: materials, supports, loads, contacts and the rest."""
+"""Convert the input for ``summary.json``: materials, supports, loads, contacts and the rest."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -18,15 +18,15 @@ KINDS: tuple[Mapping[str, type[Any]], ...] = (
     OBSTACLES,
     {"temperature": Temperature, "initial_stress": InitialStress, "bolt": Bolt},
 )
-"""Objects of several kinds, by their names in case files."""
+"""Classes of objects of several kinds, by their names in case files."""
 
 
 def given_table(given: Given) -> dict[str, Any]:
-    """Return the input in words and numbers that JSON has.
+    """Return the input as JSON data.
 
     Returns:
-        The fields of :class:`given.Given` by name. A dataclass is a table of its fields, and its
-        ``kind``: as case files call it, or the name of its class.
+        The keys are the fields of :class:`given.Given`. A dataclass becomes a table of its fields
+        with its ``kind``: its name in case files, or the name of its class.
     """
     return {field.name: _told(getattr(given, field.name)) for field in dataclasses.fields(given)}
 

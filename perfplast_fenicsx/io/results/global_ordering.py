@@ -1,9 +1,9 @@
-"""Orders of cells and nodes that do not depend on how the mesh is distributed.
+"""Order cells and nodes independently of the distribution of the mesh.
 
-Cells are numbered as in the input, nodes by the first cell they belong to and their place in it. In
-files everything has this order: a run on any number of ranks writes the same files, and reads those
-of any other. Each rank keeps a block of consecutive numbers; values travel between it and the ranks
-that own the cells and nodes by all-to-all.
+Cells are numbered as in the input, nodes by the first cell that contains them and their position in
+it. Files use this order: a run on any number of ranks writes the same files, and reads those of any
+other run. Each rank stores a block of consecutive numbers. All-to-all communication moves values
+between this block and the owners of the cells and nodes.
 """
 
 from mpi4py import MPI
@@ -19,21 +19,21 @@ from perfplast_fenicsx.parallel import exchange_rows, send_rows
 
 
 class Ordering:
-    """The order of things by a key.
+    """The order of entities by a key.
 
     Attributes:
-        first: Number of the first thing in this rank's block.
-        count: How many there are in it.
-        total: How many there are on all ranks.
+        first: Number of the first entity in this rank's block.
+        count: Number of entities in this rank's block.
+        total: Number of entities on all ranks.
     """
 
     def __init__(self, comm: MPI.Intracomm, keys: Longs) -> None:
-        """Agree on the order. Collective.
+        """Determine the order. Collective.
 
         Args:
             comm: The ranks.
-            keys: Keys of the things owned by this rank, at least 0; no two on any ranks are the
-                same.
+            keys: Keys of the entities owned by this rank, at least 0; they are unique over all
+                ranks.
         """
         self._comm = comm
         width = comm.allreduce(int(keys.max(initial=0)), MPI.MAX) // comm.size + 1
@@ -48,11 +48,17 @@ class Ordering:
         self.total: int = comm.allreduce(self.count)
 
     def to_blocks(self, values: npt.NDArray) -> npt.NDArray:
-        """Values of owned things, shape (n, ...), as those of this rank's block. Collective."""
+        """Return values of owned entities, shape (n, ...), as those of this rank's block.
+
+        Collective.
+        """
         return self._to_keepers(values)[self._sorting]
 
     def from_blocks(self, values: npt.NDArray) -> npt.NDArray:
-        """Values of this rank's block, shape (count, ...), as those of owned things. Collective."""
+        """Return values of this rank's block, shape (count, ...), as those of owned entities.
+
+        Collective.
+        """
         kept = np.empty_like(values)
         kept[self._sorting] = values
         owned = np.empty((len(self._by_keeper), *values.shape[1:]), dtype=values.dtype)
@@ -60,16 +66,16 @@ class Ordering:
         return owned
 
     def numbers(self) -> Longs:
-        """Return numbers of the owned things. Collective."""
+        """Return the numbers of the owned entities. Collective."""
         return self.from_blocks(np.arange(self.first, self.first + self.count))
 
     def _to_keepers(self, values: npt.NDArray) -> npt.NDArray:
-        """Return rows of owned things on the ranks that keep their keys. Collective."""
+        """Return rows of owned entities on the ranks that store their keys. Collective."""
         return exchange_rows(self._comm, values[self._by_keeper], self._owned, self._kept)
 
 
 def cell_ordering(mesh: Mesh) -> Ordering:
-    """Return the order of a mesh's owned cells in the input. Collective."""
+    """Return the input order of a mesh's owned cells. Collective."""
     return Ordering(mesh.comm, _input_cells(mesh))
 
 
@@ -79,7 +85,7 @@ def node_ordering(mesh: Mesh, cells: Ints, index_map: IndexMap) -> Ordering:
     Args:
         mesh: The mesh.
         cells: Local nodes of each local cell, shape (num_cells, nodes_per_cell).
-        index_map: Index map of the nodes, which may be those of the geometry or of displacements.
+        index_map: Index map of the nodes, of the geometry or of displacements.
     """
     owned, per_cell = index_map.size_local, cells.shape[1]
     cells = cells[: len(_input_cells(mesh))]
@@ -94,7 +100,7 @@ def node_ordering(mesh: Mesh, cells: Ints, index_map: IndexMap) -> Ordering:
 
 
 def with_ghosts(index_map: IndexMap, owned: Longs) -> Longs:
-    """Whole numbers of owned nodes, completed by those of the ghosts. Collective."""
+    """Return integers of owned nodes, completed by those of the ghosts. Collective."""
     vector = la.vector(index_map, 1, dtype=np.int64)
     vector.array[: index_map.size_local] = owned
     vector.scatter_forward()

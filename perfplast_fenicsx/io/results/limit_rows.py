@@ -1,4 +1,4 @@
-"""Rows of ``path.csv`` after a limit load without levels: one for each mesh."""
+"""Return rows of ``path.csv`` for a limit load without levels: one for each mesh."""
 
 from typing import Any
 
@@ -6,21 +6,21 @@ from perfplast_fenicsx.io.results.summary import Summary
 
 
 def limit_rows(summary: Summary) -> list[dict[str, Any]]:
-    """Return the rows, all with the same columns; what is not known is empty.
+    """Return the rows, all with the same columns; unknown values are empty.
 
     Args:
-        summary: With a ``limit`` that came without levels.
+        summary: Summary with a ``limit`` that was computed without levels.
 
     Returns:
-        Of each mesh its number ``mesh`` (1 to n) and its ``cells``; ``estimate``, ``static`` and
-        ``kinematic`` of its limit load, of the last mesh alone; ``body_lower`` and ``body_upper``,
-        the best bounds of the bodies so far; ``seconds`` since the first began. Of a factor of
-        safety, each ``factor`` with strict bounds, ``lower`` and ``upper``, of how many times the
-        loads are carried; after them the points of its curve, each ``factor`` with the ``work`` of
-        the loads, the largest ``displacement``, and what they took. Of an envelope, each ``angle``
-        (degrees), with three numbers ``elevation`` as well, with how far all is ``carried``, and
-        ``not carried from`` where on. Of a diagram of shakedown, each ``angle`` with the factors
-        ``first`` and ``second`` to which bodies shake down, and its ``failure``.
+        For each mesh: its number ``mesh`` (1 to n) and its ``cells``; ``estimate``, ``static`` and
+        ``kinematic`` of its limit load, for the last mesh only; ``body_lower`` and ``body_upper``,
+        the best bounds of the bodies so far; ``seconds`` since the start of the first. For a factor
+        of safety: each ``factor`` with strict bounds, ``lower`` and ``upper``, of how many times
+        the loads are carried; then the points of its curve, each ``factor`` with the ``work`` of
+        the loads, the largest ``displacement``, and the cost. For an envelope: each ``angle``
+        (degrees), with three numbers also ``elevation``, with the distance ``carried`` up to which
+        all is carried, and ``not carried from``. For a shakedown diagram: each ``angle`` with the
+        factors ``first`` and ``second`` to which bodies shake down, and its ``failure``.
     """
     limit = summary.limit or {}
     if envelope := limit.get("envelope"):

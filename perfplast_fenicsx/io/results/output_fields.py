@@ -1,4 +1,4 @@
-"""Fields people look at: stress tensor, plastic zone, contact pressure of a level."""
+"""Compute output fields: stress tensor, plastic zone, contact pressure of a level."""
 
 import basix.ufl
 import numpy as np
@@ -17,21 +17,21 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 class OutputFields:
-    """Makes the output fields of a problem's levels; compiled once.
+    """Computes the output fields of a problem's levels, with expressions compiled once.
 
     Attributes:
-        fields: name → function, brought up to date by :meth:`update`: ``displacement`` (length),
-            ``stress`` (3×3, mean of each cell), ``plastic`` (share of each cell's points that are
-            plastic), ``yield_ratio`` (the gauge of the law's yield set, the largest of each cell's
-            points, 0 in elastic bodies), ``contact_pressure`` (linear on the contact
-            surfaces, 0 elsewhere, positive where bodies push each other; at an edge of two contact
-            faces the mean of both); internal variables of the laws by their names, the mean of each
-            cell: numbers, or Mandel vectors as tensors (3×3); and, where there is friction, those
-            of :class:`friction_fields.FrictionFields`.
-        at_points: ``stress`` (3×3), ``yield_ratio`` and, of levels, ``plastic`` (1 or 0) at the
-            points of the quadrature, shape (num_cells, points of a cell, ...), of the last update.
-        resultants: Force of each contact on its primary surface, and after them of each obstacle on
-            its surface, shape (num_contacts, gdim), the same on every rank.
+        fields: Functions by name, updated by :meth:`update`. ``displacement`` (length); ``stress``
+            (3×3, mean of each cell); ``plastic`` (share of each cell's points that are plastic);
+            ``yield_ratio`` (the gauge of the law's yield set, largest value in each cell, 0 in
+            elastic bodies); ``contact_pressure`` (linear on the contact surfaces, 0 elsewhere,
+            positive where bodies push each other, at an edge of two contact faces the mean of
+            both). Internal variables of the laws by their names, the mean of each cell: numbers, or
+            Mandel vectors as tensors (3×3). With friction, also the fields of
+            :class:`friction_fields.FrictionFields`.
+        at_points: ``stress`` (3×3), ``yield_ratio`` and, for levels, ``plastic`` (1 or 0) at the
+            quadrature points, shape (num_cells, points of a cell, ...), of the last update.
+        resultants: Force of each contact on its primary surface, followed by that of each obstacle
+            on its surface, shape (num_contacts, gdim), the same on every rank.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -79,7 +79,7 @@ class OutputFields:
             self.fields |= self._friction.fields
 
     def update(self, level: Level) -> dict[str, fem.Function]:
-        """Bring all fields to a level, before the next one begins. Collective."""
+        """Update all fields from a level, before the next one begins. Collective."""
         self.fields["displacement"].x.array[:] = level.state.u.x.array
         evaluate(self._strain, self._e, self._problem.cells)
         self._plastic.interpolate(self._at_points)
@@ -94,7 +94,7 @@ class OutputFields:
         return self.fields
 
     def _remember(self, name: str, variable: fem.Function) -> None:
-        """Mean of an internal variable in each cell."""
+        """Store the mean of an internal variable in each cell."""
         dofmap = variable.function_space.dofmap
         width = dofmap.index_map_bs
         means = variable.x.array.reshape(-1, width)[dofmap.list].mean(axis=1)
@@ -105,10 +105,10 @@ class OutputFields:
             self.fields[name].interpolate(self._tensor)
 
     def of_stress(self, sigma: fem.Function, contact_forces: Floats) -> dict[str, fem.Function]:
-        """Bring the fields that belong to a stress up to date, and return them. Collective.
+        """Update the fields that depend on a stress, and return them. Collective.
 
         Args:
-            sigma: Mandel vectors at the points.
+            sigma: Stress as Mandel vectors at the points.
             contact_forces: Contact forces of the pairs hosted by this rank, shape (num_pairs,).
         """
         stress, size = self._stress.x.array, self._mean.function_space.dofmap.index_map_bs
@@ -126,12 +126,12 @@ class OutputFields:
         return {name: self.fields[name] for name in names}
 
     def _contact(self, forces: Floats) -> None:
-        """Pressure p and resultants of the forces λ of the contact pairs.
+        """Compute pressure p and resultants of the forces λ of the contact pairs.
 
-        The nodal force of node k is f_k = Σ_i s_ik λ_i with its shares s_ik of the rows' forces.
-        Each vertex j gets Σ_k f_k ψ_j(x_k) / ∫ψ_j, with ψ_j the linear shape functions: forces of
-        midsides go to the ends of their edges in equal parts. So p is exact for a constant
-        pressure, and on either side ∫p is Σλ; it is nowhere negative where nodes match.
+        The nodal force at node k is f_k = Σ_i s_ik λ_i with its shares s_ik of the rows' forces.
+        The pressure at vertex j is Σ_k f_k ψ_j(x_k) / ∫ψ_j with the linear shape functions ψ_j: the
+        force of a midside goes to the ends of its edge in equal parts. So p is exact for a constant
+        pressure, and ∫p equals Σλ on either side; for matching nodes p is nowhere negative.
         """
         constraints, comm = self._problem.constraints, self._problem.comm
         on_pairs, on_nodes = constraints.shares.createVecLeft(), fem.Function(self._nodes)
@@ -148,7 +148,7 @@ class OutputFields:
         self.resultants = comm.allreduce(resultants)
 
     def _contact_areas(self, vertices: fem.FunctionSpace) -> Floats:
-        """∫ψ_j over the contact surfaces for each owned vertex, 1 for other vertices."""
+        """Return ∫ψ_j over the contact surfaces for each owned vertex, 1 for other vertices."""
         tagged_mesh, tags = self._problem.tagged_mesh, self._problem.contact_tags
         if not tags:
             return np.ones(vertices.dofmap.index_map.size_local)
@@ -161,13 +161,13 @@ class OutputFields:
 
 
 def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
-    """Return the plastic work of a velocity as its law has it, the mean of each cell. Collective.
+    """Return the plastic work of a velocity by its law, the mean of each cell. Collective.
 
-    It is the support function of the law's yield set, and 0 in elastic bodies.
+    The plastic work is the support function of the law's yield set, and 0 in elastic bodies.
 
     Args:
         problem: The bodies.
-        v: The velocity, its ghosts up to date.
+        v: The velocity, with up-to-date ghosts.
     """
     rate, at_points = problem.kinematics.strain(v), fem.Function(problem.Q)
     work = LawExpression(problem.laws, problem.Q, lambda on: on.law.yields.support(rate))

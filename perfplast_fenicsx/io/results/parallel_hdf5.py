@@ -1,9 +1,9 @@
-"""HDF5 files of arrays that are distributed over the ranks, written so that no crash harms them.
+"""Write HDF5 files of distributed arrays so that a crash does not damage them.
 
-Rank 0 lays the file out, under another name and with all its room on the disk. Each rank writes its
-own rows into it, past HDF5, straight to where the array lies. When all is on the disk the file gets
-its name. So nothing is gathered, a full disk is found before a file changes, and every fault is one
-of the system, which all ranks can report.
+Rank 0 creates the file under a temporary name and reserves its whole size on the disk. Each rank
+writes its own rows directly into the file, bypassing HDF5, at the position of the array. The file
+gets its final name when all data are on the disk. So no rank gathers an array, and a full disk is
+detected before a file changes. Every error comes from the system, and all ranks can report it.
 """
 
 import os
@@ -24,7 +24,7 @@ from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.proof.stored_file import stored_file
 
 LAYOUT = 1 << 16
-"""Largest size of what HDF5 writes in addition to the arrays (bytes)."""
+"""Largest size of the HDF5 data besides the arrays (bytes)."""
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
@@ -34,9 +34,9 @@ class Block:
     """This rank's rows of an array.
 
     Attributes:
-        values: Shape (count, ...), with the same other dimensions on every rank.
+        values: The rows, shape (count, ...), with the same other dimensions on every rank.
         first: Number of the first row.
-        total: Rows on all ranks.
+        total: Number of rows on all ranks.
     """
 
     values: npt.NDArray
@@ -62,25 +62,25 @@ def write_arrays(
     before: Path | None = None,
     describe: Callable[[h5py.File], None] | None = None,
 ) -> None:
-    """Write a file, or replace it. Collective.
+    """Write a file or replace it. Collective.
 
     Args:
-        folder: Gives the ranks, and the message if the system refuses.
+        folder: Result folder, which provides the ranks and the message for system errors.
         path: The file; its folder exists.
-        blocks: Arrays by name, with the groups they are in; those that only rank 0 has are whole
+        blocks: Arrays by name, including their groups; arrays that only rank 0 has are complete
             there.
-        before: What the older file of that name is called from then on; it is replaced if None.
-        describe: Called on rank 0 with the file while it is laid out, to add what is small:
-            groups, attributes, links, names. There is room for :data:`LAYOUT` bytes.
+        before: New name of an existing file; None to replace it.
+        describe: Function that rank 0 calls with the file during its creation, to add small data:
+            groups, attributes, links, names. They may take up to :data:`LAYOUT` bytes.
 
     Raises:
-        InputError: On every rank, where the system refuses; the file is then as it was.
+        InputError: On every rank, if the system refuses; the file is then unchanged.
     """
     part = path.with_name(path.name + ".part")
     offsets: dict[str, int] = {}
 
     def lay_out() -> None:
-        part.unlink(missing_ok=True)  # it may be a link that leads elsewhere
+        part.unlink(missing_ok=True)  # a link may lead elsewhere
         _reserve(part, LAYOUT + sum(_bytes(block) for block in blocks.values()))
         offsets.update(_lay_out(part, blocks, describe))
         _reserve(part, part.stat().st_size)
@@ -107,25 +107,25 @@ def write_arrays(
 
 
 def read_rows(path: Path, name: str, ordering: Ordering) -> npt.NDArray:
-    """This rank's block of an array. Not collective.
+    """Return this rank's block of an array. Not collective.
 
     Raises:
-        OSError: If there is no such array of this length, or it cannot be read.
+        OSError: If there is no array of this length, or if it cannot be read.
     """
     try:
         with stored_file(path) as file:
             array = file[name]
             if len(array) != ordering.total:
-                raise OSError(f"{name} has {len(array)} rows and not {ordering.total}")
+                raise OSError(f"{name} has {len(array)} rows instead of {ordering.total}")
             return np.asarray(array[ordering.first : ordering.first + ordering.count])
     except (KeyError, RuntimeError, TypeError, ValueError) as error:
         raise OSError(f"{name} cannot be read: {error}") from error
 
 
 def checksum(comm: MPI.Intracomm, rows: Block) -> int:
-    """Return a checksum of an array, the same however it is distributed. Collective.
+    """Return a checksum of an array, independent of its distribution. Collective.
 
-    The sum over all entries of a hash of entry and place (the mixer of splitmix64).
+    The checksum is the sum over all entries of a hash of entry and index (the mixer of splitmix64).
     """
     width = max(1, int(np.prod(rows.shape[1:])))
     flat = rows.values.ravel()
@@ -137,7 +137,7 @@ def checksum(comm: MPI.Intracomm, rows: Block) -> int:
 
 
 def set_checksum(comm: MPI.Intracomm, rows: Longs) -> int:
-    """Return a checksum of rows in no order, the same however they are distributed. Collective."""
+    """Return a checksum of unordered rows, independent of their distribution. Collective."""
     hashes: npt.NDArray[np.uint64] = np.full(len(rows), GOLDEN)
     for column in rows.T:
         hashes = _mixed(hashes * GOLDEN ^ column.astype(np.uint64))
@@ -158,7 +158,7 @@ def _bytes(rows: Block) -> int:
 def _lay_out(
     part: Path, blocks: Mapping[str, Block], describe: Callable[[h5py.File], None] | None
 ) -> dict[str, int]:
-    """Make a file whose arrays have their places, but no values yet; return the places (bytes)."""
+    """Create a file with positions but no values of its arrays; return the positions (bytes)."""
     early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
@@ -176,7 +176,7 @@ def _lay_out(
 
 
 def _reserve(path: Path, size: int) -> None:
-    """Take room on the disk for a file of this size, which is made if there is none."""
+    """Reserve disk space for a file of this size; create the file if it does not exist."""
     file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o666)
     try:
         if size:

@@ -1,7 +1,7 @@
-"""Fields at the points of the quadrature, as VTKHDF files of single points.
+"""Write fields at the quadrature points, as VTKHDF files of single points.
 
-There stress is what the solver has, and no mean of a cell. Points are in the order of the cells in
-the input, and within a cell in that of the rule, whatever the number of ranks.
+At these points the stress is that of the solver, not a cell mean. Points are in the order of the
+input's cells, and within a cell in that of the quadrature rule, whatever the number of ranks.
 """
 
 from collections.abc import Mapping
@@ -36,11 +36,11 @@ class PointWriter:
     """Writes fields at the points where the laws of a problem are evaluated."""
 
     def __init__(self, folder: ResultFolder, problem: Problem) -> None:
-        """Find the points and the volumes that they stand for. Collective.
+        """Compute the points and their volumes. Collective.
 
         Args:
-            folder: Gives the ranks, and the message if the system refuses.
-            problem: Whose points are meant.
+            folder: Result folder, which provides the ranks and the message for system errors.
+            problem: Problem with the points.
         """
         mesh = problem.tagged_mesh.mesh
         self._folder, self._cells = folder, cell_ordering(mesh)
@@ -69,12 +69,12 @@ class PointWriter:
         """Write fields. Collective.
 
         Args:
-            path: The file, which is replaced if it is there.
-            fields: Values by name, shape (num_cells, points of a cell, ...), ghosts included.
+            path: The file, which is replaced if it exists.
+            fields: Values by name, shape (num_cells, points of a cell, ...), including ghosts.
             facts: Further facts by name.
 
         Raises:
-            InputError: If the file cannot be written; what was there before is whole.
+            InputError: If the file cannot be written; an existing file remains complete.
         """
         cells, count = self._cells, self._count
         arrays = {f"{POINT_DATA}/{name}": array for name, array in fields.items()} | self._fixed
@@ -82,13 +82,13 @@ class PointWriter:
         blocks: dict[str, Block] = {}
         for name, array in arrays.items():
             rows = cells.to_blocks(np.ascontiguousarray(array[: self._owned]))
-            width = rows.shape[2:] and (int(np.prod(rows.shape[2:])),)  # tensors are rows to VTK
+            width = rows.shape[2:] and (int(np.prod(rows.shape[2:])),)  # VTK stores tensors as rows
             blocks[name] = Block(rows.reshape(-1, *width), first, total)
         number = np.arange(first, first + count * cells.count)
         last = self._folder.comm.rank == self._folder.comm.size - 1
         blocks[CONNECTIVITY] = Block(number, first, total)
         blocks[OFFSETS] = Block(np.arange(first, first + len(number) + last), first, total + 1)
-        vertex = 1  # VTK's number of a cell that is a point
+        vertex = 1  # VTK's number for a cell that is a point
         blocks[TYPES] = Block(np.full(len(number), vertex, dtype=np.uint8), first, total)
 
         def describe(file: h5py.File) -> None:

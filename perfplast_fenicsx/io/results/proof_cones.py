@@ -1,4 +1,4 @@
-"""The cones that bound the stress of each body, as a proof file has them."""
+"""Write the cones that bound the stress of each body into a proof file."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,12 +14,12 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def cones_on_file(problem: Problem, of_cells: Ordering, side: Side) -> dict[str, Block]:
-    """Return the cones of the bodies, which of them each cell has, and by what factor if it varies.
+    """Return the cones of the bodies, the cone of each cell, and its factor if it varies.
 
     Args:
         problem: The bodies.
-        of_cells: Where cells are on file.
-        side: Where linear functions lie beside the profiles of strengths that vary.
+        of_cells: Order of the cells in the file.
+        side: Side on which linear functions bound the profiles of strengths that vary.
     """
     found = body_cones(problem)
     tagged_mesh = problem.tagged_mesh
@@ -54,13 +54,13 @@ def cones_on_file(problem: Problem, of_cells: Ordering, side: Side) -> dict[str,
 def table_of(
     problem: Problem, rows: Sequence, shape: tuple[int, ...], kind: npt.DTypeLike
 ) -> Block:
-    """Return rows that every rank knows as an array on rank 0.
+    """Return rows that every rank has as an array on rank 0.
 
     Args:
-        problem: Whose ranks these are.
-        rows: The same on all of them.
+        problem: Problem with the ranks.
+        rows: The rows, the same on all ranks.
         shape: Shape of a row.
-        kind: Kind of its numbers.
+        kind: Type of its numbers.
     """
     values = np.asarray(rows, dtype=kind).reshape(len(rows), *shape)
     return Block(values if problem.comm.rank == 0 else values[:0], 0, len(rows))

@@ -1,7 +1,7 @@
-"""``bounds.h5``: what proves bounds of a limit load, to be checked without the program.
+"""Write ``bounds.h5``: proofs of bounds of a limit load, which can be checked without the program.
 
-The groups ``lower`` and ``upper`` have a stress and a velocity, each with the bodies that they are
-of as plain arrays; :class:`proof.body.Body` says which, :mod:`proof.checker` checks them.
+The groups ``lower`` and ``upper`` contain a stress and a velocity, each with its bodies as plain
+arrays. :class:`proof.body.Body` lists the arrays, and :mod:`proof.checker` checks them.
 """
 
 from dataclasses import dataclass, replace
@@ -49,14 +49,14 @@ class StressProof:
     """A stress that proves a lower bound.
 
     Attributes:
-        problem: On straight cells.
+        problem: The problem, on straight cells.
         bound: λ.
         stress: Mandel vectors at the vertices of this rank's cells, shape (num_cells, tdim + 1, m),
             or coefficients of rσ (:mod:`ring_cells`), shape (num_cells, 6, 4).
         question: The loads that λ multiplies.
-        aside: Factor of the loads of any factor.
-        factor: That of the loads that the stress balances; None for λ.
-        divisor: F that divides strengths; None where none does.
+        aside: Factor of the free loads.
+        factor: Factor of the loads that the stress balances; None for λ.
+        divisor: F that divides strengths; None without such a factor.
     """
 
     problem: Problem
@@ -73,11 +73,11 @@ class ForceProof:
     """Forces on the joints of rigid blocks that prove a lower bound.
 
     Attributes:
-        problem: On straight cells, none of which can yield.
+        problem: The problem, on straight cells of bodies that cannot yield.
         bound: λ.
         joints: The forces.
         question: The loads that λ multiplies.
-        divisor: F that divides strengths; None where none does.
+        divisor: F that divides strengths; None without such a factor.
     """
 
     problem: Problem
@@ -102,11 +102,11 @@ class VelocityProof:
     """A velocity that proves an upper bound.
 
     Attributes:
-        problem: On straight cells.
+        problem: The problem, on straight cells.
         bound: λ.
-        velocity: A function of its V, with up-to-date ghosts; v = ru around an axis.
+        velocity: A function of its V, with up-to-date ghosts; in axisymmetry v = ru.
         question: The loads that λ multiplies.
-        divisor: F that divides strengths; None where none does.
+        divisor: F that divides strengths; None without such a factor.
     """
 
     problem: Problem
@@ -123,12 +123,12 @@ LowerProof = StressProof | ForceProof
 def proofs(
     low: BodyBounds, high: BodyBounds, divisor: float | None = None
 ) -> tuple[LowerProof | None, VelocityProof | None]:
-    """Return the proofs of a lower and an upper bound; None if it is not strict or has no proof.
+    """Return the proofs of a lower and an upper bound; None for bounds without a proof.
 
     Args:
         low: Bounds on the mesh of the lower bound.
         high: Bounds on the mesh of the upper bound.
-        divisor: F by which the strengths of the bodies are divided; None where they are whole.
+        divisor: F that divides the strengths of the bodies; None without such a factor.
     """
     stress: LowerProof | None = None
     velocity = None
@@ -149,17 +149,17 @@ def proofs(
 def write_proof(
     folder: ResultFolder, path: Path, lower: LowerProof | None, upper: VelocityProof | None
 ) -> None:
-    """Write what proves bounds. Collective.
+    """Write the proofs of bounds. Collective.
 
     Args:
-        folder: Gives the ranks, and the message if the system refuses.
+        folder: Result folder, which provides the ranks and the message for system errors.
         path: The file; its folder exists.
         lower: The lower half, if there is one.
         upper: The upper half; its bodies may be meshed differently.
 
     Raises:
-        InputError: If cells or obstacles are curved, or a load is of a kind that the file
-            cannot say; or where the system refuses.
+        InputError: If cells or obstacles are curved, if the file format does not support the kind
+            of a load, or if the system refuses.
     """
     blocks: Blocks = {}
     numbers: dict[str, dict[str, float | int]] = {}
@@ -229,19 +229,18 @@ def judge(
     high: BodyBounds,
     divisor: float | None = None,
 ) -> tuple[BodyBounds, BodyBounds]:
-    """Write the proof of two bounds, and ask the checker what it proves. Collective.
+    """Write the proof of two bounds, and check it with the checker. Collective.
 
     Args:
-        folder: The results.
-        path: The file. It contains only what the checker proves, and does not exist if that is
-            nothing.
-        low: With the lower bound.
-        high: With the upper bound.
-        divisor: F by which the strengths of the bodies are divided; None where they are whole.
+        folder: The result folder.
+        path: The file. It contains only proven results, and does not exist if nothing is proven.
+        low: Result with the lower bound.
+        high: Result with the upper bound.
+        divisor: F that divides the strengths of the bodies; None without such a factor.
 
     Returns:
-        The same, with bounds of the mesh in place of those that the checker refuses. A bound that
-        the checker proves to be worse has the value that it proves.
+        Both results; bounds that the checker refuses are replaced by estimates of the mesh. If the
+        checker proves only a weaker bound, the result has this bound.
 
     Raises:
         InputError: As :func:`write_proof`.
@@ -282,10 +281,10 @@ def _refused(path: Path) -> tuple[dict[str, str], dict[str, float | None]]:
     try:
         found = check(path)
     except ProofError as error:
-        why = f"the checker of proofs refuses it: {error}"
+        why = f"the proof checker refuses it: {error}"
         return dict.fromkeys(("lower", "upper"), why), {}
     refused = {
-        kind: f"the checker of proofs refuses it: {'; '.join(half.faults)}"
+        kind: f"the proof checker refuses it: {'; '.join(half.faults)}"
         for kind, half in found.items()
         if half.faults
     }
@@ -295,10 +294,14 @@ def _refused(path: Path) -> tuple[dict[str, str], dict[str, float | None]]:
 def _check(problem: Problem) -> None:
     """Refuse problems that the file format cannot describe. Collective."""
     if has_curved_cells(problem.tagged_mesh.mesh):
-        raise InputError("cells are curved, and no bound is strict then; use first-order cells.")
+        raise InputError(
+            "cells are curved, but strict bounds need straight cells; use first-order cells."
+        )
     for obstacle in problem.given.obstacles:
         if not isinstance(obstacle, Plane):
-            raise InputError(f"the obstacle at '{obstacle.on}' is curved; a proof knows planes.")
+            raise InputError(
+                f"the obstacle at '{obstacle.on}' is curved, but a proof supports only planes."
+            )
     for load in problem.given.loads:
         check_bounded(load)
     if not collapses_by_loads(problem):
@@ -315,7 +318,7 @@ def _stress(proof: StressProof) -> Blocks:
     d = mesh.geometry.dim
     stress = matrices(proof.stress)[..., :d, :d]
     if proof.problem.tagged_mesh.axisymmetric:
-        stress = stress[:, [0, 1, 2, 5, 4, 3]]  # edges as those of velocities
+        stress = stress[:, [0, 1, 2, 5, 4, 3]]  # numbered as the edges of velocities
     return {"stress": block(cell_ordering(mesh), stress.copy())}
 
 
@@ -334,7 +337,7 @@ def _forces(proof: ForceProof) -> Blocks:
 def _velocity(proof: VelocityProof) -> Blocks:
     """Return the velocity at its nodes, and the nodes of the cells. Collective.
 
-    The file has quadratic velocities, and a linear one is also quadratic.
+    The file contains quadratic velocities; a linear velocity is also quadratic.
     """
     velocity, mesh = proof.velocity, proof.problem.tagged_mesh.mesh
     d = mesh.topology.dim
@@ -363,7 +366,7 @@ def _velocity(proof: VelocityProof) -> Blocks:
 
 
 def _places(problem: Problem) -> Places:
-    """Return where cells and outer facets are on file. Collective."""
+    """Return the positions of cells and outer facets in the file. Collective."""
     mesh, geometry = problem.tagged_mesh.mesh, bound_body(problem).geometry
     topology, outer = mesh.topology, geometry.exterior
     keys = np.asarray(topology.original_cell_index, dtype=np.int64)[geometry.cell[outer]]
@@ -375,9 +378,9 @@ def _body(proof: LowerProof | VelocityProof, follows: bool) -> Blocks:
     """Return the bodies with loads, supports and contact. Collective.
 
     Args:
-        proof: Of which bodies and loads.
-        follows: Whether slip follows the normal of friction's cone; else there is adhesion alone
-            where it does not do so by itself.
+        proof: Proof with the bodies and loads.
+        follows: Whether slip is associated. Otherwise only the adhesion counts where the friction
+            itself is not associated.
     """
     problem, question = proof.problem, proof.question
     tagged_mesh, body = problem.tagged_mesh, bound_body(problem)

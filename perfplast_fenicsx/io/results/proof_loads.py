@@ -1,4 +1,4 @@
-"""Loads of a bound's body as they are in a proof, by kind."""
+"""Write the loads of a bound's body into a proof file, by kind."""
 
 from dataclasses import dataclass
 
@@ -15,11 +15,11 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where a rank's rows are in the file.
+    """Positions of a rank's rows in the file.
 
     Attributes:
-        of_cells: The owned cells' order.
-        of_facets: That of the outer facets.
+        of_cells: Order of the owned cells.
+        of_facets: Order of the outer facets.
     """
 
     of_cells: Ordering
@@ -33,9 +33,9 @@ def loads_on_file(
 
     Args:
         problem: The bodies.
-        body: The same, as bounds have them.
+        body: The bodies as bound data.
         question: The loads that λ multiplies.
-        places: Places of their cells and facets.
+        places: Positions of their cells and facets.
     """
     d, outer = body.vertices.shape[2], body.geometry.exterior
     found: dict[str, Block] = {}
@@ -53,7 +53,7 @@ def loads_on_file(
 
 
 def _kinds(problem: Problem, body: BoundBody, question: Question) -> dict[str, FacetLoads]:
-    """Return the loads of each kind that the file knows."""
+    """Return the loads of each kind that the file format supports."""
     if question is Question.STANDS:
         return {"": body.dead, "any_": body.live}
     if any(load.constant for load in problem.given.loads):

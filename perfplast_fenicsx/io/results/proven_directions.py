@@ -1,4 +1,4 @@
-"""``directions.json``: proven bounds of an envelope's directions, for runs that continue."""
+"""Store ``directions.json``: proven bounds of an envelope's directions, for continued runs."""
 
 import json
 from collections.abc import Sequence
@@ -16,10 +16,10 @@ from perfplast_fenicsx.limit_analysis.body.proven_polytopes import rays_at
 
 
 def write_proven(folder: ResultFolder, proven: Proven) -> None:
-    """Put what a direction proves on file, beside the others. Collective.
+    """Add the proven bounds of a direction to the file. Collective.
 
     Raises:
-        InputError: On every rank, if the system refuses, or what is there cannot be read.
+        InputError: On every rank, if the system refuses, or if the existing file cannot be read.
     """
     others = [one for one in read_proven(folder) if not one.is_at(proven.angles)]
     text = json.dumps([asdict(one) for one in [*others, proven]], indent=1)
@@ -27,14 +27,15 @@ def write_proven(folder: ResultFolder, proven: Proven) -> None:
 
 
 def read_proven(folder: ResultFolder, again: bool = False) -> list[Proven]:
-    """Return what an earlier run has put on file; nothing where there is no file. Collective.
+    """Return the proven directions of an earlier run; an empty list without a file. Collective.
 
     Args:
-        folder: The results.
-        again: Whether the proof file of each direction has to prove it again.
+        folder: The result folder.
+        again: Whether the proof file of each direction must prove it again.
 
     Raises:
-        InputError: On every rank, if it cannot be read, or a proof is missing or does not hold.
+        InputError: On every rank, if the file cannot be read, or if a proof is missing or not
+            valid.
     """
     found, path = list[Proven](), folder.file(KNOWN)
     error = None
@@ -54,10 +55,10 @@ def read_proven(folder: ResultFolder, again: bool = False) -> list[Proven]:
 
 
 def _check(folder: ResultFolder, found: Sequence[Proven]) -> None:
-    """Make sure that the file of each direction proves its bounds. On rank 0.
+    """Check that the file of each direction proves its bounds. Only rank 0 calls this function.
 
     Raises:
-        InputError: If one does not.
+        InputError: If a file does not.
     """
     for one in found:
         name, ray = direction_file(one.angles), rays_at(np.array([one.angles]))[0]

@@ -1,7 +1,7 @@
-"""The result folder: ``summary.json`` and ``path.csv``, kept up to date level by level.
+"""Keep the result folder up to date level by level: ``summary.json`` and ``path.csv``.
 
 An error on one rank is raised on every rank. Files are replaced as a whole, so that a reader never
-finds a part of a file, even after a crash or with a full disk.
+finds a partial file, even after a crash or with a full disk.
 """
 
 import dataclasses
@@ -60,7 +60,7 @@ BESIDE = (
 
 
 def result_files() -> tuple[str, ...]:
-    """Return files that a run looks for before it writes, and removes with ``--force``."""
+    """Return the files that a run looks for before it writes, and removes with ``--force``."""
     pictures = tuple(figure.file for figure in figures())
     return *DATA, *pictures, *BESIDE
 
@@ -74,7 +74,7 @@ STEP_KEYS = (
     *("slipping", "friction_dissipation", "friction_excess", "rounds"),
     *("contact_programs", "snes_vi_programs", "snes_vi_iterations"),
 )
-"""Keys of a step of ``summary.json``, on which other tools rely; ``path.csv`` has all there is."""
+"""Keys of a step in ``summary.json``, on which other tools rely; ``path.csv`` has all values."""
 
 
 class ResultFolder:
@@ -87,20 +87,20 @@ class ResultFolder:
         force: bool = False,
         restart: bool = False,
     ) -> None:
-        """Look whether the folder can be used; nothing is written or removed yet. Collective.
+        """Check whether the folder can be used, without writing or removing files. Collective.
 
         Args:
             comm: The ranks of the run.
             path: The folder; made with its parents if it does not exist.
-            force: Replace results that are there.
-            restart: Go on from results that are there.
+            force: Whether to replace existing results.
+            restart: Whether to continue from existing results.
 
         Raises:
-            InputError: If ``path`` is no folder, cannot be written, has results and neither
-                ``force`` nor ``restart`` is set, or has none to go on from.
+            InputError: If ``path`` is not a folder, cannot be written, has results although neither
+                ``force`` nor ``restart`` is set, or has no results to continue from.
         """
         self.comm, self.path = comm, Path(path)
-        on_all_ranks(comm, figures)  # a fault of these is known before rank 0 looks alone
+        on_all_ranks(comm, figures)  # errors of these are reported before rank 0 works alone
         raise_together(comm, self._obstacle(force, restart) if comm.rank == 0 else None)
 
     def file(self, name: str) -> Path:
@@ -108,11 +108,11 @@ class ResultFolder:
         return self.path / name
 
     def found(self) -> list[str]:
-        """Return names of the result files there are."""
+        """Return the names of the existing result files."""
         return [name for name in result_files() if self.file(name).exists()]
 
     def create(self) -> None:
-        """Make the folder, and remove older results from it. Collective.
+        """Create the folder and remove older results from it. Collective.
 
         Raises:
             InputError: If this is not possible.
@@ -137,7 +137,7 @@ class ResultFolder:
         self.on_root(create)
 
     def on_root(self, action: Callable[[], None]) -> None:
-        """Write something on rank 0. Collective.
+        """Execute a write on rank 0. Collective.
 
         Raises:
             InputError: On every rank, if the system refuses.
@@ -145,13 +145,13 @@ class ResultFolder:
         self.on_each(action if self.comm.rank == 0 else lambda: None)
 
     def on_each(self, action: Callable[[], None]) -> None:
-        """Write something on every rank. Collective; the action is not.
+        """Execute a write on every rank. Collective; the action itself is not collective.
 
         Raises:
-            InputError: On every rank, if the system refuses on any.
+            InputError: On every rank, if the system refuses on any rank.
         """
         fault = None
-        # What the system says where there is no room.
+        # Errors of the system for a full disk.
         full = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         try:
             action()
@@ -159,8 +159,9 @@ class ResultFolder:
             fault = self._unwritable(error.strerror or str(error))
             if error.errno in full:
                 fault = (
-                    f"the output folder '{self.path}' cannot be written ({error.strerror}); make"
-                    " room, then go on with --restart: what was written before is whole."
+                    f"the output folder '{self.path}' cannot be written "
+                    f"({error.strerror}); free some space, then continue with --restart: "
+                    "earlier files are complete."
                 )
         raise_together(self.comm, fault)
 
@@ -172,7 +173,7 @@ class ResultFolder:
             if not there.is_dir():
                 return self._unwritable(f"'{there}' is not a folder")
             if not os.access(there, os.W_OK | os.X_OK):
-                return self._unwritable(f"no right to write in '{there}'")
+                return self._unwritable(f"no permission to write in '{there}'")
             found, links = self.found(), self._links()
         except OSError as error:
             return self._unwritable(error.strerror or str(error))
@@ -182,21 +183,24 @@ class ResultFolder:
                 " written elsewhere; remove it."
             )
         if restart and not self.path.exists():
-            return f"the folder '{self.path}' does not exist; give that of the run to go on with."
+            return (
+                f"the folder '{self.path}' does not exist; give the folder of the run to continue."
+            )
         if restart and not {NEWEST, BEFORE} & set(found):
             return (
-                f"the folder '{self.path}' has no {NEWEST} to go on from; start again with -o"
-                f" {self.path}."
+                f"the folder '{self.path}' has no {NEWEST} to continue from; start again "
+                f"with -o {self.path}."
             )
         if found and not (force or restart):
             return (
-                f"the output folder '{self.path}' already has results ({', '.join(found)}); give"
-                " another folder, --force to replace them, or --restart to go on from them."
+                f"the output folder '{self.path}' already has results "
+                f"({', '.join(found)}); give another folder, --force to replace them, or "
+                "--restart to continue from them."
             )
         return None
 
     def _links(self) -> list[Path]:
-        """Return links where a run would write files; the folder itself may be a link."""
+        """Return links at paths where a run would write files; the folder itself may be a link."""
         ours = [self.file(name) for name in (*result_files(), FIELDS)]
         fields = self.file(FIELDS)
         inside = [*fields.glob("*.vtkhdf"), *fields.glob("*.h5")]
@@ -207,7 +211,7 @@ class ResultFolder:
 
 
 class Results:
-    """Summary and path of a run, on file from the first level on."""
+    """Summary and path of a run, stored from the first level on."""
 
     def __init__(
         self,
@@ -281,17 +285,19 @@ class Results:
 
 
 def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
-    """Return a row of ``path.csv``: columns for each part of reactions, and each name of stages."""
+    """Return a row of ``path.csv``: columns for each reaction component and each name of stages."""
     row = {"step": step} | dataclasses.asdict(report)
     for key in NAMED:
         row |= {f"{key} {name}".replace(" ", "_"): a for name, a in row.pop(f"{key}s").items()}
     for name, force in row.pop("reactions").items():
         row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=False)}
-    if str(row["stage"]).startswith(("=", "+", "-", "@")):  # a formula for spreadsheets
+    if str(row["stage"]).startswith(
+        ("=", "+", "-", "@")
+    ):  # spreadsheets would treat it as a formula
         row["stage"] = f"'{row['stage']}"
     return row
 
 
 def peak_memory() -> float:
-    """Largest resident size of this process so far (MiB)."""
+    """Return the largest resident size of this process so far (MiB)."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

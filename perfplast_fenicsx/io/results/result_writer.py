@@ -41,7 +41,7 @@ LIMIT_KEYS = (
     *("method", "lower", "estimate", "upper", "alpha", "levelled_off", "reason"),
     *("iterations", "linear_solves", "factorisations", "theorem"),
 )
-"""Keys of ``limit`` in ``summary.json``, besides ``body`` and what is said of both."""
+"""Keys of ``limit`` in ``summary.json``, besides ``body`` and the texts on both."""
 
 
 class ResultWriter:
@@ -63,17 +63,17 @@ class ResultWriter:
         points: bool = False,
         saved: Saved | None = None,
     ) -> None:
-        """Write what there is before the first level. Collective.
+        """Write the files that exist before the first level. Collective.
 
         Args:
-            folder: Folder for the results, which exists.
+            folder: Folder for the results, which must exist.
             problem: The problem that is solved.
-            scene: Names and surroundings of the bodies, for pictures.
+            scene: Data for pictures.
             method: Method of the solver.
-            prescribed: Quantity that the loading prescribes: the time of the fields.
+            prescribed: Prescribed quantity of the loading: the time of the fields.
             fields: Whether to write fields.
-            points: Whether to write them at the points of the quadrature too.
-            saved: State of an earlier run to go on with.
+            points: Whether to write fields at the quadrature points too.
+            saved: State of an earlier run to continue.
 
         Raises:
             InputError: On every rank, if the system refuses.
@@ -105,14 +105,14 @@ class ResultWriter:
         )
 
     def write(self, level: Level, fields: bool = True) -> None:
-        """Write a level; of one that is not solved no fields. Collective.
+        """Write a level; without fields if it is not solved. Collective.
 
         Args:
-            level: The next one.
+            level: The next level.
             fields: Whether to write its fields.
 
         Raises:
-            InputError: On every rank, if the system refuses; what was there before is whole.
+            InputError: On every rank, if the system refuses; earlier files remain complete.
         """
         with self.results.timed("output"):
             solved = fields and level.report.converged
@@ -138,16 +138,16 @@ class ResultWriter:
         Args:
             limit: The limit load of the mesh.
             body: Proven bounds of the body.
-            adaptive: The meshes on which that was sought, where there are several.
+            adaptive: The sequence of meshes with bounds, if there are several.
             steps: Next steps for the user, a sentence each without a full stop.
-            design: The limit load against the design load.
-            answer: What the bounds mean, where they are not of a load factor.
-            fields: Whether to write the mechanism; where it is one on another mesh, the fields of
-                levels are lost.
-            proven: Whether to write what proves the bounds.
+            design: Comparison of the limit load with the design load.
+            answer: Meaning of the bounds, if they are not of a load factor.
+            fields: Whether to write the mechanism; if it is on another mesh, the fields of levels
+                are removed.
+            proven: Whether to write the proofs of the bounds.
 
         Raises:
-            InputError: On every rank, if the system refuses; what was there before is whole.
+            InputError: On every rank, if the system refuses; earlier files remain complete.
         """
         if body is not None and proven:
             body, adaptive = self.judged(body, adaptive)
@@ -187,14 +187,16 @@ class ResultWriter:
     def judged(
         self, body: BodyBounds, adaptive: AdaptiveBounds | None = None
     ) -> tuple[BodyBounds, AdaptiveBounds | None]:
-        """Write what proves bounds, and keep those as strict that the checker proves. Collective.
+        """Write the proofs of bounds; only bounds that the checker proves remain strict.
+
+        Collective.
 
         Args:
             body: The bounds.
-            adaptive: The meshes on which they were sought, where there are several.
+            adaptive: The sequence of meshes with bounds, if there are several.
 
         Returns:
-            The same; bounds that the checker refuses are of the mesh.
+            Both; bounds that the checker refuses become estimates of the mesh.
 
         Raises:
             InputError: On every rank, if the system refuses.
@@ -215,9 +217,9 @@ class ResultWriter:
         return body, adaptive
 
     def judged_safety(self, found: FactorOfSafety) -> FactorOfSafety:
-        """Write what proves a factor of safety, and keep the sides that it proves. Collective.
+        """Write the proofs of a factor of safety, and keep the sides that they prove. Collective.
 
-        Each side has strengths of its own, and so a file of its own.
+        Each side has different strengths, and so a separate file.
 
         Raises:
             InputError: On every rank, if the system refuses.
@@ -240,10 +242,10 @@ class ResultWriter:
         return found
 
     def write_safety(self, found: FactorOfSafety) -> None:
-        """Write a factor of safety, and the mechanism that falls. Collective.
+        """Write a factor of safety and the collapse mechanism. Collective.
 
         Raises:
-            InputError: On every rank, if the system refuses; what was there before is whole.
+            InputError: On every rank, if the system refuses; earlier files remain complete.
         """
         shown = found.falls or found.last
         self.write_limit(shown.mesh, shown, proven=False)
@@ -257,10 +259,10 @@ class ResultWriter:
     def judged_direction(
         self, angles: Angles, low: BodyBounds, high: BodyBounds
     ) -> tuple[BodyBounds, BodyBounds]:
-        """Write what proves the bounds in a direction of an envelope, and keep that. Collective.
+        """Write the proofs of the bounds in a direction of an envelope. Collective.
 
         Returns:
-            The same; bounds that the checker refuses are of the mesh.
+            Both results; bounds that the checker refuses become estimates of the mesh.
 
         Raises:
             InputError: On every rank, if the system refuses.
@@ -273,7 +275,7 @@ class ResultWriter:
         """Write which multiples of loads are carried, and the last mechanism. Collective.
 
         Raises:
-            InputError: On every rank, if the system refuses; what was there before is whole.
+            InputError: On every rank, if the system refuses; earlier files remain complete.
         """
         self.write_limit(found.last.mesh, found.last, proven=False)
         table = {
@@ -295,7 +297,7 @@ class ResultWriter:
         """Write a shakedown load with its displacement and residual stress. Collective.
 
         Raises:
-            InputError: On every rank, if the system refuses; what was there before is whole.
+            InputError: On every rank, if the system refuses; earlier files remain complete.
         """
         limit = found.as_limit()
         with self.results.timed("output"):
@@ -313,19 +315,19 @@ class ResultWriter:
 
 
 def _alone(found: BodyBounds, kind: str) -> BodyBounds:
-    """Return bounds of which only one can be proven."""
+    """Return bounds of which only one kind can be proven."""
     if kind == "lower":
         return replace(found, upper=replace(found.upper, of=Scope.MESH))
     return replace(found, lower=replace(found.lower, of=Scope.MESH))
 
 
 def _as_before(bound: Bound, before: Bound) -> bool:
-    """Return whether a bound is as strict as it was before the checker was asked."""
+    """Return whether the check leaves a bound as strict as before."""
     return bound.strict or not before.strict
 
 
 def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
-    """Return the outcome in words: what is proven of the body if anything is, else the estimate.
+    """Return the outcome in words: a proven result for the body if there is one, else the estimate.
 
     Args:
         limit: Limit load of the mesh.
@@ -343,7 +345,7 @@ def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
 
 
 def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
-    """Return the table of the body in ``summary.json``: only bounds that hold for it."""
+    """Return the table of the body in ``summary.json``, with only bounds that hold for it."""
     lower, upper = body.limits
     standing = None
     if body.question is Question.STANDS:

@@ -1,4 +1,4 @@
-"""Forces and moments as ``summary.json`` has them, moments in their unit of the case."""
+"""Format forces and moments for ``summary.json``, with moments in the case's unit."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
@@ -21,12 +21,12 @@ class ResultantTables:
     """Tables of the forces of loads and supports."""
 
     def __init__(self, units: Units, whole: bool) -> None:
-        """Take the units.
+        """Store the units.
 
         Args:
-            units: Units of the case; without a system moments are force × length as the case has
-                them.
-            whole: As for :meth:`units.Units.table`.
+            units: Units of the case; without a system, moments have the unit force × length of the
+                case.
+            whole: See :meth:`units.Units.table`.
         """
         self._scale = units.moment_scale(whole)
 

@@ -1,7 +1,7 @@
-"""Whether a run is alive: as long as it is it holds a lock on its ``run.log``, which ends with it.
+"""Detect whether a run is alive: it holds a lock on its ``run.log`` until it ends.
 
-However a process ends, the system releases its locks. Process numbers would mean nothing in another
-container.
+The system releases the locks of a process when it ends, for whatever reason. Process numbers are
+meaningless in another container.
 """
 
 import fcntl
@@ -9,26 +9,26 @@ from pathlib import Path
 from typing import IO
 
 ENDED = "ended after"
-"""How the last line of the log begins where the run was not killed."""
+"""Beginning of the last log line of a run that was not killed."""
 
 BEGUN = "PETSc options:"
-"""How a line begins that each run in the folder has, before anything is solved."""
+"""Beginning of a line that each run in the folder logs before it solves."""
 
 INTERRUPTED = "interrupted by"
-"""How the line begins that names the signal."""
+"""Beginning of the line that names the signal."""
 
 
 def hold(file: IO[str]) -> bool:
-    """Lock a file until it is closed, together with others that do; False if it cannot be done."""
+    """Lock a file until it is closed; the lock is shared. Return False if locking fails."""
     try:
         fcntl.flock(file, fcntl.LOCK_SH)
-    except OSError:  # some file systems of networks have no locks
+    except OSError:  # some network file systems have no locks
         return False
     return True
 
 
 def is_held(path: Path) -> bool:
-    """Return whether a process holds a file; False where there is none, or no locks."""
+    """Return whether a process holds a lock on a file; False without the file or without locks."""
     try:
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

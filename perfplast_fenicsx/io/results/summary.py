@@ -1,4 +1,4 @@
-"""``summary.json``: data and results of a run."""
+"""Define ``summary.json``: data and results of a run."""
 
 import json
 import math
@@ -11,27 +11,27 @@ class Summary:
     """The content of ``summary.json``; its fields are the keys.
 
     Attributes:
-        prescribed: Quantity that each level prescribes, "zeta" or "alpha".
+        prescribed: Prescribed quantity of each level, "zeta" or "alpha".
         mesh: Numbers of cells, vertices and displacement unknowns (dofs).
         element_size: Mean of the longest edges of the cells (length).
-        model: Which ``kind`` it is, the ``axes`` that components of ``reactions`` are of, and what
-            ``forces`` and works are of: each unit of depth, or the full turn.
-        given: Materials, supports, loads and the rest (:func:`given_table.given_table`).
-        seepage: Discharges of water by surface, and iterations of SNES-VI, if water flows.
+        model: The ``kind`` of the model, the ``axes`` of the components of ``reactions``, and the
+            reference of ``forces`` and works: per unit of depth, or the full turn.
+        given: Materials, supports, loads and other input (:func:`given_table.given_table`).
+        seepage: Discharges of water by surface, and iterations of SNES-VI, with seepage.
         loads: Force and moment of each load at ζ = 1 (:class:`load_resultants.LoadResultant`).
-        case: The case ``file``, and the ``text`` of it; nothing of a Python program.
-        report: ``project``, ``number`` and ``author``, those that the case names.
-        surroundings: ``versions`` by name, the ``petsc_options`` of the command line, the
-            ``command`` without them, and when it ``began``.
-        remarks: Remarks on the problem before it was solved, a sentence each.
+        case: The case ``file`` and its ``text``; empty for a Python program.
+        report: Keys ``project``, ``number`` and ``author``, if the case has them.
+        surroundings: Keys ``versions`` by name, ``petsc_options`` of the command line, ``command``
+            without them, and ``began``, the start of the run.
+        remarks: Remarks on the problem before it was solved, one sentence each.
         warnings: Warnings of the run.
         steps: A :data:`result_folder.STEP_KEYS` table for each level.
-        limit: Limit load, where one was asked for.
+        limit: Limit load, if it was sought.
         timings: Wall time by activity (s).
         peak_memory_mb: Sum over the ranks of their largest resident sizes (MiB).
-        units: The unit of each quantity (:meth:`units.Units.table`); nothing of a Python program
+        units: The unit of each quantity (:meth:`units.Units.table`); empty for a Python program
             without a scene.
-        planned: Levels of the whole run; None where it chooses them as it goes.
+        planned: Number of levels of the whole run; None if it chooses them itself.
     """
 
     title: str
@@ -59,7 +59,7 @@ class Summary:
 
 
 def to_json(value: Any) -> str:
-    """JSON with numbers that are not finite as null, which JSON has no word for."""
+    """Return a value as JSON, with numbers that are not finite as null."""
 
     def finite(item: Any) -> Any:
         if isinstance(item, dict):
@@ -67,7 +67,7 @@ def to_json(value: Any) -> str:
         if isinstance(item, list | tuple):
             return [finite(entry) for entry in item]
         if isinstance(item, float):
-            return item + 0.0 if math.isfinite(item) else None  # -0.0 becomes 0.0
+            return item + 0.0 if math.isfinite(item) else None  # turns -0.0 into 0.0
         return item
 
     return json.dumps(finite(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"

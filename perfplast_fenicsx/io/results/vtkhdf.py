@@ -1,11 +1,11 @@
-"""VTKHDF files, the format of VTK for ParaView and PyVista: a mesh, and fields on it.
+"""Write VTKHDF files, VTK's format for ParaView and PyVista: a mesh, and fields on it.
 
-The mesh is a file of its own. A file of fields has the mesh by links of HDF5, so that each is a
-whole data set for VTK and none repeats the mesh. Everything is in the order of the input, whatever
+The mesh is a separate file. A field file refers to the mesh by HDF5 links. VTK then reads each file
+as a complete data set, without repeated meshes. All arrays are in the order of the input, whatever
 the number of ranks.
 
-The points are the nodes of the displacements, so that quadratic ones keep the values at the
-midsides, where the edges are straight too. Fields of lower degree are interpolated there. Where the
+The points are the nodes of the displacements, so that quadratic displacements keep their midside
+values, even on straight edges. Fields of lower degree are interpolated at these points. If the
 edges are curved, linear displacements are shown on the curved mesh.
 """
 
@@ -50,7 +50,7 @@ LINKED = (
     *(f"{GRID}/{name}" for name in COUNTS),
     *(POINTS, CONNECTIVITY, OFFSETS, TYPES, BODY, BODY_TAGS, BODY_NAMES),
 )
-"""Datasets that files of fields link from the mesh."""
+"""Mesh datasets to which field files link."""
 
 
 class FieldWriter:
@@ -60,8 +60,8 @@ class FieldWriter:
         """Number nodes and cells, and write the mesh. Collective.
 
         Args:
-            folder: Gives the ranks, and the message if the system refuses.
-            problem: Whose nodes are the points.
+            folder: Result folder, which provides the ranks and the message for system errors.
+            problem: Problem whose nodes are the points.
             mesh_file: The file of the mesh; its folder exists.
 
         Raises:
@@ -88,13 +88,13 @@ class FieldWriter:
         """Write fields on the mesh. Collective.
 
         Args:
-            path: The file, which is replaced if it is there.
-            fields: Nodal or piecewise constant functions by name, their ghosts up to date. Vectors
-                in the plane get a third component, 0.
+            path: The file, which is replaced if it exists.
+            fields: Nodal or piecewise constant functions by name, with up-to-date ghosts. Vectors
+                in the plane get a third component 0.
             facts: Further facts by name; VTK's field data.
 
         Raises:
-            InputError: If the file cannot be written; what was there before is whole.
+            InputError: If the file cannot be written; an existing file remains complete.
         """
         arrays = dict(self._array(name, function) for name, function in fields.items())
         mesh_file = os.path.relpath(self._mesh_file, path.parent)
@@ -108,7 +108,7 @@ class FieldWriter:
         write_arrays(self._folder, path, arrays, describe=describe)
 
     def _write_mesh(self, problem: Problem) -> None:
-        """Points, cells, tags and names of the bodies; facets with names, in the ranks' order."""
+        """Write points, cells, tags and names of bodies, and named facets in the ranks' order."""
         tagged_mesh, mesh, cells = problem.tagged_mesh, self._mesh, self._cells
         tdim, comm, dofmap = mesh.topology.dim, mesh.comm, self._space.dofmap
         owned = mesh.topology.index_map(tdim).size_local
@@ -118,7 +118,7 @@ class FieldWriter:
         corners = block(cells, number[dofmap.list[:owned]][:, to_vtk])
         body = np.zeros(len(dofmap.list), dtype=np.int32)
         body[tagged_mesh.cell_tags.indices] = tagged_mesh.cell_tags.values
-        last = comm.rank == comm.size - 1  # of the offsets there is one more than of the cells
+        last = comm.rank == comm.size - 1  # there is one more offset than cells
         offsets = per_cell * np.arange(cells.first, cells.first + cells.count + last)
         # VTK's numbers of simplices by dimension and degree.
         cell_types = {(2, 1): 5, (2, 2): 22, (3, 1): 10, (3, 2): 24}
@@ -149,7 +149,7 @@ class FieldWriter:
         write_arrays(self._folder, self._mesh_file, arrays, describe=describe)
 
     def _named_facets(self, problem: Problem, number: Longs) -> tuple[Longs, Ints]:
-        """Points at the vertices of the owned facets with a name, shape (n, tdim); their tags."""
+        """Return the points at vertices of named owned facets, shape (n, tdim), and their tags."""
         mesh, tags = self._mesh, problem.tagged_mesh.facet_tags
         tdim, nodes = mesh.topology.dim, geometry_dofmap(mesh)
         at_node = np.zeros(len(mesh.geometry.x), dtype=np.int64)
@@ -159,7 +159,7 @@ class FieldWriter:
         return np.ascontiguousarray(at_node[vertices]), tags.values[ours].astype(np.int32)
 
     def _array(self, name: str, function: fem.Function) -> tuple[str, Block]:
-        """Values at the points or of the cells, and where they belong in a file. Collective."""
+        """Return values at the points or of the cells, and their path in a file. Collective."""
         nodal = self._nodal(name, function)
         V, shape = nodal.function_space, nodal.ufl_shape
         values = nodal.x.array.reshape(-1, V.dofmap.index_map_bs)
@@ -178,7 +178,7 @@ class FieldWriter:
         return place, block(ordering, rows if shape else rows[:, 0])
 
     def _nodal(self, name: str, function: fem.Function) -> fem.Function:
-        """Return the function, of the points' degree if it is a nodal one of another degree."""
+        """Return the function, interpolated to the points' degree if it is nodal."""
         if function.function_space.element.basix_element.degree in (0, self._degree):
             return function
         if name not in self._interpolated:
@@ -192,9 +192,9 @@ class FieldWriter:
 
 
 def make_grid(file: h5py.File) -> None:
-    """Make the group that VTK looks for."""
+    """Create the group that VTK reads."""
     grid = file.create_group(GRID)
-    # Of the format, and of what is in the file; VTK wants a string of fixed length.
+    # Of the format, and of the content; VTK needs a string of fixed length.
     version, type_name = (2, 0), b"UnstructuredGrid"
     grid.attrs["Version"] = version
     grid.attrs.create("Type", type_name, dtype=h5py.string_dtype("ascii", len(type_name)))
@@ -207,13 +207,13 @@ def add_counts(file: h5py.File, counts: tuple[int, int, int]) -> None:
 
 
 def add_facts(file: h5py.File, facts: Mapping[str, float | int | str]) -> None:
-    """Add what else is known, by name: VTK's field data."""
+    """Add further data by name, as VTK's field data."""
     for name, fact in facts.items():
         _add_row(file, f"{FIELD_DATA}/{name}", [fact])
 
 
 def _add_row(file: h5py.File, name: str, values: Sequence[float | int | str]) -> None:
-    """Add a small array; of strings, which VTK reads if they say that they are ASCII, as UTF-8."""
+    """Add a small array; strings as UTF-8, marked as ASCII so that VTK reads them."""
     if isinstance(values[0], str):
         texts = np.array([str(value).encode() for value in values], dtype=object)
         file.create_dataset(name, data=texts, dtype=h5py.string_dtype("ascii"))

@@ -1,1 +1,1 @@
-"""Limit loads of rigid blocks, which collapse by their joints alone."""
+"""Compute limit loads of rigid blocks, which collapse only through their joints."""

@@ -1,4 +1,4 @@
-"""The limit load of rigid blocks, with the forces and the mechanism that prove it."""
+"""Compute the limit load of rigid blocks, with the forces and the mechanism that prove it."""
 
 from dataclasses import dataclass, replace
 
@@ -27,14 +27,14 @@ from perfplast_fenicsx.limit_analysis.facets.contact_strength import ContactStre
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 
 NOTHING = 1e-9
-"""Load factors, in units in which loads are one, that are those of no forces at all."""
+"""Load factors below this value count as zero, in units in which loads are one."""
 
 ROUNDING = 1e-15
 """Load factors, in the same units, that are zero but for rounding."""
 
 ENOUGH = 2.0
-"""Multiple of the loads that is required, if all stay. Joints without adhesion that carry them
-at all carry any multiple of them."""
+"""Required multiple of the loads if all loads are permanent. Joints without adhesion that carry the
+loads at all carry any multiple of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,16 +56,16 @@ class FoundForces:
 
 @dataclass(frozen=True, eq=False)
 class BlockLimit:
-    """The best forces and motion, the same on all ranks but for arrays of facets.
+    """The best forces and motion; the same on all ranks except for arrays of facets.
 
     Attributes:
-        lower: Of the forces: whether there are any, and λ.
+        lower: Outcome of the search for forces, and λ.
         upper: Upper bound of the motion.
         best: The best forces.
         inner: Forces inside of their limits, at another λ; None where none were found.
         motion: Motion of each block, shape (num_blocks · modes,), with L₁(v) = 1.
         programs: Number of linear programs.
-        resists: Whether λ is more than nothing, where no load stays.
+        resists: Whether λ is above zero if there is no permanent load.
     """
 
     lower: tuple[Outcome, float]
@@ -80,13 +80,13 @@ class BlockLimit:
 def block_limit(
     comm: MPI.Intracomm, blocks: RigidBlocks, question: Question, rtol: float
 ) -> BlockLimit:
-    """Find the best forces on joints and the best mechanism of blocks. Collective.
+    """Return the best forces on joints and the best mechanism of blocks. Collective.
 
     Args:
         comm: The ranks.
         blocks: The blocks.
         question: The loads whose factor is sought.
-        rtol: How near each bound comes to the best one, relative.
+        rtol: Relative distance of each bound to the best one.
     """
     solved = on_rank0(comm, lambda: _solve(blocks, question, rtol))
     rows = comm.scatter(None if solved is None else solved.by_rank(comm.size), root=0)
@@ -185,13 +185,13 @@ class _Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Jumps:
-    """The vertices of joints, and which of them are the same.
+    """The jumps at vertices of joints, and which vertices coincide.
 
     Attributes:
         axes: Axes of each facet, the normal first, shape (n, d, d).
-        vertices: Rows of jumps along these at all vertices, shape (n · d · d, blocks · modes).
-        middles: The same where adhesive tractions act.
-        kept: Vertices that stand for all others in their places.
+        vertices: Rows of jumps along these axes at all vertices, shape (n · d · d, blocks · modes).
+        middles: Rows of jumps at the points of adhesive tractions.
+        kept: Vertices that represent all vertices at the same point.
     """
 
     axes: Floats
@@ -201,7 +201,7 @@ class _Jumps:
 
 
 def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
-    """Make and solve the programs, on rank 0."""
+    """Create and solve the programs on rank 0."""
     facets = blocks.facets
     assert facets is not None
     none = np.zeros_like(blocks.live)
@@ -222,7 +222,7 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
     ]
     jumps, free = _jumps(facets, blocks.frames, blocks.count), csr_array(blocks.free)
     sticky = np.flatnonzero(radius > 0)
-    kept = 1 - 1e-9  # share of the adhesion that forces may use, for tolerances of the program
+    kept = 1 - 1e-9  # share of the adhesion that forces may use, to allow for solver tolerances
     discs = [
         Places(
             jump=_some(of, sticky, d)[_across(len(sticky), d)] @ free,
@@ -317,29 +317,29 @@ class _Placed:
 
 
 def _frictions(strengths: list[ContactStrength], follows: bool) -> Floats:
-    """Return μ of interfaces: of all, or of those whose slip follows the normal of the cone."""
+    """Return μ of all interfaces, or only of those with associated slip."""
     return np.array([it.friction if follows or it.associated else 0.0 for it in strengths])
 
 
 def _some(rows: csr_array, places: Longs, d: int) -> csr_array:
-    """Return the d rows of each of some places."""
+    """Return the d rows of each of some points."""
     return rows[(places[:, None] * d + np.arange(d)).ravel()]
 
 
 def _across(count: int, d: int) -> Longs:
-    """Return the rows across the normal of so many places."""
+    """Return the tangential rows of ``count`` points."""
     return (np.arange(count)[:, None] * d + np.arange(1, d)).ravel()
 
 
 def _reactions(gram: Floats, forces: Floats) -> Floats:
-    """Return motions of blocks whose products with held components balance forces."""
+    """Return motions of blocks whose products with the held components balance forces."""
     count, modes = gram.shape[:2]
     inverse = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
     return -np.einsum("bij,bj->bi", inverse, forces.reshape(count, modes)).ravel()
 
 
 def _jumps(facets: JointFacets, frames: Frames, count: int) -> _Jumps:
-    """Return jumps of rigid motions at the vertices of joints."""
+    """Return the jumps of rigid motions at the vertices of joints."""
     d, n, modes = facets.into.shape[1], len(facets.rows), frames.modes
     axes = _axes(facets.into)
     one = facets.rows["corners"]
@@ -361,7 +361,7 @@ def _jumps(facets: JointFacets, frames: Frames, count: int) -> _Jumps:
         shape = (n * d * d, count * modes)
         found.append(coo_array((value, (row, column)), shape=shape).tocsr())
     opposite = np.take_along_axis(facets.others["vertices"], facets.order, axis=1)
-    same = 1e-9  # normals whose components differ by less are the same
+    same = 1e-9  # normals whose components differ by less are equal
     keys = np.column_stack(
         [
             np.repeat(facets.rows["interface"], d),

@@ -1,19 +1,20 @@
-"""The linear programs of rigid blocks: forces on their joints, and motions of the blocks.
+"""Set up linear programs of rigid blocks: forces on their joints, and motions of the blocks.
 
-A block of any strength asks of the forces on it no more than balance. Those of a joint act at
-places x on both its sides, in the directions (n, t) with n out of the first side. With the jump
-w = v₁(x) − v₂(x) of motions v, forces f of the Coulomb cone
+The only condition on the forces on a block is balance, since its strength is unlimited. The forces
+of a joint act at points x on both its sides, in the directions (n, t) with n out of the first side.
+With the jump w = v₁(x) − v₂(x) of motions v, forces f of the Coulomb cone
 
     f_n = −p ≤ 0,   ‖f_t‖ ≤ μp
 
-do the work f·w ≥ 0 on all that keep to w_n + μ‖w_t‖ ≤ 0. So of all λ whose loads λL₁ + L₀ such
-forces balance the largest is the least −L₀(v) of such motions with L₁(v) = 1. As w is linear on a
-facet, its vertices are enough. Where surfaces adhere, shear tractions that are linear on a facet
-and at most c do work as well, no more than ∫c‖w_t‖.
+do the work f·w ≥ 0 on all jumps that satisfy w_n + μ‖w_t‖ ≤ 0. The largest λ for which such forces
+balance λL₁ + L₀ therefore equals the least −L₀(v) of such motions with L₁(v) = 1. As w is linear on
+a facet, conditions at its vertices are enough. Where surfaces adhere, shear tractions that are
+linear on a facet and at most c also do work, at most ∫c‖w_t‖.
 
-In the plane both are one linear program. In space cones of few edges replace the round ones: inside
-of them for the forces, outside of them for the motions. So both bounds are strict for any edges.
-Edges are added where the dual solution of a program asks for them.
+In the plane each problem is one linear program. In space, polyhedral cones replace the round ones:
+inscribed cones for the forces, circumscribed ones for the motions. So both bounds are strict for
+any number of edges. The search adds edges where the dual solution of a program violates a round
+cone.
 """
 
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from scipy.sparse import coo_array, csr_array, hstack
 from perfplast_fenicsx.arrays import Floats, Longs
 
 FIRST_EDGES = 8
-"""Edges of a cone in space to begin with."""
+"""Initial number of edges of a cone in space."""
 
 MOST_ROUNDS = 60
 
@@ -45,14 +46,14 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Places of joints with a set of forces each: a cone, or a disc across the normal.
+    """Points of joints with a force set each: a cone, or a tangential disc.
 
     Attributes:
-        jump: Rows of w along (n, t) of each place, of a disc along t alone. The shape is
+        jump: Rows of w along (n, t) of each point, for a disc only along t. The shape is
             (num_places · components, num_motions).
         size: μ of each cone, or the radius of each disc (force), shape (num_places,).
         cone: Whether they are cones.
-        components: Components of a force.
+        components: Number of components of a force.
     """
 
     jump: csr_array
@@ -62,12 +63,12 @@ class Places:
 
     @property
     def count(self) -> int:
-        """How many places there are."""
+        """Return the number of points."""
         return len(self.size)
 
     @property
     def across(self) -> int:
-        """Components along the joint."""
+        """Return the number of tangential components."""
         return self.components - self.cone
 
     def jumps(self, motion: Floats) -> Floats:
@@ -80,14 +81,16 @@ class JointProgram:
     """Joints and loads of blocks, in units of their own.
 
     Attributes:
-        cones: Places where forces push and rub.
-        discs: Those where adhesive tractions act, in the middle of what they stand for.
-        outer_discs: The same at vertices, where the dissipation is no less than in between.
-        sought: Work of the loads whose factor is sought on each unknown motion, (num_motions,).
-        constant: That of loads that stay.
-        others: That of loads of any factor.
-        most: The largest λ that forces are sought for. It is finite where joints may carry the
-            loads at any factor, and forces for one factor are to prove that they carry them.
+        cones: Points with contact and friction forces.
+        discs: Points with adhesive tractions, in the middle of their part of the facet.
+        outer_discs: Points with adhesive tractions at vertices, where the dissipation is an upper
+            bound.
+        sought: Work of the loads whose factor is sought on each unknown motion, shape
+            (num_motions,).
+        constant: Work of the permanent loads on each unknown motion.
+        others: Work of the free loads, which may have any factor.
+        most: The largest λ for which forces are sought. It is finite if joints may carry any factor
+            and forces for one factor suffice as a proof.
     """
 
     cones: Places
@@ -104,11 +107,11 @@ class JointForces:
     """The best forces.
 
     Attributes:
-        outcome: Whether there are any.
+        outcome: Whether forces were found.
         value: λ.
-        aside: Factor of the loads of any factor.
+        aside: Factor of the free loads.
         cones: Forces of cones, shape (num_cones, d).
-        discs: Those of discs, shape (num_discs, d − 1).
+        discs: Forces of discs, shape (num_discs, d − 1).
     """
 
     outcome: Outcome
@@ -123,7 +126,7 @@ class BlockMotion:
     """The best motion.
 
     Attributes:
-        outcome: Whether there is any.
+        outcome: Whether a motion was found.
         value: λ.
         motion: Unknown motions v with L₁(v) = 1, shape (num_motions,).
     """
@@ -135,11 +138,11 @@ class BlockMotion:
 
 @dataclass
 class _Edges:
-    """Edges of polygons in the place of discs of radius 1.
+    """Edges of polygons that approximate discs of radius 1.
 
     Attributes:
-        of: The place of each edge.
-        angle: Its direction; in the plane 0 or π.
+        of: The point of each edge.
+        angle: The direction of each edge; in the plane 0 or π.
     """
 
     of: Longs
@@ -147,16 +150,16 @@ class _Edges:
 
     @classmethod
     def first(cls, places: Places) -> "_Edges":
-        """Return those to begin with."""
+        """Return the initial edges."""
         rubs = np.flatnonzero(places.size > 0)
         count = 2 if places.across == 1 else FIRST_EDGES
         angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
         return cls(np.repeat(rubs, count), np.tile(angles, len(rubs)))
 
     def add(self, of: Longs, angle: Floats) -> int:
-        """Add directions that are new; return how many."""
+        """Add new directions and return their number."""
         angle = np.mod(angle, 2 * np.pi)
-        near = 1e-7  # parts of a turn by which angles that are the same differ at most
+        near = 1e-7  # largest difference of equal angles, in turns
         keys, wanted = (np.sort(self.of + self.angle / (2 * np.pi)), of + angle / (2 * np.pi))
         after = np.searchsorted(keys, wanted)
         keys = np.concatenate([[-np.inf], keys, [np.inf]])
@@ -166,11 +169,11 @@ class _Edges:
         return int(fresh.sum())
 
     def inside(self, places: Places) -> tuple[Longs, Floats]:
-        """Return place and direction of the corners of polygons inside of discs."""
+        """Return point and direction of the corners of inscribed polygons."""
         return self.of, _directions(self.angle, places.across)
 
     def outside(self, places: Places) -> tuple[Longs, Floats]:
-        """Return the same of polygons around them, whose sides touch them at the edges."""
+        """Return point and direction of circumscribed polygons, whose sides touch the discs."""
         if places.across == 1:
             return self.inside(places)
         order = np.lexsort([self.angle, self.of])
@@ -192,12 +195,13 @@ def _directions(angle: Floats, across: int) -> Floats:
 def best_of_joints(
     inner: JointProgram, outer: JointProgram, rtol: float
 ) -> tuple[JointForces, BlockMotion, int]:
-    """Find the best forces of one program and the best motion of another.
+    """Return the best forces of one program and the best motion of another.
 
     Args:
-        inner: With the joints that forces have.
-        outer: With those that motions have, at the same places, where these rub no less.
-        rtol: How far both may be from the best of round cones, relative.
+        inner: Program with the joints of the forces.
+        outer: Program with the joints of the motions, at the same points, with at least as much
+            friction.
+        rtol: Relative distance of both to the optimum with round cones.
 
     Returns:
         Both, and the number of linear programs.
@@ -269,7 +273,7 @@ def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None
 def _sharpened(
     program: JointProgram, rtol: float, inside: bool
 ) -> tuple[JointForces | BlockMotion, int]:
-    """Solve programs of ever more edges, for forces inside of cones or motions outside of them."""
+    """Solve programs with more and more edges, for forces in cones or motions outside them."""
     discs = program.discs if inside else program.outer_discs
     every = (program.cones, discs)
     edges = [_Edges.first(places) for places in every]
@@ -279,7 +283,7 @@ def _sharpened(
         found = _Solved.of(program, every, edges, inside)
         if found.outcome is not Outcome.FOUND or rounds == MOST_ROUNDS:
             break
-        # Forces and jumps that leave a round cone by less, relative to the largest, may do so.
+        # Allowed violation of a round cone by forces and jumps, relative to the largest.
         close = 0.01 * rtol
         if not found.sharpen(every, edges, inside, close):
             break
@@ -288,16 +292,17 @@ def _sharpened(
 
 @dataclass(eq=False)
 class _Solved:
-    """A linear program that was solved, or not.
+    """The result of a linear program.
 
     Attributes:
-        outcome: Whether it was.
+        outcome: Whether it was solved.
         value: λ.
-        columns: Work of a unit of each force on the unknown motions, (num_motions, num_columns).
-        generators: These forces: place and components, of cones and of discs.
-        sizes: How much there is of each, shape (num_columns,).
-        aside: Factor of the loads of any factor.
-        motion: The motion that belongs to it.
+        columns: Work of a unit of each force on the unknown motions, shape (num_motions,
+            num_columns).
+        generators: These unit forces: point and components, of cones and of discs.
+        sizes: Multiplier of each force, shape (num_columns,).
+        aside: Factor of the free loads.
+        motion: The motion of the dual solution.
         program: The program that was solved.
     """
 
@@ -314,7 +319,7 @@ class _Solved:
     def of(
         cls, program: JointProgram, every: tuple[Places, ...], edges: list[_Edges], inside: bool
     ) -> "_Solved":
-        """Solve one."""
+        """Solve a linear program and return its result."""
         generators = [_generators(*pair, inside) for pair in zip(every, edges, strict=True)]
         blocks = [_columns(*pair) for pair in zip(every, generators, strict=True)]
         loads = np.column_stack([program.sought, program.others])[:, : 1 + program.others.any()]
@@ -329,7 +334,7 @@ class _Solved:
             bounds[forces, 1] = program.most
         of_discs = generators[1][0]
         budget = None
-        if len(of_discs):  # what corners of a polygon add up to is at most 1
+        if len(of_discs):  # weights of a polygon's corners sum to at most 1
             at = blocks[0].shape[1] + np.arange(len(of_discs))
             ones = np.ones(len(of_discs))
             budget = coo_array((ones, (of_discs, at)), shape=(every[1].count, total)).tocsr()
@@ -359,26 +364,26 @@ class _Solved:
     def sharpen(
         self, every: tuple[Places, ...], edges: list[_Edges], inside: bool, close: float
     ) -> int:
-        """Add the edges that the other side asks for; return how many.
+        """Add the edges at which the dual solution violates the cone, and return their number.
 
         Args:
             every: Cones and discs.
-            edges: Of them.
-            inside: Whether these are inside of them.
-            close: What may leave a round cone, relative to the largest.
+            edges: Edges of the polygons.
+            inside: Whether the polygons are inscribed.
+            close: Allowed violation of a round cone, relative to the largest.
         """
         added = 0
         parts = self.parts(every)
         for places, mine, part in zip(every, edges, parts, strict=True):
             if places.across == 1 or not len(mine.of):
                 continue
-            if inside:  # of forces against the slip
+            if inside:  # for forces: opposite to the slip
                 jump = places.jumps(self.motion)
                 slip = -jump[:, int(places.cone) :]
                 off = places.size * np.linalg.norm(slip, axis=1)
                 off = off + jump[:, 0] if places.cone else off
                 weight = np.linalg.norm(jump, axis=1)
-            else:  # of sides that cut off what is beyond the round cone
+            else:  # for sides: those that cut off the violation of the round cone
                 slip = part[:, int(places.cone) :]
                 limit = -part[:, 0] if places.cone else np.ones(places.count)
                 weight = np.linalg.norm(slip, axis=1)
@@ -390,7 +395,7 @@ class _Solved:
         return added
 
     def parts(self, every: tuple[Places, ...]) -> list[Floats]:
-        """Return the forces of all places, of cones and of discs."""
+        """Return the forces at all points, of cones and of discs."""
         found, first = list[Floats](), 0
         for places, (of, vectors) in zip(every, self.generators, strict=True):
             sizes = self.sizes[first : first + len(of)]
@@ -401,11 +406,11 @@ class _Solved:
         return found
 
     def forces(self, every: tuple[Places, ...]) -> JointForces:
-        """Return the forces of a program inside of cones."""
+        """Return the forces of a program with inscribed cones."""
         return JointForces(self.outcome, self.value, self.aside, *self.parts(every))
 
     def block_motion(self, every: tuple[Places, ...]) -> BlockMotion:
-        """Return the motion of a program around cones, with its dissipation in round cones."""
+        """Return the motion of a program with circumscribed cones, and its dissipation."""
         if self.outcome is not Outcome.FOUND:
             return BlockMotion(self.outcome, np.nan, self.motion)
         motion, program = self._admissible(every), self.program
@@ -416,11 +421,11 @@ class _Solved:
         return BlockMotion(self.outcome, value, np.asarray(motion / work, dtype=np.float64))
 
     def _admissible(self, every: tuple[Places, ...]) -> Floats:
-        """Return the motion with what is rounding in its conditions removed."""
+        """Return the motion corrected for rounding errors in its conditions."""
         program, count = self.program, len(self.generators[0][0])
         power = np.asarray(self.columns[:, :count].T @ self.motion)
         scale = np.abs(self.columns[:, :count]).T @ np.abs(self.motion)
-        # Powers that are less, relative to their parts, are those of forces that do no work.
+        # Powers below this value, relative to their terms, belong to forces that do no work.
         idle = 1e-8
         active = np.flatnonzero(np.abs(power) <= idle * scale)
         rows = np.vstack(
@@ -439,7 +444,7 @@ class _Solved:
 
 
 def _generators(places: Places, edges: _Edges, inside: bool) -> tuple[Longs, Floats]:
-    """Return the forces whose sums a set has: place of each, and components."""
+    """Return the forces that generate a set: point and components of each."""
     of, across = edges.inside(places) if inside else edges.outside(places)
     across = across * places.size[of][:, None]
     if not places.cone:
@@ -462,7 +467,7 @@ def _columns(places: Places, generators: tuple[Longs, Floats]) -> csr_array:
 
 
 def _balanced(columns: csr_array, wanted: Floats, x: Floats, forces: int) -> Floats:
-    """Return forces that balance the loads to rounding, from those that do so to a tolerance."""
+    """Return forces that balance the loads to rounding, from forces that do so to a tolerance."""
     used = np.append(x[:forces] > 1e-9 * np.abs(x).max(initial=0.0), np.ones(len(x) - forces, bool))
     some = columns[:, used].toarray()
     found = np.where(used, x, 0.0)

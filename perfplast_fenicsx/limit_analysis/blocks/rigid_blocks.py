@@ -1,4 +1,4 @@
-"""Bodies that cannot yield as rigid blocks: their motions, the loads on them, and their joints."""
+"""Describe bodies that cannot yield as rigid blocks: motions, loads and joints."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,21 +23,23 @@ from perfplast_fenicsx.problem.problem import Problem
 
 CURVED = "cells are curved; use first-order cells"
 
-HINGED = "parts of a body hang together at a vertex or an edge alone; part them, or join them"
+HINGED = "parts of a body are connected only at a vertex or an edge; separate them, or join them"
 
-PLATES = "blocks do not know rigid surfaces; leave these out, as blocks are rigid by themselves"
+PLATES = (
+    "bounds of blocks do not support rigid surfaces; remove them, as blocks are rigid themselves"
+)
 
-ROUND = "an obstacle is curved, and blocks know planes"
+ROUND = "an obstacle is curved, but bounds of blocks support only planes"
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The frame of each block's rigid motions, which turn about the middle, over the extent.
+    """The frame of each block's rigid motions: rotations about the middle, scaled by the extent.
 
     Attributes:
-        kinematics: What a rigid motion is.
-        middle: Shape (num_blocks, d).
-        extent: Shape (num_blocks,).
+        kinematics: Kinematics, which defines a rigid motion.
+        middle: Middle of each block, shape (num_blocks, d).
+        extent: Extent of each block, shape (num_blocks,).
     """
 
     kinematics: Kinematics
@@ -46,16 +48,16 @@ class Frames:
 
     @property
     def modes(self) -> int:
-        """Motions of a block: 3 in the plane and 6 in space."""
+        """Return the number of motions of a block: 3 in the plane and 6 in space."""
         return len(self.kinematics.motions)
 
     def at(self, block: Longs, x: Floats) -> Floats:
-        """Return velocities of points in the motions of their blocks, shape (n, d, modes)."""
+        """Return the velocities of points in the motions of their blocks, shape (n, d, modes)."""
         return self.kinematics.rigid_modes((x - self.middle[block]) / self.extent[block][:, None])
 
 
 def _row_type(d: int) -> np.dtype:
-    """Return the type of a facet of a joint, in the form that matching wants."""
+    """Return the structured type of a joint's facet, as node matching needs it."""
     return np.dtype(
         [
             ("x", np.float64, 3),
@@ -75,14 +77,14 @@ def _row_type(d: int) -> np.dtype:
 
 @dataclass(frozen=True, eq=False)
 class JointFacets:
-    """Facets of joints on rank 0, and beside each the one opposite.
+    """Facets of joints on rank 0, with the opposite facet of each.
 
     Attributes:
-        rows: Facets of first sides, rows of the type of this module.
-        others: Those opposite, of the same number; beside obstacles the facets themselves.
-        order: Which vertex of the other is opposite each, shape (n, d).
+        rows: Facets of first sides, in the structured type of this module.
+        others: The opposite facets, equally many; at obstacles the facets themselves.
+        order: Index of the opposite vertex for each vertex, shape (n, d).
         into: Unit normals out of the first side, shape (n, d).
-        alone: Whether it touches an obstacle and not a block, shape (n,).
+        alone: Whether the facet touches an obstacle instead of a block, shape (n,).
     """
 
     rows: npt.NDArray[np.void]
@@ -97,17 +99,17 @@ class RigidBlocks:
     """The blocks of a problem.
 
     Attributes:
-        count: How many there are.
-        body: What bounds know of their cells and facets.
+        count: Number of blocks.
+        body: Bound data of their cells and facets.
         of_node: Block of each local node of the displacements.
         of_outer: Block of each owned outer facet.
-        corners: Vertices of these in the order of their cells, shape (num_outer, d, d).
+        corners: Vertices of these facets in the order of their cells, shape (num_outer, d, d).
         frames: Frames of their motions, the same on all ranks.
         free: Orthonormal motions that supports leave free, shape (num_blocks · modes, num_motions).
-        gram: Sums of products of what supports hold, shape (num_blocks, modes, modes).
-        live: Forces and moments over extents of loads that grow, shape (num_blocks · modes,).
-        dead: The same of loads that stay.
-        facets: Those of joints; None on ranks but the first.
+        gram: Sums of products of held directions, shape (num_blocks, modes, modes).
+        live: Forces, and moments over extents, of loads that grow, shape (num_blocks · modes,).
+        dead: Forces, and moments over extents, of permanent loads.
+        facets: Facets of joints; None on ranks other than 0.
     """
 
     count: int
@@ -124,7 +126,7 @@ class RigidBlocks:
 
 
 def why_no_blocks(problem: Problem) -> str | None:
-    """Return why bodies are no blocks that the program knows, or None. Collective."""
+    """Return why the program does not support the bodies as blocks, or None. Collective."""
     body = bound_body(problem)
     tdim = problem.bodies.gdim
     topology = problem.tagged_mesh.mesh.topology
@@ -148,7 +150,7 @@ def why_no_blocks(problem: Problem) -> str | None:
 
 
 def rigid_blocks(problem: Problem) -> RigidBlocks:
-    """Read the blocks off a problem for which nothing prevents it. Collective."""
+    """Return the blocks of a supported problem. Collective."""
     comm, body, d = problem.comm, bound_body(problem), problem.bodies.gdim
     mesh = problem.tagged_mesh.mesh
     topology = mesh.topology
@@ -159,7 +161,7 @@ def rigid_blocks(problem: Problem) -> RigidBlocks:
     first = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(first, of_cell, keys)
     comm.Allreduce(MPI.IN_PLACE, first, MPI.MIN)
-    number = np.argsort(np.argsort(first))  # by their first cells, whatever the ranks
+    number = np.argsort(np.argsort(first))  # ordered by their first cells, independent of the ranks
     of_cell, of_node = number[of_cell], number[problem.bodies.of_node]
     middle, extent = _sizes(comm, body.vertices, of_cell, count)
     outer = body.geometry.exterior
@@ -210,7 +212,7 @@ def rigid_blocks(problem: Problem) -> RigidBlocks:
 def _sizes(
     comm: MPI.Intracomm, vertices: Floats, of_cell: Longs, count: int
 ) -> tuple[Floats, Floats]:
-    """Return the middle of the box around each block, and half its diagonal. Collective."""
+    """Return the middle and half the diagonal of the box around each block. Collective."""
     d = vertices.shape[2]
     low, high = np.full((count, d), np.inf), np.full((count, d), -np.inf)
     np.minimum.at(low, of_cell, vertices.min(axis=1))
@@ -221,10 +223,11 @@ def _sizes(
 
 
 def held_directions(body: BoundBody) -> Floats:
-    """Return directions that supports hold of owned outer facets, 0 for none.
+    """Return the directions in which supports hold owned outer facets, 0 for none.
 
     Returns:
-        Cartesian axes and then that of a guide beside them, shape (num_outer, d + 1, d).
+        The first rows are Cartesian axes; the last row is the normal of a guide. Shape (num_outer,
+        d + 1, d).
     """
     outer = body.geometry.exterior
     held, guided = body.supported[outer], body.guided[outer]
@@ -239,7 +242,7 @@ def held_directions(body: BoundBody) -> Floats:
 def _held(
     comm: MPI.Intracomm, body: BoundBody, frames: Frames, of_outer: Longs, corners: Floats
 ) -> Floats:
-    """Return Σ of products of the rows that supports hold, by block. Collective."""
+    """Return Σ of products of held rows, by block. Collective."""
     d = corners.shape[2]
     directions = held_directions(body)
     found = np.zeros((len(frames.extent), frames.modes, frames.modes))
@@ -252,10 +255,10 @@ def _held(
 
 
 def _left_free(gram: Floats) -> Floats:
-    """Return orthonormal motions that are left free, shape (num_blocks · modes, num_motions)."""
+    """Return orthonormal free motions, shape (num_blocks · modes, num_motions)."""
     count, modes = gram.shape[:2]
     values, vectors = np.linalg.eigh(gram)
-    negligible = 1e-12  # squares of what supports hold of a motion, relative to the largest
+    negligible = 1e-12  # squared held part of a motion, relative to the largest
     most = np.maximum(values.max(axis=1, initial=0.0), np.finfo(float).tiny)
     block, number = np.nonzero(values <= negligible * most[:, None])
     found = np.zeros((count, modes, len(block)))
@@ -270,7 +273,7 @@ def _loads(
     loads: FacetLoads,
     places: tuple[Longs, Longs, Floats],
 ) -> Floats:
-    """Return forces and moments over extents of loads on each block. Collective."""
+    """Return forces, and moments over extents, of loads on each block. Collective."""
     of_cell, of_outer, corners = places
     d = corners.shape[2]
     found = np.zeros((len(frames.extent), frames.modes))
@@ -282,7 +285,7 @@ def _loads(
     act(of_cell, body.vertices.mean(axis=1), loads.forces * volumes[:, None])
     outer = body.geometry.exterior
     tractions = body.geometry.at_corners(outer, loads.tractions[outer])
-    means = (np.eye(d) + 1) / (d * (d + 1))  # of products of barycentric coordinates
+    means = (np.eye(d) + 1) / (d * (d + 1))  # integrals of products of barycentric coordinates
     spread = np.einsum("f,ab,fbi->fai", body.geometry.areas(outer), means, tractions)
     for vertex in range(d):
         act(of_outer, corners[:, vertex], spread[:, vertex])
@@ -291,7 +294,7 @@ def _loads(
 
 
 def _joined(rows: npt.NDArray[np.void], interfaces: Sequence[Interface]) -> JointFacets:
-    """Return facets with those opposite, in an order that does not depend on the ranks."""
+    """Return facets with their opposite facets, in an order independent of the ranks."""
     rows = rows[np.lexsort([rows["key"], rows["side"], rows["interface"]])]
     d = rows["normal"].shape[1]
     first, second, orders, into, alone = [rows[:0]], [rows[:0]], [], [], []

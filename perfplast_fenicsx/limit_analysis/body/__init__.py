@@ -1,1 +1,1 @@
-"""Strict bounds of the body, on one mesh and on adapted ones."""
+"""Compute strict bounds of the body, on one mesh and on adapted meshes."""

@@ -1,4 +1,4 @@
-"""How meshes are adapted to bounds, and when that ends."""
+"""Declare how meshes are adapted to bounds, and when the adaptation ends."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -10,21 +10,22 @@ from perfplast_fenicsx.mesh.refinement import check_refinable
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 DECIDED = "decided"
-"""End of adapting where it is proven what becomes of the design load, in place of a gap."""
+"""Value of ``until``: adaptation ends when it is proven whether the design load is carried."""
 
 
 @dataclass(frozen=True)
 class Adaptation:
-    """Refinement of the mesh by the bounds of the limit load, and its end.
+    """Refinement of the mesh by the bounds of the limit load, and its stopping criterion.
 
     Args:
         until: Gap of the proven bounds at which refinement ends, relative to the lower one, between
-            0 and 1; if neither bound can be proven, the gap of the values. Or "decided", to end
-            when it is proven that the design load is carried, or that it is not.
-        cells: Most cells of a finer mesh. The first mesh may have more, and is then the only one.
+            0 and 1. If neither bound can be proven, the gap of the values counts. Or "decided", to
+            end when it is proven whether the design load is carried.
+        cells: Largest number of cells of a finer mesh. If the first mesh has more, it remains the
+            only one.
 
     Raises:
-        InputError: A gap that is not valid.
+        InputError: For a gap that is not valid.
     """
 
     until: float | Literal["decided"] = 0.01
@@ -37,28 +38,28 @@ class Adaptation:
             )
 
     def check_design(self, design: float | None) -> None:
-        """Refuse a decision on nothing.
+        """Refuse "decided" without a design load.
 
         Args:
             design: Load factor of the design load, if one is given.
 
         Raises:
-            InputError: If there is none to decide on.
+            InputError: If there is no design load.
         """
         if self.until == DECIDED and design is None:
             raise InputError(
-                'until = "decided" goes with a design load; give design, its load factor, often'
-                " design = 1.0 under [loading] with control = 'bounds', or a gap such as"
-                " until = 0.01."
+                'until = "decided" needs a design load; give design, its load factor, '
+                "often design = 1.0 under [loading] with control = 'bounds', or a gap "
+                "such as until = 0.01."
             )
 
     def ends(self, lower: Bound, upper: Bound, design: float | None) -> str | None:
-        """Why bounds are good enough; None where they are not.
+        """Return why the bounds are good enough; None if they are not.
 
         Args:
             lower: The best lower bound so far.
-            upper: The best upper one.
-            design: As :meth:`check_design` takes it.
+            upper: The best upper bound so far.
+            design: See :meth:`check_design`.
         """
         if design is not None and self.until == DECIDED:
             low, high = (bound.value if bound.strict else None for bound in (lower, upper))
@@ -69,11 +70,11 @@ class Adaptation:
             return None
         if (
             lower.strict != upper.strict
-        ):  # the other one may lie on the wrong side of the proven one
+        ):  # the unproven one may lie on the wrong side of the proven one
             return None
         strict = lower.strict and upper.strict
-        what = "bounds" if strict else "values, which are no bounds of the body,"
-        return f"{what} within {self.until:g} of each other are what was asked for"
+        what = "bounds" if strict else "values, which are not bounds of the body,"
+        return f"{what} are within {self.until:g} of each other, as requested"
 
     def check(self, tagged_mesh: TaggedMesh) -> None:
         """Refuse a first mesh that cannot be adapted. Collective.

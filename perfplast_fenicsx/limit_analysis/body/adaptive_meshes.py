@@ -1,8 +1,9 @@
-"""Bounds of the limit load on meshes that are refined where the bounds say.
+"""Bound the limit load on meshes that are refined by error indicators of the bounds.
 
-The difference of both bounds is the sum of shares of the cells, none below zero, and shows where
-the mechanism is poor. The dissipation of the lower bound's multipliers shows where the stress is.
-Cells that have most of either are refined. M. Ciria, J. Peraire and J. Bonet, doi:10.1002/nme.2310.
+The gap of both bounds is a sum of non-negative contributions of the cells, which show where the
+mechanism is inaccurate. The dissipation of the lower bound's multipliers shows where the stress is
+inaccurate. The cells with the largest contributions to either are refined. M. Ciria, J. Peraire and
+J. Bonet, doi:10.1002/nme.2310.
 """
 
 import time
@@ -30,15 +31,14 @@ class Round:
     """Bounds on one mesh.
 
     Attributes:
-        number: From 1.
+        number: Number of the mesh, from 1.
         cells: Cells of the mesh.
-        lower: The strict lower bound found on it; None where there is none.
-        upper: The strict upper bound.
-        gap: What the best strict upper bound so far exceeds the best strict lower one by, relative;
-            None where one of them is missing.
+        lower: The strict lower bound on it; None without one.
+        upper: The strict upper bound on it; None without one.
+        gap: Relative gap between the best strict bounds so far; None if one of them is missing.
         seconds: Wall time so far.
-        not_proven: Values found in the place of a lower and an upper bound that are not proven of
-            the body; None of each that is, or that was not found.
+        not_proven: Unproven values instead of a lower and an upper bound; None for each that is
+            proven or was not found.
     """
 
     number: int
@@ -59,7 +59,7 @@ class AdaptiveBounds:
         high: Result on the mesh with the best upper bound.
         last: Result on the last mesh.
         problem: The problem on the last mesh; in space its cells are not split.
-        sources: The same on the meshes of ``low`` and ``high``.
+        sources: The problems on the meshes of ``low`` and ``high``.
         rounds: A report on each mesh.
         reason: Why the sequence ended.
     """
@@ -74,20 +74,20 @@ class AdaptiveBounds:
 
     @property
     def lower(self) -> Bound:
-        """The best lower bound of all meshes."""
+        """Return the best lower bound of all meshes."""
         return self.low.lower
 
     @property
     def upper(self) -> Bound:
-        """The best upper bound of all meshes."""
+        """Return the best upper bound of all meshes."""
         return self.high.upper
 
     @property
     def best(self) -> BodyBounds:
-        """The result on the mesh of the best bounds.
+        """Return the result on the mesh of the best bounds.
 
-        Where the lower one is of another mesh than the upper one, that of the two whose own bounds
-        are nearer to each other.
+        If the best bounds are from two meshes, the result is that of the mesh whose own bounds have
+        the smaller gap.
         """
         gaps = [it.lower.apart(it.upper) for it in (self.low, self.high)]
         low, high = (np.inf if gap is None else gap for gap in gaps)
@@ -95,7 +95,7 @@ class AdaptiveBounds:
 
     @property
     def body(self) -> BodyBounds:
-        """The result on the mesh of the best bounds, with these in place of its own."""
+        """Return the result on the mesh of the best bounds, with the best bounds of all meshes."""
         certificates = dict(self.low.certificates)
         certificates |= {k: v for k, v in self.high.certificates.items() if k == "inadmissible"}
         return replace(
@@ -123,13 +123,15 @@ def adaptive_bounds(
     design: float | None = None,
     so_far: Callable[[AdaptiveBounds], None] | None = None,
 ) -> AdaptiveBounds:
-    """Bound the limit load on a sequence of refined meshes, as far as memory allows. Collective.
+    """Return bounds of the limit load on a sequence of refined meshes, as far as memory allows.
+
+    Collective.
 
     Args:
         problem: The bodies and their loads, on the first mesh.
         adaptation: The end of the sequence.
         rtol: Relative distance of each bound to the best of its kind on its mesh. A twentieth of
-            the gap on the mesh before is enough.
+            the gap on the previous mesh is enough.
         monitor: Called on every rank after each mesh.
         steps: Called on every rank after each step of the interior point method.
         design: Load factor of the design load, if the sequence ends once it is decided.
@@ -156,13 +158,13 @@ def adaptive_bounds(
             rounds.append(round_)
             if monitor is not None:
                 monitor(round_)
-            # where constant loads are what is bounded, it is whether they are carried once
+            # if the constant loads are bounded, the question is whether they are carried once
             stands = 1.0 if low.question is Question.STANDS else None
             if ends := adaptation.ends(low.lower, high.upper, stands or design):
                 reason = ends
                 break
             if found.joints is not None:
-                reason = "finer meshes say no more of rigid blocks"
+                reason = "finer meshes do not improve bounds of rigid blocks"
                 break
             finer = finer_mesh(problem, found, gap, adaptation)
             if isinstance(finer, str):
@@ -178,7 +180,7 @@ def adaptive_bounds(
                 reason = f"the next mesh has {number_of_cells(finer)} cells: {fault}"
                 break
             problem = finer_problem
-            other = found.question is not low.question  # bounds of other loads are no better ones
+            other = found.question is not low.question  # bounds of other loads are not comparable
             if other or found.lower.improves(low.lower):
                 low, of_low = found, problem
             if other or found.upper.improves(high.upper):
@@ -194,11 +196,11 @@ def adaptive_bounds(
 def _round(
     number: int, problem: Problem, found: BodyBounds, best: tuple[Bound, Bound], seconds: float
 ) -> Round:
-    """Return the report on a mesh, with proven results apart from others. Collective.
+    """Return the report on a mesh, separating proven results from others. Collective.
 
     Args:
-        number: From 1.
-        problem: On the mesh.
+        number: Number of the mesh, from 1.
+        problem: The problem on the mesh.
         found: The result on it.
         best: The best lower and upper bound of all meshes so far.
         seconds: Wall time so far.
@@ -223,11 +225,11 @@ def _round(
 
 
 def nearness(rtol: float, gap: float | None) -> float:
-    """Return how near each bound is to come to the best of its kind on the next mesh, relative.
+    """Return the relative tolerance of each bound on the next mesh.
 
     Args:
         rtol: Relative tolerance of the bounds.
-        gap: Gap of the bounds so far; None where one of them is missing.
+        gap: Gap of the bounds so far; None if one of them is missing.
     """
-    share, most = 0.05, 0.02  # of the gap, which a mesh halves at best
+    share, most = 0.05, 0.02  # of the gap; a finer mesh halves the gap at best
     return max(rtol, min(share * gap, most)) if gap is not None else rtol

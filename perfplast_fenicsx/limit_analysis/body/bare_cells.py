@@ -1,4 +1,4 @@
-"""Cells of ground without cohesion whose vertices are all bare: they bear not even their weight."""
+"""Divide cells of cohesionless ground whose vertices are all unconfined."""
 
 import logging
 
@@ -20,7 +20,9 @@ log = logging.getLogger(__name__)
 
 
 def with_room_for_stress(problem: Problem) -> Problem:
-    """The problem with all cells divided that could carry nothing, or match none. Collective.
+    """Return the problem with all cells divided in which the stress is over-constrained.
+
+    Collective.
 
     Args:
         problem: The bodies with their loads.
@@ -30,13 +32,15 @@ def with_room_for_stress(problem: Problem) -> Problem:
 
 
 def with_divided_bare_cells(problem: Problem) -> Problem:
-    """Return the plane problem on a mesh without such cells; itself where it has none. Collective.
+    """Return the plane problem with all unconfined cells divided; unchanged without such cells.
 
-    They are cut at a vertex that is opposite an edge inside, with all others there.
+    Collective.
+
+    A cell is divided together with all others at the vertex opposite an inner edge.
 
     Args:
-        problem: The bodies with their loads; where facets say nothing certain of tractions and on
-            curved cells it is left as it is.
+        problem: The bodies with their loads. The function returns them unchanged if tractions on
+            facets are not known or cells are curved.
     """
     tagged_mesh, cones = problem.tagged_mesh, body_cones(problem)
     if problem.bodies.gdim == 3 or tagged_mesh.axisymmetric or not cones.loose:
@@ -53,7 +57,7 @@ def with_divided_bare_cells(problem: Problem) -> Problem:
     count = problem.comm.allreduce(len(here))
     if count == 0:
         return problem
-    log.info("%d cells without cohesion and pressure on all sides are divided", count)
+    log.info("%d cells without cohesion and confinement are divided", count)
     vertices = topology.connectivity(2, 0).array.reshape(-1, 3)
     points = np.unique(vertices[here, np.argmin(outside[here], axis=1)])
     pairs = opposite_vertices(tagged_mesh, problem.given.contacts)

@@ -1,4 +1,4 @@
-"""Bounds of the limit load of bodies of which none can yield: they collapse by their joints."""
+"""Bound the limit load of bodies that cannot yield: they collapse through their joints."""
 
 import logging
 from dataclasses import replace
@@ -27,49 +27,51 @@ from perfplast_fenicsx.problem.problem import Problem
 log = logging.getLogger(__name__)
 
 ROUNDING = 1e-12
-"""Share of a bound by which the lower one may be above the upper one, which is raised then."""
+"""Largest relative excess of the lower bound over the upper one that counts as rounding; the upper
+one is then raised."""
 
 MET = "forces on the joints and a mechanism of the blocks were found"
 
 ANY_FACTOR = (
-    "nothing can yield, and the joints carry the loads at any factor; give the bodies that may"
-    " collapse a yield stress"
+    "nothing can yield, and the joints carry the loads at any factor; give a yield stress "
+    "to bodies that may collapse"
 )
 
 WITHOUT_FRICTION = (
-    "no forces without friction, but for adhesion, balance the loads, and friction that is not"
-    " associated has no other theorem; give associated = true for both bounds of joints that dilate"
+    "without friction other than adhesion no forces balance the loads, and for friction "
+    "that is not associated there is no other theorem; give associated = true for both "
+    "bounds of joints that dilate"
 )
 
 
 def are_blocks(problem: Problem) -> bool:
-    """Return whether none of the bodies can yield, and some are in contact. Collective."""
+    """Return whether no body can yield, and some are in contact. Collective."""
     touch = problem.given.contacts or problem.given.obstacles
     cones = body_cones(problem).cones
     return bool(touch) and not any(it.yields for it in cones)
 
 
 def check_blocks(problem: Problem) -> None:
-    """Refuse joints that the programs of blocks do not know. Collective.
+    """Refuse joints that the programs of blocks do not support. Collective.
 
     Raises:
-        InputError: Saying what it is.
+        InputError: Naming the obstacle to the computation.
     """
     if (why := why_no_blocks(problem)) is not None:
         raise InputError(
-            f"none of the bodies can yield, so that their joints alone limit the load, and {why}."
+            f"none of the bodies can yield, so that only their joints limit the load, but {why}."
         )
 
 
 def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
-    """Find both bounds of blocks. Collective.
+    """Return both bounds of blocks. Collective.
 
     Args:
-        problem: Bodies for which :func:`are_blocks`, with their loads.
-        rtol: How near each bound comes to the best one, relative.
+        problem: Bodies for which :func:`are_blocks` is true, with their loads.
+        rtol: Relative distance of each bound to the best one.
 
     Raises:
-        InputError: If the program does not know the joints, or they resist nothing.
+        InputError: If the program does not support the joints, or if they resist no load.
     """
     check_blocks(problem)
     log.info("bounds of blocks: forces on their joints, and a mechanism")
@@ -81,14 +83,14 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
         found = block_limit(problem.comm, blocks, question, rtol)
     if Outcome.FAILED in (found.lower[0], found.upper[0]):
         raise InputError(
-            "the linear program of the joints has no solution that can be trusted; give the mesh"
-            " and the loads in units in which their numbers are nearer to one."
+            "the linear program of the joints has no reliable solution; choose units of "
+            "the mesh and the loads in which the numbers are closer to one."
         )
     if question is Question.LIMIT and not found.resists:
         raise InputError(
-            "no forces on the joints carry the loads: they move blocks apart or along their joints;"
-            " turn the loads around, hold the blocks there, or give the loads that stay (constant ="
-            " true), such as their weight."
+            "no forces on the joints carry the loads: they move blocks apart or along "
+            "their joints; reverse the loads, support the blocks there, or give the "
+            "permanent loads (constant = true), such as their weight."
         )
     return _told(problem, blocks, found, question)
 
@@ -105,7 +107,7 @@ def _told(
         upper, most = replace(upper, value=least), least
     standing = Standing(least, most) if question is Question.STANDS else None
     limited = question is Question.LIMIT
-    static = most if least is None else least  # that of the joint that dilates, by duality
+    static = most if least is None else least  # by duality, the bound of the dilating joint
     reason = MET if most is not None else upper.why_not[0]
     mesh = LimitLoad(
         method=LimitMethod.INTERIOR_POINT,
@@ -137,7 +139,7 @@ def _told(
 
 
 def _bound(kind: str, outcome: Outcome, value: float) -> Bound:
-    """Return the bound that a program gives."""
+    """Return the bound of a program."""
     if outcome is Outcome.FOUND:
         return Bound(value, kind, Scope.BODY)
     why = ANY_FACTOR if outcome is Outcome.UNBOUNDED else WITHOUT_FRICTION
@@ -145,7 +147,7 @@ def _bound(kind: str, outcome: Outcome, value: float) -> Bound:
 
 
 def _velocity(problem: Problem, blocks: RigidBlocks, motion: Floats) -> fem.Function:
-    """Return the velocity of motions of blocks. Collective."""
+    """Return the velocity field of motions of blocks. Collective."""
     found = fem.Function(problem.V, name="mechanism")
     d = problem.bodies.gdim
     x = problem.V.tabulate_dof_coordinates()[: len(blocks.of_node), :d]

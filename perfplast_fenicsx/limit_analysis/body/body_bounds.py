@@ -1,4 +1,4 @@
-"""Bounds of the limit load of the body that a mesh fills, and not just of the mesh."""
+"""Store bounds of the limit load of the body that a mesh fills, not only of the mesh."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,20 +25,21 @@ from perfplast_fenicsx.problem.problem import Problem
 NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds' computes it",))
 
 DRUCKER = (
-    "With Coulomb's friction they are Drucker's pair: frictionless from below, but for adhesion,"
-    " and associated from above, whichever way it slips"
+    "With Coulomb's friction they are Drucker's pair: from below without friction other "
+    "than adhesion, from above with associated friction, whatever the true direction of "
+    "slip"
 )
 
 
 @dataclass(frozen=True)
 class LeastLoad:
-    """Bounds of the least load factor that is carried.
+    """Bounds of the least load factor that the bodies carry.
 
-    It is that of the growing loads turned round, with the other sign.
+    It is the limit load of the reversed growing loads, with the opposite sign.
 
     Attributes:
-        low: With the best lower bound of the loads turned round.
-        high: With the best upper one.
+        low: Result with the best lower bound of the reversed loads.
+        high: Result with the best upper bound of the reversed loads.
     """
 
     low: "BodyBounds"
@@ -46,18 +47,18 @@ class LeastLoad:
 
     @property
     def carried(self) -> float | None:
-        """A load factor that is carried for certain; None where none is proven."""
+        """Return a load factor that is provably carried; None if no factor is proven."""
         bound = self.low.limits[0]
         return -bound.value if bound.strict and bound.value is not None else None
 
     @property
     def none_below(self) -> float | None:
-        """No smaller one is carried; None where that is not proven."""
+        """Return the factor below which provably no load factor is carried; None if not proven."""
         bound = self.high.limits[1]
         return -bound.value if bound.strict and bound.value is not None else None
 
     def table(self) -> dict[str, float | None]:
-        """Return the bounds, as ``summary.json`` has them."""
+        """Return the bounds as a table for ``summary.json``."""
         return {"carried": self.carried, "none_below": self.none_below}
 
 
@@ -67,7 +68,7 @@ class JointProof:
 
     Attributes:
         best: The best forces, on outer facets in the order of their cells.
-        inner: Forces inside of their limits; None where none were found.
+        inner: Forces inside their limits; None if none were found.
     """
 
     best: FoundForces
@@ -79,29 +80,28 @@ class BodyBounds:
     """Bounds of the limit load of a body.
 
     Attributes:
-        problem: On whose mesh the mechanism is; in space each cell is split from its centre.
-        lower: A lower bound.
-        upper: An upper bound.
-        mechanism: Velocity v of the upper bound, with L(v) = 1; zero where none was found.
-        by_flux: Around an axis v = ru (:mod:`ring_flux`), of which the upper bound is.
-        mesh: The limit load of this mesh, which bounds that of the body on neither side.
-        static: The lower bound with its stress; None where none was sought.
-        stress: That stress, Mandel vectors at the vertices of this rank's cells of ``problem``,
-            shape (num_cells, d + 1, m); None without a lower bound, and in space where cells are
-            not split (curved ones, linear elements).
-        shares: What each owned cell of the mesh, before it was split in space, has of the gap
+        problem: Problem on whose mesh the mechanism is given; in space each cell is split from its
+            centre.
+        lower: Lower bound.
+        upper: Upper bound.
+        mechanism: Velocity v of the upper bound, with L(v) = 1; zero without a mechanism.
+        by_flux: In axisymmetry v = ru (:mod:`ring_flux`), to which the upper bound belongs.
+        mesh: The limit load of this mesh, which bounds that of the body from neither side.
+        static: The lower bound with its stress; None if it was not computed.
+        stress: The stress of the lower bound as Mandel vectors at the vertices of this rank's cells
+            of ``problem``, shape (num_cells, d + 1, m). None without a lower bound, and in space
+            for cells that are not split (curved ones, linear elements).
+        shares: Contribution of each owned cell (before the split in space) to the gap
             (:mod:`gap_shares`), shape (num_cells,); None without both bounds.
-        certificates: What is left of what a bound asks for, by name.
-        steps: Steps of the interior point method, for both bounds.
-        factorisations: For both bounds.
+        certificates: Residuals of the conditions of a bound, by name.
+        steps: Number of steps of the interior point method for both bounds.
+        factorisations: Number of factorisations for both bounds.
         advice: Advice for better bounds, in clauses.
-        weaker: The bodies of the lower bound, where they are not those of ``problem``.
-        taken: What bodies are taken as, in clauses: ground that dilates by less than its friction,
-            and surfaces whose chords differ.
-        joints: Joints of bodies of which none can yield: forces on their joints, in the place of a
-            stress.
-        question: Of which loads the factor is bounded: of the growing ones, or, where the constant
-            ones were found to be too much on the mesh, of these (:class:`question.Question`).
+        weaker: The bodies of the lower bound, if they differ from those of ``problem``.
+        taken: Idealisations in clauses: ground with ψ < φ, and surfaces with different polygons.
+        joints: Proof by forces on joints, instead of a stress, for bodies that cannot yield.
+        question: The loads whose factor is bounded: the growing loads, or the constant ones if the
+            mesh does not carry them (:class:`question.Question`).
     """
 
     problem: Problem
@@ -125,25 +125,28 @@ class BodyBounds:
 
     @property
     def flow(self) -> VelocityOf:
-        """The velocity of which the upper bound is."""
+        """Return the velocity to which the upper bound belongs."""
         return self.by_flux or VelocityOf(self.problem, self.mechanism)
 
     @property
     def limits(self) -> tuple[Bound, Bound]:
-        """Bounds of the load factor ζ; without values where they are of the constant loads."""
+        """Return bounds of the load factor ζ; without values if constant loads are bounded."""
         if self.question is Question.LIMIT:
             return self.lower, self.upper
-        why = ("no load factor was sought, but how many times constant loads are carried",)
+        why = (
+            "the bounds are not of a load factor, but of the multiple of the constant loads "
+            "that is carried",
+        )
         return Bound(None, "lower", Scope.MESH, why), Bound(None, "upper", Scope.MESH, why)
 
     @property
     def strict(self) -> bool:
-        """Whether both hold for the body, but for rounding."""
+        """Return whether both bounds hold for the body, apart from rounding."""
         return self.lower.strict and self.upper.strict
 
     @property
     def why_not(self) -> list[str]:
-        """Why one of them does not; nothing where both do."""
+        """Return why one of them does not hold for the body; an empty list if both hold."""
         bounds = (self.lower, self.upper)
         return [f"{bound.kind} bound: {why}" for bound in bounds for why in bound.why_not]
 
@@ -162,13 +165,13 @@ class BodyBounds:
         return notebook_table("Bounds", [*rows, ("in words", self.in_words())])
 
     def in_words(self) -> str:
-        """Return the bounds in a sentence or two."""
+        """Return the bounds in one or two sentences."""
         lower, upper = self.lower.strict, self.upper.strict
         early = []
         if not self.mesh.levelled_off and upper:
-            early.append(f" The upper one is not the best of its mesh: {self.mesh.reason}.")
+            early.append(f" The upper one is not the best on its mesh: {self.mesh.reason}.")
         if self.static is not None and self.static.verdict is not Verdict.FOUND and lower:
-            early.append(f" The lower one is not the best of its mesh: {self.static.reason}.")
+            early.append(f" The lower one is not the best on its mesh: {self.static.reason}.")
         early.append(sentences(self.advice))
         if self.friction is not None and (lower or upper):
             early.append(f" {self.friction}.")
@@ -180,7 +183,7 @@ class BodyBounds:
 
     @property
     def least_in_words(self) -> str:
-        """Return the bounds of the least load factor in a sentence or two; empty if not sought."""
+        """Return the bounds of the least load factor in sentences; empty if not sought."""
         if self.least is None:
             return ""
         lower = self.lower.value if self.lower.strict else None
@@ -188,12 +191,13 @@ class BodyBounds:
 
     @property
     def friction(self) -> str | None:
-        """The sentence on Coulomb's friction; None without it."""
+        """Return the sentence on Coulomb's friction; None without such friction."""
         rubs = [it for it in strengths_of(self.problem) if it.friction]
         told = [DRUCKER] if any(not it.associated for it in rubs) else []
         if any(it.associated for it in rubs):
             told.append(
-                "With associated friction surfaces open by the coefficient of friction times their"
-                " slip; true friction opens them less and carries no more than the upper one"
+                "With associated friction, slipping surfaces separate by the coefficient "
+                "of friction times the slip; true friction separates them less, and its "
+                "limit load is at most the upper bound"
             )
         return ". ".join(told) or None

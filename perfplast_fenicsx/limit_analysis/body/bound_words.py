@@ -1,4 +1,4 @@
-"""Sentences on the bounds of a body."""
+"""Compose sentences on the bounds of a body."""
 
 from collections.abc import Iterable, Sequence
 
@@ -14,12 +14,12 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
 def sentence(words: str) -> str:
-    """Return a clause with a capital, without its full stop."""
+    """Return a clause with a capital and without its full stop."""
     return words[0].upper() + words[1:]
 
 
 def sentences(clauses: Iterable[str]) -> str:
-    """Clauses as sentences that follow another one; empty without clauses."""
+    """Return clauses as sentences that follow another one; an empty string without clauses."""
     return "".join(f" {sentence(words)}." for words in clauses)
 
 
@@ -28,9 +28,9 @@ def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequen
 
     Args:
         lower: The lower bound.
-        upper: The upper one.
-        question: Of which loads the factor is bounded.
-        why_not: Why one of them is not strict.
+        upper: The upper bound.
+        question: The loads whose factor is bounded.
+        why_not: Why a bound is not strict.
     """
     reasons = f" ({'; '.join(why_not)})" if why_not else ""
     body = "The body that the mesh fills"
@@ -48,16 +48,16 @@ def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequen
         return f"{body} collapses at {upper.shown} at most, strictly{reasons}."
     if lower.strict:
         return f"{body} carries {lower.shown} at least, strictly{reasons}."
-    return f"Nothing is proven of the body that the mesh fills{reasons}."
+    return f"Nothing is proven for the body that the mesh fills{reasons}."
 
 
 def least_words(carried: float | None, none_below: float | None, lower: float | None) -> str:
-    """Return a sentence on what is proven of the least load factor that is carried.
+    """Return a sentence on the proven bounds of the least load factor.
 
     Args:
-        carried: A load factor near that end that is carried for certain.
-        none_below: No smaller one is.
-        lower: A lower bound of the largest one, which is carried, too.
+        carried: A load factor near the least one that is provably carried.
+        none_below: Proven lower bound of the least load factor.
+        lower: A lower bound of the largest load factor, which is carried too.
     """
     told = []
     if carried is not None and lower is not None:
@@ -69,7 +69,7 @@ def least_words(carried: float | None, none_below: float | None, lower: float | 
     if none_below is not None:
         told.append(f"none below {rounded_down(none_below)} is carried")
     if not told:
-        return "Nothing is proven of the least load factor that is carried."
+        return "Nothing is proven for the least load factor that is carried."
     words = f"{' and '.join(told)}; this is strict."
     words = sentence(words)
     if none_below is not None and none_below > 0:
@@ -80,10 +80,10 @@ def least_words(carried: float | None, none_below: float | None, lower: float | 
 
 
 def taken_as(problem: Problem) -> tuple[str, ...]:
-    """Return clauses on how bodies and loads are idealised. Collective.
+    """Return clauses on the idealisation of bodies and loads. Collective.
 
-    Ground that is associated, surfaces that are one polygon, pressures in pores and strengths that
-    are not linear in each cell.
+    They concern associated ground, surfaces that share one polygon, and pore pressures and
+    strengths that are not linear in each cell.
     """
     told = (
         flow_words(problem.given.materials),

@@ -1,4 +1,4 @@
-"""Results of one rank on its copy of a mesh, brought to the mesh that all ranks share."""
+"""Transfer results from one rank's copy of a mesh to the mesh that all ranks share."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -19,7 +19,7 @@ from perfplast_fenicsx.mesh.whole_mesh import WholeMesh, to_owners
 
 @dataclass(frozen=True)
 class Copied:
-    """A mesh that ranks share, and this rank's copy of it."""
+    """A mesh that ranks share, and this rank's copy of the mesh."""
 
     shared: TaggedMesh
     copy: WholeMesh
@@ -27,16 +27,18 @@ class Copied:
     def limit(
         self, root: int, flow: FlowProblem, own: FlowProblem | None, found: LimitLoad | None
     ) -> LimitLoad | None:
-        """A limit load with its mechanism and its stress, but without forces of pairs. Collective.
+        """Return a limit load with its mechanism and its stress, but without forces of pairs.
+
+        Collective.
 
         Args:
-            root: The rank that has found it.
-            flow: Where mechanisms are looked for, on the shared mesh.
-            own: The same on the copy; where ``found`` is, on the root alone.
-            found: The result there; ignored on other ranks.
+            root: The rank with the result.
+            flow: The flow problem on the shared mesh.
+            own: The flow problem on the copy; ``found`` exists only on the root.
+            found: The result on the root; ignored on other ranks.
 
         Returns:
-            The same on every rank; None where nothing was found.
+            The same result on every rank; None if nothing was found.
         """
         told, rows = None, dict[str, npt.NDArray]()
         if self._comm.rank == root and own is not None and found is not None:
@@ -53,11 +55,11 @@ class Copied:
         return LimitLoad(**(told | fields))
 
     def stress(self, root: int, found: StaticBound | None) -> StaticBound:
-        """Return a lower bound with its stress. Collective.
+        """Return a lower bound with its stress. The rank with the result.
 
         Args:
             root: The rank that has found it.
-            found: The result there; ignored on other ranks.
+            found: The result on the root; ignored on other ranks.
         """
         told, rows = dict[str, Any](), dict[str, npt.NDArray]()
         if self._comm.rank == root and found is not None:
@@ -72,7 +74,7 @@ class Copied:
 
 
 def _rows(function: fem.Function, own: FlowProblem) -> Floats:
-    """Values at the nodes or points of each cell, shape (num_cells, ...), of its parts if split."""
+    """Return values at the nodes or points of each cell or part, shape (num_cells, ...)."""
     dofmap = function.function_space.dofmap
     values: Floats = function.x.array.reshape(-1, dofmap.index_map_bs)[dofmap.list]
     return values if own.split is None else by_cells(values, own.split)
@@ -81,7 +83,7 @@ def _rows(function: fem.Function, own: FlowProblem) -> Floats:
 def _function(
     flow: FlowProblem, space: fem.FunctionSpace, name: str, rows: npt.NDArray
 ) -> fem.Function:
-    """Return a function with such values. Collective."""
+    """Return a function with the given values. Collective."""
     function, dofmap = fem.Function(space, name=name), space.dofmap
     values = rows if flow.split is None else of_parts(rows, flow.split)
     function.x.array.reshape(-1, dofmap.index_map_bs)[dofmap.list[: len(values)]] = values

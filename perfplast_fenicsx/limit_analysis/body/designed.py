@@ -9,14 +9,15 @@ from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFact
 def designed(
     zeta: float | None, name: str, limit: LimitLoad, body: BodyBounds | None
 ) -> DesignFactor | None:
-    """Return how many times the design load is carried; None without one, or where no load is.
+    """Return how many times the design load is carried; None without a design load or a bound.
 
-    Where the least load factor that is carried is above it, no multiple is reported: more of the
-    load is wanted then, and not less. Where that is not proven, nor is it that it is carried.
+    If the least load factor is above the design load, the function reports no multiple: more load
+    is needed, not less. If the design load is not proven to be carried, it is not reported as
+    carried.
 
     Args:
         zeta: Load factor of the design load.
-        name: Name of the combination of loads that it is, where it has one.
+        name: Name of the combination of loads, if it has one.
         limit: Limit load of the mesh.
         body: Proven bounds of the body.
     """

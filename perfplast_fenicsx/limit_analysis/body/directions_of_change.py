@@ -1,7 +1,7 @@
-"""In which directions the velocity and the stress of bounds in space change, cell by cell.
+"""Compute the directions in which velocity and stress of bounds in space change, cell by cell.
 
-A mesh wants to be fine across bands of slip, which the velocity shows, and across the thickness of
-what bends, which the stress shows. Along them it may be coarse.
+A mesh should be fine across slip bands, which the velocity shows, and across the thickness of
+bending parts, which the stress shows. Along them it may be coarse.
 """
 
 from mpi4py import MPI
@@ -18,22 +18,25 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 def directions_of_change(found: BodyBounds) -> Floats:
-    """Gradients of the velocity and of the stress deviator, of the sizes 1 and 1/2. Collective.
+    """Return gradients of the velocity and of the stress deviator, scaled to the norms 1 and 1/2.
 
-    They are those of what is linear in a cell and has at its corners the velocity, and the mean of
-    the stress of all cells around; without a stress those of the velocity alone.
+    Collective.
+
+    The gradients are those of fields that are linear in each cell. Their values at its corners are
+    the velocity, and the mean stress of the surrounding cells. Without a stress only the velocity
+    counts.
 
     Args:
-        found: Bounds with a mechanism, which is zero where none was found.
+        found: Bounds with a mechanism, which is zero if none was found.
 
     Returns:
-        Of the cells that this rank owns, before they were split, ∂f_j/∂x_i in row i, shape
-        (num_cells, 3, 3 or 9); zero where nothing changes.
+        ∂f_j/∂x_i in row i, for the owned cells before the split, shape (num_cells, 3, 3 or 9); zero
+        where nothing changes.
     """
     tagged_mesh, space = found.problem.tagged_mesh, found.mechanism.function_space
     cells, points = corners(tagged_mesh.mesh)
     places = points[cells]
-    at_vertices = space.dofmap.list[: len(cells), : cells.shape[1]]  # whatever the degree
+    at_vertices = space.dofmap.list[: len(cells), : cells.shape[1]]  # independent of the degree
     velocity = found.mechanism.x.array.reshape(-1, space.dofmap.index_map_bs)[at_vertices]
     changes = [_gradients(tagged_mesh, places, velocity)]
     if found.stress is not None:
@@ -41,18 +44,19 @@ def directions_of_change(found: BodyBounds) -> Floats:
         deviator[..., :3] -= deviator[..., :3].mean(axis=2, keepdims=True)
         around = _around_vertices(tagged_mesh, cells, places, deviator)
         changes.append(_gradients(tagged_mesh, places, around))
-    weights = 1.0, 0.5  # a larger one of the stress costs punches more than it gives plates
+    weights = 1.0, 0.5  # a larger norm for the stress worsens punches more than it improves plates
     sized = [_in_their_size(found.problem.comm, it) for it in changes]
     return np.concatenate([w * it for w, it in zip(weights, sized, strict=False)], axis=2)
 
 
 def _gradients(tagged_mesh: TaggedMesh, places: Floats, values: Floats) -> Floats:
-    """Return gradients in cells before they were split, of values at corners of the parts."""
+    """Return gradients in cells before the split, from values at corners of the parts."""
     matrices, changes = places[:, 1:] - places[:, :1], values[:, 1:] - values[:, :1]
     gradients = np.asarray(np.linalg.solve(matrices, changes), dtype=np.float64)
     if not isinstance(tagged_mesh, AlfeldSplit):
         return gradients
-    # Parts of a cell are of equal volumes, and the mean over them is what its own corners make.
+    # The parts of a cell have equal volumes, so that their mean is the gradient from the cell's own
+    # corners.
     flat = gradients.reshape(len(gradients), -1) / places.shape[1]
     sums = np.stack([of_parents(column, tagged_mesh) for column in flat.T], axis=1)
     return sums.reshape(-1, *gradients.shape[1:])
@@ -61,13 +65,13 @@ def _gradients(tagged_mesh: TaggedMesh, places: Floats, values: Floats) -> Float
 def _around_vertices(
     tagged_mesh: TaggedMesh, cells: Ints, places: Floats, values: Floats
 ) -> Floats:
-    """Means over all cells around each corner, weighted by their volumes. Collective.
+    """Return means over all cells around each corner, weighted by their volumes. Collective.
 
     Args:
         tagged_mesh: The mesh.
         cells: Vertices of the owned cells, shape (num_cells, 4).
-        places: Coordinates of these, shape (num_cells, 4, 3).
-        values: At corners of cells, shape (num_cells, 4, m), and so is what is returned.
+        places: Coordinates of these vertices, shape (num_cells, 4, 3).
+        values: Values at corners of cells, shape (num_cells, 4, m), as the result.
     """
     vertices = tagged_mesh.mesh.topology.index_map(0)
     volumes = np.abs(np.linalg.det(places[:, 1:] - places[:, :1]))
@@ -84,7 +88,7 @@ def _around_vertices(
 
 
 def _in_their_size(comm: MPI.Intracomm, gradients: Floats) -> Floats:
-    """Return each divided by its size, but for those of rounding. Collective."""
+    """Return each gradient divided by its norm, except for rounding errors. Collective."""
     sizes = np.linalg.norm(gradients, axis=(1, 2), keepdims=True)
     least = 1e-4 * comm.allreduce(float(sizes.max(initial=0.0)), MPI.MAX)
     return np.divide(

@@ -1,8 +1,8 @@
-"""How long edges of a plane mesh count, by what changes along them.
+"""Define the length of edges of a plane mesh by the change of the solution along them.
 
-Where bodies slide in layers the velocity changes across these alone, and where principal stresses
-turn about a point they change around it alone. Cells that are long the other way are as good. Of
-two edges of the same length the one along which more changes counts as the longer one.
+In slip layers the velocity changes only across the layers. Where principal stresses rotate about a
+point, they change only around the point. Cells that are long in the other direction are equally
+good. Of two edges of equal length, the metric makes the one with the larger change longer.
 """
 
 from mpi4py import MPI
@@ -15,17 +15,17 @@ from perfplast_fenicsx.mesh.straight_geometry import corners
 
 
 def edge_metric(found: BodyBounds) -> Floats | None:
-    """Return a matrix M for each owned cell, in which the square of an edge e is e·M e. Collective.
+    """Return a matrix M for each owned cell; the squared length of an edge e is e·M e. Collective.
 
-    M = GᵀG + 3 SᵀS with the gradients G of the mechanism, in the middle of the cell, and S of the
-    deviator in the plane, each scaled so that the larger eigenvalue of its square is 1: an edge
-    along which neither changes counts less.
+    M = GᵀG + 3 SᵀS with the gradients G of the mechanism in the middle of the cell, and S of the
+    in-plane stress deviator. Each is scaled so that its largest squared singular value is 1. An
+    edge along which neither changes is short.
 
     Args:
         found: Bounds on the mesh, of quadratic velocities on triangles.
 
     Returns:
-        Shape (num_cells, 2, 2); None without both bounds, and around an axis.
+        Matrices, shape (num_cells, 2, 2); None without both bounds, and in axisymmetry.
     """
     tagged_mesh = found.problem.tagged_mesh
     plane = tagged_mesh.mesh.topology.dim == 2 and not tagged_mesh.axisymmetric
@@ -33,7 +33,7 @@ def edge_metric(found: BodyBounds) -> Floats | None:
         return None
     vertices, points = corners(tagged_mesh.mesh)
     x = points[vertices]
-    inverse = np.linalg.inv(x[:, 1:] - x[:, :1])  # rows of x − x₀ to coordinates of the cell
+    inverse = np.linalg.inv(x[:, 1:] - x[:, :1])  # maps x − x₀ to coordinates of the cell
     slopes = np.concatenate([-inverse.sum(axis=2)[:, None], inverse.transpose(0, 2, 1)], axis=1)
 
     space = found.mechanism.function_space
@@ -46,7 +46,7 @@ def edge_metric(found: BodyBounds) -> Floats | None:
         [(found.stress[..., 0] - found.stress[..., 1]) / np.sqrt(2), found.stress[..., 3]], axis=2
     )
     of_stress = np.einsum("cni,cnj->cij", deviator, slopes)
-    more = 3.0  # weight of the stress: of a fan whose layers slide too, it wants the directions
+    more = 3.0  # weight of the stress: a fan with slip layers also needs directions
     comm, apart = tagged_mesh.mesh.comm, np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
     sizes = apart.max(axis=1)
     of_mechanism = _stretches(comm, of_velocity * sizes[:, None, None], u)
@@ -54,16 +54,18 @@ def edge_metric(found: BodyBounds) -> Floats | None:
 
 
 def _stretches(comm: MPI.Intracomm, changes: Floats, values: Floats) -> Floats:
-    """GᵀG of gradients G, of the larger eigenvalue 1 and a smaller one not too small. Collective.
+    """Return GᵀG of gradients G, scaled to the larger eigenvalue 1 and a bounded smaller one.
+
+    Collective.
 
     Args:
         comm: The ranks.
         changes: G times the size of the cell, shape (n, 2, 2).
-        values: What changes, shape (n, k, 2): where it does by next to nothing, the direction is
-            one of rounding, and both eigenvalues are 1.
+        values: Values whose change is measured, shape (n, k, 2). If they change only by rounding
+            errors, both eigenvalues are 1.
     """
-    longest = 8.0  # times as long as they are wide: the most that cells are to become
-    nothing = 1e-4  # of the largest value
+    longest = 8.0  # largest ratio of length to width of cells
+    nothing = 1e-4  # relative to the largest value
     largest = comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
     squares, axes = np.linalg.eigh(np.einsum("cki,ckj->cij", changes, changes))
     small, large = np.sqrt(np.maximum(squares, 0.0)).T

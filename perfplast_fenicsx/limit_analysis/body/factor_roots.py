@@ -1,4 +1,4 @@
-"""Factors that divide strengths until loads are carried just once, a root of each strict bound."""
+"""Find factors of strengths with which loads are carried exactly once, for each strict bound."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,25 +15,25 @@ from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.problem.problem import Problem
 
 MOST_SEARCHES = 10
-"""Searches for a root F, at most; three or four are usual."""
+"""Largest number of searches for a root F; three or four are usual."""
 
 STEP = 1.3
-"""Factor by which F changes where a side of μ is not known, or no two values are."""
+"""Change of F if a side of μ is unknown, or if fewer than two values are known."""
 
 
 @dataclass
 class FactorRoots:
-    """Bounds of μ at some F, on one mesh, and the roots of each.
+    """Bounds of μ at some F on one mesh, and their roots.
 
     Attributes:
-        problem: With the whole strengths.
-        tolerance: Tolerance of the roots, relative.
-        monitor: Called on every rank with F, and lower and upper bound of μ there.
+        problem: The problem with the full strengths.
+        tolerance: Relative tolerance of the roots.
+        monitor: Called on every rank with F, and the lower and upper bound of μ at this F.
         steps: Called on every rank after each step of the interior point method.
-        steepness: |d ln μ/d ln F| that a single value is taken to have.
-        found: Bounds by F, by which of both was sought.
-        searches: Bounds that were computed, each side by itself.
-        met: Whether :meth:`of_mesh` has come near a root.
+        steepness: Assumed |d ln μ/d ln F| if only one value is known.
+        found: Computed bounds by F, with the kind that was sought.
+        searches: Number of computed bounds, each side counted separately.
+        met: Whether :meth:`of_mesh` came close to a root.
     """
 
     problem: Problem
@@ -49,18 +49,18 @@ class FactorRoots:
 
     @property
     def rough(self) -> float:
-        """How near the mesh's own μ is sought, and how near to 1 it is good enough, relative."""
+        """Return the tolerance for the mesh's own μ, and for its distance from 1, relative."""
         most = 0.1
         return min(10 * self.tolerance, most)
 
     @property
     def rtol(self) -> float:
-        """How near each bound comes to the best one of its mesh, relative."""
+        """Return the relative distance of each bound to the best one on its mesh."""
         finer = 0.1  # share of the tolerance, in μ
         return finer * self.tolerance
 
     def of_mesh(self) -> float:
-        """Where the mesh carries the loads once, about, and how steep μ is there. Collective."""
+        """Estimate the root F of the mesh's own μ, and the slope of μ there."""
         known: dict[float, float] = {}
         factor, strong, near = 1.0, 0.0, 1.05
         for _ in range(MOST_SEARCHES):
@@ -83,8 +83,8 @@ class FactorRoots:
         if known:
             factor = min(known, key=lambda it: abs(known[it]))
             self.steepness = _steepness(known, self.steepness)
-        finer = 1.03  # meshes fall with less strength by so much, about
-        less = 0.96  # as steep as a coarse mesh bounds on finer ones are, by what was measured
+        finer = 1.03  # approximate difference in strength at which finer meshes collapse
+        less = 0.96  # measured slope of a coarse mesh's bounds, used for finer ones
         times = self._log_times(factor / finer) if factor in known else None
         if times is not None and math.isfinite(times):
             steepness = _steepness({factor: known[factor], factor / finer: times}, 1.0)
@@ -92,14 +92,16 @@ class FactorRoots:
         return factor
 
     def _log_times(self, factor: float) -> float | None:
-        """Return the logarithm of μ of the mesh, about; None if it is not known, ∞ without end.
+        """Return the approximate ln μ of the mesh; None if it is unknown, ∞ if unbounded.
 
         Collective.
         """
         _, other = weaker_and_stronger(weakened(self.problem, factor))
         searched = with_strict_contact(other)
         found = interior_point(searched, self.rough, self.steps)
-        if found.verdict is Verdict.UNBOUNDED:  # coarse meshes may have no motion that dilates so
+        if (
+            found.verdict is Verdict.UNBOUNDED
+        ):  # coarse meshes may have no motion with the required dilatancy
             return math.inf
         times = None if found.standing is None else found.standing.lower
         return math.log(times) if times is not None and times > 0 else None
@@ -112,20 +114,23 @@ class FactorRoots:
     ) -> float | None:
         """Return the factor at which a bound of μ is 1, on its safe side. Collective.
 
-        None where no strict bound was found. Values that are not strict steer the search as well,
-        and are never what is returned.
+        None if no strict bound was found. Values that are not strict also guide the search, but are
+        never returned.
 
         Args:
             kind: "lower" or "upper".
-            known_elsewhere: A factor on the safe side that another mesh has shown.
-            other_side: One that is not, by a bound of the other kind. No root is beyond it. It is
-                what counts where only a part of a stress was left by rounding, whose load says
-                nothing of the root.
+            known_elsewhere: A factor on the safe side that another mesh has proven.
+            other_side: A factor on the unsafe side, from a bound of the other kind. No root lies
+                beyond it. It counts if rounding left only a part of a stress, whose load does not
+                determine the root.
         """
         sign, found = 1 if kind == "lower" else -1, self.found[kind]
         first, last = (max, min) if kind == "lower" else (min, max)
-        aim = 0.5  # where in the tolerance a root is aimed at, from its safe side
-        failures, most_failures = 0, 3  # in a row, as of rounding, once a factor is known
+        aim = 0.5  # target within the tolerance, on the safe side of the root
+        failures, most_failures = (
+            0,
+            3,
+        )  # number of consecutive failures, from rounding, once a factor is known
         for _ in range(MOST_SEARCHES):
             known, strict = _known(found, kind)
             safe = [*self.shown(kind), *([known_elsewhere] if known_elsewhere else [])]
@@ -135,7 +140,7 @@ class FactorRoots:
             if best in known and abs(known[best]) <= room and not in_part:
                 break
             near = [it for it, times in known.items() if 0 <= sign * times <= 2 * aim * room]
-            if near and not strict & set(near):  # further away from the root one may be strict
+            if near and not strict & set(near):  # further from the root a bound may be strict
                 aim *= 4
             beyond = [it for it in found if it not in known or sign * known[it] < 0]
             beyond += [other_side] if in_part and other_side else []
@@ -150,11 +155,11 @@ class FactorRoots:
                 factor = _within(aimed, best, other, self.tolerance / 2)
             elif known:
                 factor = _next(known, sign * aim * room, self.steepness)
-                if other_side and sign * (factor - other_side) >= 0:  # no root is beyond it
+                if other_side and sign * (factor - other_side) >= 0:  # no root lies beyond it
                     factor = math.sqrt(other_side * min(known, key=lambda it: abs(known[it])))
-            else:  # confined bodies fall with less strength, coarse meshes carry more with more
+            else:  # confined bodies collapse with less strength, coarse meshes carry more with more
                 factor = (max if sign < 0 else min)(found) * STEP**-sign
-            while known and factor in found and factor not in known:  # nothing came of it
+            while known and factor in found and factor not in known:  # the search gave no result
                 factor = math.sqrt(factor * min(known, key=lambda it: abs(math.log(it / factor))))
             if factor in found:
                 break
@@ -164,7 +169,7 @@ class FactorRoots:
         return first(shown) if shown else None
 
     def _bound(self, kind: str, factor: float) -> None:
-        """Bound μ at F from one side. Collective."""
+        """Compute the bound of μ at F from one side. Collective."""
         self.searches += 1
         reduced = weakened(self.problem, factor)
         if kind == "upper":
@@ -176,17 +181,17 @@ class FactorRoots:
         self.keep(factor, bounds, kind)
 
     def shown(self, kind: str) -> dict[float, BodyBounds]:
-        """Return bounds by F of those F with which the bodies are shown to stand, or to fall."""
+        """Return bounds by F for those F with which the bodies provably stand, or provably fall."""
         known, strict = _known(self.found[kind], kind)
         sign = 1 if kind == "lower" else -1
         return {F: self.found[kind][F] for F in strict if sign * known[F] >= 0}
 
     def is_strict(self, kind: str) -> bool:
-        """Return whether a bound of a kind is strict at any F so far."""
+        """Return whether a bound of this kind is strict at any F so far."""
         return bool(_known(self.found[kind], kind)[1])
 
     def keep(self, factor: float, bounds: BodyBounds, *kinds: str) -> None:
-        """Take bounds at some F, of all kinds that they have."""
+        """Store bounds at some F, of all kinds that they contain."""
         for kind in kinds or self.found:
             self.found[kind][factor] = bounds
         if self.monitor is not None:
@@ -194,20 +199,20 @@ class FactorRoots:
 
 
 def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds) -> float:
-    """Return the F at which the next mesh is bounded, by what is known of those before it.
+    """Return the F for the next mesh, from the results on the previous meshes.
 
-    It is where the lower bound of μ is 1, about, between the largest F that is known to stand and
-    the least that is known to fall. On coarse meshes that root is nearer to the one of the bodies
-    than that of the upper bound. And on the last mesh the lower bound is then all but found.
-    Where a mesh has no mechanism F grows as long as the loads are carried for certain, and else
-    stays until finer cells have one.
+    It is the approximate root of the lower bound, between the largest F proven to stand and the
+    least F proven to fall. On coarse meshes this root is closer to that of the body than the root
+    of the upper bound. On the last mesh it is also nearly the final lower bound. On a mesh without
+    a mechanism, F grows while the loads are provably carried, and otherwise stays until finer cells
+    have a mechanism.
 
     Args:
         curves: Curves of the meshes so far.
-        factor: F of the last one.
-        bounds: Of μ there.
+        factor: F on the last mesh.
+        bounds: Bounds of μ at this F.
     """
-    most = 0.15  # by which ln F changes at most, as μ may be steep
+    most = 0.15  # largest change of ln F, as μ may be steep
     stands = max((F for it in curves for F in it.shown("lower")), default=0.0)
     falls = min((F for it in curves for F in it.shown("upper")), default=math.inf)
     lower, upper = (it.value or 0.0 for it in (bounds.lower, bounds.upper))
@@ -229,13 +234,13 @@ def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds
 
 
 def _within(factor: float, one: float, other: float, near: float) -> float:
-    """Return F if it is well between two others, and else their mean.
+    """Return F if it is well between two others, and otherwise their mean.
 
     Args:
         factor: F.
-        one: Another one.
-        other: The other one, in the same form.
-        near: How near to these it may be in any case, relative.
+        one: One limit.
+        other: The other limit, in the same form.
+        near: Closest allowed relative distance to the limits.
     """
     low, high = sorted((math.log(one), math.log(other)))
     margin = 0.05 * (high - low)
@@ -246,7 +251,7 @@ def _within(factor: float, one: float, other: float, near: float) -> float:
 
 
 def _known(found: dict[float, BodyBounds], kind: str) -> tuple[dict[float, float], set[float]]:
-    """Return ln μ by F, of bounds of one kind that have a value, and those F where it is strict."""
+    """Return ln μ by F for bounds of one kind with a value, and the F with strict ones."""
     known, strict = dict[float, float](), set[float]()
     for factor, bounds in found.items():
         bound = bounds.lower if kind == "lower" else bounds.upper
@@ -258,7 +263,7 @@ def _known(found: dict[float, BodyBounds], kind: str) -> tuple[dict[float, float
 
 
 def _is_part(bounds: BodyBounds, kind: str) -> bool:
-    """Return whether a bound is of as much of a stress as rounding has left."""
+    """Return whether a bound belongs only to the part of a stress that rounding left."""
     return kind == "lower" and bounds.static is not None and bounds.static.is_part
 
 
@@ -272,7 +277,7 @@ def _steepness(known: dict[float, float], guess: float) -> float:
 
 
 def _next(known: dict[float, float], aim: float, guess: float) -> float:
-    """Return where ln μ has the target value, by the secant of the two nearest values."""
+    """Return the F at which ln μ has the target value, by the secant of the two nearest values."""
     nearest = min(known, key=lambda factor: abs(known[factor] - aim))
     change = (known[nearest] - aim) / _steepness(known, guess)
     most = 3 * math.log(STEP)

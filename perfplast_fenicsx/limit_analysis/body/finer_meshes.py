@@ -1,4 +1,4 @@
-"""The next mesh of bounds: where it is finer, and how many cells it has."""
+"""Choose the next mesh of bounds: where it is finer, and how many cells it has."""
 
 import numpy as np
 import numpy.typing as npt
@@ -31,22 +31,23 @@ def finer_mesh(
     adaptation: Adaptation,
     much: bool = False,
 ) -> TaggedMesh | str:
-    """Return the next mesh, or why there is none. Collective.
+    """Return the next mesh, or why there is no next mesh. Collective.
 
-    Where it would have too many cells, as many are marked as fit. A mesh that has hardly more
-    cells than this one would cost as much and find little new. In the plane a twelfth more, where
-    they matter most, is worth a fifth of the gap. In space, where each mesh costs more than all
-    before it, more are marked where the next one would be a small step.
+    If it would have too many cells, the function marks as many as fit. A mesh with hardly more
+    cells than this one would cost as much and improve little. In the plane, a twelfth more cells at
+    the right places can still close a fifth of the gap. In space each mesh costs more than all
+    previous ones. The function therefore marks more cells if the next step would be small.
 
     Args:
         problem: The bodies and their loads, on this mesh.
         found: Bounds on it.
-        gap: Gap of the best bounds so far, relative; None where one of them is missing.
-        adaptation: When meshes end.
-        much: Whether a mesh in the plane is to have about twice as many cells as the one before.
+        gap: Relative gap of the best bounds so far; None if one of them is missing.
+        adaptation: The adaptation, with its limits.
+        much: Whether a plane mesh should have about twice as many cells as the previous one.
     """
     # Dörfler's fraction by dimension: the marked cells carry this share of the gap, and of the
-    # dissipation. Smaller in space, where closing the refinement divides many more cells.
+    # dissipation. It is smaller in space, where the closure of the refinement divides many more
+    # cells.
     part, worth_while = {2: (0.4, 1.05), 3: (0.2, 1.2)}[problem.bodies.gdim]
     if much and problem.bodies.gdim == 2:
         part, worth_while = 0.8, 1.5
@@ -55,16 +56,16 @@ def finer_mesh(
     if now >= cells:
         return too_many
     if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
-        part = 1.0  # what carries nothing has no shares: cells are too large anywhere
+        part = 1.0  # without a result there are no indicators: cells are too large everywhere
     marked = to_refine(problem, found, part)
     if not problem.comm.allreduce(int(marked.sum())):
-        return "nothing was found that says where to refine"
+        return "no result indicates where to refine"
     usual = refined(problem, marked, found, cells)
     least, most = 0.0, float(cells)
     if problem.bodies.gdim == 3 and part < 1.0:
         least, most = _wanted(now, gap, adaptation)
     finer, few = usual, worth_while * now
-    largest = 0.9  # part that may be marked: beyond it cells have next to nothing of the gap
+    largest = 0.9  # largest marked part; beyond it cells contribute almost nothing to the gap
     low, high = part, largest
     if number_of_cells(usual) > most:
         least, low, high = max(least, 0.95 * most), 0.0, part
@@ -84,21 +85,21 @@ def finer_mesh(
 
 
 def _wanted(now: int, gap: float | None, adaptation: Adaptation) -> tuple[float, float]:
-    """Return cells that the next mesh in space should have at least and at most.
+    """Return the least and largest number of cells of the next mesh in space.
 
-    So many as should be enough, by what meshes have been seen to gain, but no more than twice as
-    many as now: of shares on a coarse mesh those on a much finer one are not known.
+    The number should suffice by the observed convergence, but is at most twice the present one:
+    indicators on a coarse mesh are not those on a much finer one.
 
     Args:
-        now: Cells of this mesh.
+        now: Number of cells of this mesh.
         gap: Gap of the best bounds so far.
-        adaptation: When meshes end.
+        adaptation: The adaptation, with its limits.
     """
     growth, steady = 2.0, 1.5
     if gap is not None and not isinstance(adaptation.until, str):
-        order = 0.9  # gaps fall with the number of cells to the power of minus that
+        order = 0.9  # the gap falls with this negative power of the number of cells
         growth = float(np.clip((gap / adaptation.until) ** (1 / order), steady, growth))
-    roughly = 1.05  # either way
+    roughly = 1.05  # tolerance in both directions
     most = min(growth * roughly * now, adaptation.cells)
     return min(growth / roughly * now, 0.95 * adaptation.cells), most
 
@@ -109,18 +110,20 @@ def refined(
     found: BodyBounds | None = None,
     cells: float = np.inf,
 ) -> TaggedMesh:
-    """The mesh of a problem, finer where it is marked, with fans where it needs them. Collective.
+    """Return the mesh of a problem, refined at marked cells, with fans where they are needed.
+
+    Collective.
 
     Args:
         problem: The bodies with their loads.
-        marked: Of the cells that this rank owns.
-        found: Bounds on the mesh. In the plane cells become long where the mechanism changes across
-            them or the stress does (:mod:`edge_metric`). In space edges along which velocity and
-            stress change are cut (:mod:`directions_of_change`), and cells at singular edges, where
-            the lower one loses most, are made fans in place of being refined: what it loses there
-            is for want of directions.
-        cells: Cells that a mesh may have at most. In the plane fans of long cells are made at once
-            where they take less than a fourth of them, and else a little of them with each mesh.
+        marked: Marks of the owned cells.
+        found: Bounds on the mesh. In the plane, cells become long where mechanism or stress changes
+            in one direction (:mod:`edge_metric`). In space, edges along which velocity and stress
+            change are cut (:mod:`directions_of_change`). Cells at singular edges with the largest
+            loss of the lower bound become fans instead of being refined, since more directions
+            reduce this loss.
+        cells: Largest number of cells of the mesh. In the plane, fans of long cells are created at
+            once if they take less than a fourth of it, and otherwise gradually with each mesh.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     in_space = problem.bodies.gdim == 3
@@ -139,7 +142,7 @@ def refined(
     finer = refine(tagged_mesh, marked, pairs, metric, changes).tagged_mesh
     if in_space:
         return finer
-    valence = 24  # cells that meet at least where the stress depends on the direction, in the end
+    valence = 24  # final number of cells at points where the stress depends on the direction
     points = singular_points(finer, given, valence, ends=not at_once)
     if problem.comm.allreduce(len(points)):
         finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
@@ -162,12 +165,12 @@ def _with_long_fans(
     metric: Floats | None,
     gap: float | None,
 ) -> tuple[TaggedMesh, npt.NDArray[np.bool_], Floats | None]:
-    """A plane mesh with fans that are as long as its cells, marks and metric on it. Collective.
+    """Return a plane mesh with fans of its long cells, with marks and metric. Collective.
 
-    Cells that become parts of fans are not marked any more: they would be short.
+    Cells that become parts of fans lose their mark: further refinement would shorten them.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
-    most = 8  # times that angles are cut in two
+    most = 8  # number of times that angles are halved
     for _ in range(most):
         wide, there = wide_corners(tagged_mesh, given, gap)
         if not problem.comm.allreduce(int(wide.sum())):
@@ -187,15 +190,15 @@ def _with_fans(
     dissipation: Floats,
     changes: Floats | None,
 ) -> tuple[TaggedMesh, npt.NDArray[np.bool_], Floats | None]:
-    """Return a mesh in space with fans at those of the marked cells that want them. Collective.
+    """Return a mesh in space with fans at the marked cells that need them. Collective.
 
     Returns:
-        The mesh, which of its owned cells are still marked, and their directions of change.
+        The mesh, the remaining marks of its owned cells, and their directions of change.
     """
     comm, given, tagged_mesh = problem.comm, problem.given, problem.tagged_mesh
-    most = 0.5  # of the dissipation of the multipliers, which often is that of a few cells,
-    nearly = 0.5  # and of theirs, which has to be at such edges: else size matters as well
-    valence = 12  # around edges; each costs as many cells as the edge has
+    most = 0.5  # share of the multipliers' dissipation, which is often in few cells,
+    nearly = 0.5  # share of it that must be at such edges; otherwise cell size matters as well
+    valence = 12  # cells around edges; each costs as many cells as the edge has
     few = largest_shares(comm, dissipation, most)
     edges = singular_edges(tagged_mesh, given, valence) & few[:, None]
     cut = edges.any(axis=1)
@@ -209,7 +212,7 @@ def _with_fans(
 
 
 def number_of_cells(tagged_mesh: TaggedMesh) -> int:
-    """Return the number of cells of all ranks."""
+    """Return the number of cells on all ranks."""
     topology = tagged_mesh.mesh.topology
     count: int = topology.index_map(topology.dim).size_global
     return count

@@ -1,4 +1,4 @@
-"""The problem on whose mesh the mechanism of an upper bound is looked for."""
+"""Create the problem on whose mesh the mechanism of an upper bound is sought."""
 
 from dataclasses import dataclass
 
@@ -12,12 +12,12 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class FlowProblem:
-    """Where a mechanism is looked for.
+    """The problem in which a mechanism is sought.
 
     Attributes:
-        problem: In space on cells that are split from their centres, around an axis in v = ru
-            (:mod:`ring_flux`), and of bodies that dilate with laws at vertices.
-        split: How cells are split; None where they are not.
+        problem: The problem: in space on cells split from their centres, in axisymmetry in v = ru
+            (:mod:`ring_flux`), and for dilating bodies with laws at vertices.
+        split: How cells are split; None without a split.
     """
 
     problem: Problem
@@ -25,10 +25,10 @@ class FlowProblem:
 
 
 def flow_problem(problem: Problem) -> FlowProblem:
-    """Make it. Collective.
+    """Return the flow problem of a problem. Collective.
 
     Args:
-        problem: As :func:`limit_bounds.admitted` has it.
+        problem: See :func:`limit_bounds.admitted`.
     """
     straight, split = is_straight(problem), split_of(problem)
     if split is not None:
@@ -41,12 +41,12 @@ def flow_problem(problem: Problem) -> FlowProblem:
 
 
 def split_of(problem: Problem) -> AlfeldSplit | None:
-    """Return how cells are split for strict bounds; None where they are not. Collective."""
+    """Return how cells are split for strict bounds; None if they are not. Collective."""
     if problem.bodies.gdim == 3 and is_straight(problem):
         return alfeld_split(problem.tagged_mesh)
     return None
 
 
 def is_straight(problem: Problem) -> bool:
-    """Return whether its elements are quadratic on straight cells. Collective."""
+    """Return whether the elements are quadratic on straight cells. Collective."""
     return problem.degree == 2 and not has_curved_cells(problem.tagged_mesh.mesh)

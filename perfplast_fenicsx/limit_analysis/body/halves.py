@@ -1,8 +1,8 @@
-"""Both bounds at once on two ranks, each on its own copy of the mesh.
+"""Compute both bounds in parallel on two ranks, each on its own copy of the mesh.
 
-Two ranks together are hardly faster than one alone at what a bound takes most of, factorisations.
-So each seeks one bound, and waits for the other only where steps are reported. What is found is
-handed back to the mesh that both share (benchmarks/halves_at_once.py measures the saving).
+Factorisations dominate the cost of a bound, and two ranks are hardly faster at them than one. So
+each rank computes one bound, and waits for the other only when steps are reported. Results are
+transferred to the mesh that both ranks share (benchmarks/halves_at_once.py measures the saving).
 """
 
 import logging
@@ -40,10 +40,10 @@ class Halves:
     """The results of both ranks, on the mesh that they share.
 
     Attributes:
-        flow: Where the mechanism was looked for.
-        limit: With the mechanism, as :func:`discrete_limit.interior_point` returns it.
+        flow: Flow problem of the mechanism.
+        limit: Limit load with the mechanism, as :func:`discrete_limit.interior_point` returns it.
         static: The lower bound with its stress.
-        question: Of which loads that is.
+        question: The loads of the lower bound.
     """
 
     flow: FlowProblem
@@ -53,13 +53,18 @@ class Halves:
 
 
 def pays(below: Problem, above: Problem) -> bool:
-    """Whether both bounds are found sooner at once (benchmarks/halves_at_once.py). Collective."""
+    """Return whether computing both bounds in parallel is faster (benchmarks/halves_at_once.py).
+
+    Collective.
+    """
     comm, dim = below.comm, below.bodies.gdim
     cells = below.tagged_mesh.mesh.topology.index_map(dim).size_global
-    # Fewer cells take less than a second in any case; of more two ranks do have the faster
-    # factorisations, or it was not measured.
+    # Fewer cells take less than a second in any case. With more, two ranks factorise faster
+    # together, or it was not measured.
     few, many = ((1_000, 100_000), (250, 10_000))[dim - 2]
-    of_a_cell = (25e3, 250e3)[dim - 2]  # bytes for a half; 17 and 230 kB were measured at most
+    of_a_cell = (25e3, 250e3)[
+        dim - 2
+    ]  # bytes per cell for each half; at most 17 and 230 kB were measured
     ranks = 2
     if comm.size != ranks or not few <= cells <= many or not is_straight(above):
         return False
@@ -69,29 +74,29 @@ def pays(below: Problem, above: Problem) -> bool:
 
 
 def halves_at_once(below: Problem, above: Problem, rtol: float, monitor: Steps) -> Halves | None:
-    """Seek the stress of one problem and the mechanism of another, each on one rank. Collective.
+    """Compute the stress of one problem and the mechanism of another, each on one rank. Collective.
 
     Args:
         below: The bodies of the lower bound.
-        above: Those of the upper one, on the same mesh.
-        rtol: How near each bound comes to the best of its kind on this mesh, relative.
+        above: The bodies of the upper bound, on the same mesh.
+        rtol: Relative distance of each bound to the best of its kind on this mesh.
         monitor: Called on both ranks after each step of either.
 
     Returns:
-        What was found; None where a half does not fit into memory.
+        The results; None if a half does not fit into memory.
 
     Raises:
         InputError: As :func:`limit_bounds.limit_bounds`, on both ranks.
-        StopSearch: Of the monitor, with the limit load as far as it is known.
+        StopSearch: From the monitor, with the limit load as far as it is known.
     """
     comm, shared = below.comm, below.tagged_mesh
     copy, meeting = whole_mesh(shared), Meeting(below.comm, monitor)
     log.info(
-        "both bounds at once, each on one rank; of two steps the upper one's is reported first"
+        "both bounds in parallel, each on one rank; of two steps the upper one's is reported first"
     )
     question = Question.LIMIT if below.loads.grows() else Question.STANDS
     mechanism, stress = _Mechanism(above, copy), _Stress(below, copy, question)
-    upper, lower = 0, 1  # the ranks that seek them
+    upper, lower = 0, 1  # the ranks of the two searches
     mine = mechanism if comm.rank == upper else stress
     with ExitStack() as made:
         if not meeting.after(partial(mine.prepare, made)):
@@ -111,7 +116,7 @@ def halves_at_once(below: Problem, above: Problem, rtol: float, monitor: Steps) 
 
 
 class _Mechanism:
-    """The half of the upper bound."""
+    """The part of the upper bound."""
 
     flow: FlowProblem | None = None
     found: LimitLoad | None = None
@@ -120,17 +125,17 @@ class _Mechanism:
         self._problem, self._copy = problem, copy
 
     def prepare(self, _: ExitStack) -> None:
-        """Make the problem on the copy."""
+        """Create the problem on the copy."""
         self.flow = flow_problem(self._problem.on(self._copy))
         self._strict = with_strict_contact(self.flow.problem)
 
     def find(self, rtol: float, steps: Steps) -> None:
-        """Find the mechanism."""
+        """Compute the mechanism."""
         self.found = interior_point(self._strict, rtol, steps)
 
 
 class _Stress:
-    """The half of the lower bound."""
+    """The part of the lower bound."""
 
     found: StaticBound | None = None
 
@@ -138,12 +143,12 @@ class _Stress:
         self._problem, self._copy, self._question = problem, copy, question
 
     def prepare(self, made: ExitStack) -> None:
-        """Make the problem on the copy, and see whether it fits into memory."""
+        """Create the problem on the copy, and check that it fits into memory."""
         self._on = self._problem.on(self._copy)
         self._form = form_that_fits(self._on)
         if self._form is not None:
             made.callback(self._form.destroy)
 
     def find(self, rtol: float, steps: Steps) -> None:
-        """Find the stress."""
+        """Compute the stress."""
         self.found = bound_by_stress(self._on, rtol, steps, self._question, self._form)

@@ -1,14 +1,15 @@
-"""Which multiples of two or three loads are carried: an interaction diagram between two polytopes.
+"""Compute interaction diagrams: which multiples of two or three loads are carried.
 
-The pairs (a, b) for which a·A + b·B is carried, beside loads that stay, are a convex set, and so
-are triples. So the hull of those that strict lower bounds show to be carried is inside of it. And a
-mechanism v of a strict upper bound dissipates D(v), which bounds the work of *everything* that is
+The pairs (a, b) for which a·A + b·B and the permanent loads are carried form a convex set; so do
+triples. The convex hull of the points proven by strict lower bounds lies inside the set. A
+mechanism v of a strict upper bound dissipates D(v), which bounds the work of *all* loads that are
 carried:
 
     a A(v) + b B(v) ≤ D(v) − L₀(v),
 
-a half-space, in which the set lies as a whole. Both polytopes are proven; between them the set's
-surface runs. Directions are those in which they are farthest apart, one after the other.
+a half-space that contains the whole set. Both polytopes are proven; the boundary of the set lies
+between them. The search takes the directions in which the polytopes are farthest apart, one after
+another.
 """
 
 import math
@@ -43,8 +44,8 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 
 Angles = tuple[float, ...]
-"""A direction (degrees): from the first number to the second, and of three numbers the angle above
-that plane, towards the third."""
+"""A direction (degrees): the angle from the first number to the second, and for three numbers the
+angle above that plane towards the third."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +54,9 @@ class Proven:
 
     Attributes:
         angles: The direction.
-        carried: The pair or triple in it that is carried for certain, as far out as was found; None
-            without a strict lower bound.
-        side: The half-space (n, r) of a mechanism, n·x ≤ r; None without a strict upper bound.
+        carried: The pair or triple in this direction that is provably carried, as far as possible;
+            None without a strict lower bound.
+        side: The half-space (n, r) of a mechanism, with n·x ≤ r; None without a strict upper bound.
     """
 
     angles: Angles
@@ -63,29 +64,30 @@ class Proven:
     side: tuple[float, ...] | None
 
     def is_at(self, angles: Angles) -> bool:
-        """Return whether it is of this direction."""
+        """Return whether the bounds are in this direction."""
         return bool(np.allclose(self.angles, angles, rtol=0, atol=1e-9))
 
 
 Proving = Callable[[BodyBounds, BodyBounds], Proven]
-"""Makes a proof of what has a lower and what has an upper bound in a direction."""
+"""A function that makes a proof from the results with the lower and the upper bound in a direction.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Envelope:
-    """Two polytopes with the surface of the set of what is carried between them.
+    """Two polytopes; the boundary of the set of carried loads lies between them.
 
     Attributes:
-        carried: Pairs or triples that are carried for certain, shape (n, d), one for each direction
-            in which a strict lower bound was found, and zero first where no load stays; the hull
-            of them is carried as well.
-        sides: Half-spaces n·x ≤ r with rows (n, r), |n| = 1, shape (m, d + 1): what is outside of
-            one of them is not carried.
-        directions: Directions that were looked at, in turn.
-        gap: What the outer polytope exceeds the inner one by at most along a ray, relative; inf
-            where one of them is missing there. Rays are half a degree apart, of three numbers 3.
-        signed: Of each number whether it may be negative.
-        last: What was found in the last direction.
+        carried: Pairs or triples that are provably carried, shape (n, d), one for each direction
+            with a strict lower bound, preceded by zero without permanent loads. Their convex hull
+            is carried as well.
+        sides: Half-spaces n·x ≤ r with rows (n, r), |n| = 1, shape (m, d + 1): points outside any
+            of them are not carried.
+        directions: Directions of the search, in order.
+        gap: Largest relative distance of the polytopes along a ray; inf if one of them is missing
+            on a ray. Rays are half a degree apart, for three numbers 3 degrees.
+        signed: For each number, whether it may be negative.
+        last: The result in the last direction.
     """
 
     carried: Floats
@@ -96,15 +98,15 @@ class Envelope:
     last: BodyBounds
 
     def inner(self, *angles: float) -> float:
-        """How far along a ray (degrees) all is carried for certain; −inf where none is known."""
+        """Return the distance along a ray (degrees) up to which all is carried; −inf if unknown."""
         return float(inner_along(self.carried, rays_at(np.array([angles])))[0])
 
     def outer(self, *angles: float) -> float:
-        """From where on along a ray (degrees) none is carried; inf where none is known."""
+        """Return the distance along a ray (degrees) where nothing is carried; inf if unknown."""
         return float(outer_along(self.sides, rays_at(np.array([angles])))[0])
 
     def in_words(self) -> str:
-        """Return a sentence on what is proven."""
+        """Return a sentence on the proven result."""
         pairs, polygon, number = (
             ("pairs", "polygon", "two")
             if len(self.signed) == 2
@@ -115,15 +117,15 @@ class Envelope:
                 f"Which {pairs} of the {number} loads are carried is not proven in all directions."
             )
         return (
-            f"All {pairs} inside of one {polygon} are carried for certain, and none outside of"
-            f" another; they are {100 * self.gap:.3g} % apart at most, after"
-            f" {len(self.directions)} directions." + sentences(self.last.taken)
+            f"All {pairs} inside one {polygon} are carried for certain, and none outside "
+            f"another; they are at most {100 * self.gap:.3g} % apart, after "
+            f"{len(self.directions)} directions." + sentences(self.last.taken)
         )
 
     def table(self) -> list[dict[str, float | None]]:
-        """Return rows for a file: along each ray how far all is carried, and from where on none is.
+        """Return rows for a file: both distances along each ray.
 
-        Rays are a degree apart, of three numbers 5.
+        Rays are a degree apart, for three numbers 5 degrees.
         """
         angles = spread(self.signed, 1.0 if len(self.signed) == 2 else 5.0)
         rays = rays_at(angles)
@@ -156,7 +158,9 @@ def envelope(
     steps: Callable[[InteriorStep], None] | None = None,
     known: Sequence[Proven] = (),
 ) -> Envelope:
-    """Bound the set of (a, b) or (a, b, c) for which such multiples are carried. Collective.
+    """Return bounds of the set of (a, b) or (a, b, c) for which such multiples are carried.
+
+    Collective.
 
     Args:
         problem: The bodies; its constant loads act in addition.
@@ -167,10 +171,10 @@ def envelope(
         rtol: Relative distance of each bound to the best of its kind on its mesh.
         adaptation: Adaptation of the mesh in each direction; None for the mesh of the problem.
         monitor: Called on every rank with each direction, the results with its lower and its upper
-            bound, and a function that makes their proof; returns that proof.
+            bound, and a function that makes their proof; the monitor returns that proof.
         steps: Called on every rank after each step of the interior point method.
-        known: Proven results of an earlier search, to continue it. Its last direction is computed
-            again, because the mechanism of the last direction is part of the result.
+        known: Proven results of an earlier search, which is continued. Its last direction is
+            computed again, because the mechanism of the last direction is part of the result.
 
     Raises:
         InputError: If a load is constant, the number of loads is not two or three, or
@@ -206,7 +210,7 @@ def envelope(
         carried += [] if proven.carried is None else [proven.carried]
         sides += [] if proven.side is None else [proven.side]
     if last is None:
-        raise RuntimeError("an earlier search was of more directions than this one")
+        raise RuntimeError("the earlier search has more directions than this one")
     gap, _ = _worst(carried, sides, signed, asked)
     return Envelope(*_arrays(carried, sides, len(loads)), tuple(asked), gap, signed, last)
 
@@ -218,7 +222,7 @@ def _proven(
     low: BodyBounds,
     high: BodyBounds,
 ) -> Proven:
-    """Return the bounds that are proven along a ray. Collective."""
+    """Return the proven bounds along a ray. Collective."""
     carried = side = None
     if low.lower.strict and low.question is Question.LIMIT and low.lower.value is not None:
         carried = tuple(map(float, low.lower.value * ray))
@@ -228,18 +232,19 @@ def _proven(
 
 
 def _check(loads: Sequence[Sequence[Load]], directions: int) -> None:
-    """Refuse what is no diagram."""
+    """Refuse input that does not define a diagram."""
     if directions < 1:
         raise InputError(f"directions = {directions} is too small; give at least 3.")
     if len(loads) not in (2, 3):
         raise InputError(
-            f"an envelope of {len(loads)} numbers cannot be made; give the loads of two or three."
+            f"an envelope needs two or three numbers, but there are {len(loads)}; give the "
+            "loads of two or three."
         )
     for load in (load for some in loads for load in some):
         if load.constant:
             raise InputError(
-                f"the load on '{load.on}' is constant, but an envelope multiplies it; leave"
-                " constant out, or declare it with the problem as a load that stays."
+                f"the load on '{load.on}' is constant, but an envelope multiplies it; "
+                "remove constant, or declare it with the problem as a permanent load."
             )
 
 
@@ -274,10 +279,10 @@ def _bounds(
 
 
 def _side(bounds: BodyBounds, loads: Sequence[Sequence[Load]], ray: Floats) -> Floats:
-    """Return the half-space of a mechanism, scaled to a normal of length 1. Collective.
+    """Return the half-space of a mechanism, scaled to a unit normal. Collective.
 
-    The bound along the ray is (D(v) − L₀(v))/(ray·w) with the works w = (A(v), B(v), ...), so that
-    the half-space is x·w ≤ bound · ray·w.
+    The bound along the ray is (D(v) − L₀(v))/(ray·w) with the works w = (A(v), B(v), ...). The
+    half-space is therefore x·w ≤ bound · ray·w.
     """
     problem, velocity = bounds.flow.problem, bounds.flow.velocity.x.petsc_vec
     works = np.zeros(len(loads))
@@ -288,6 +293,6 @@ def _side(bounds: BodyBounds, loads: Sequence[Sequence[Load]], ray: Floats) -> F
         vector.destroy()
     value = bounds.upper.value
     if value is None:
-        raise RuntimeError("a half-space of no bound")
+        raise RuntimeError("a half-space needs an upper bound")
     side: Floats = np.array([*works, value * (ray @ works)]) / np.linalg.norm(works)
     return side

@@ -1,8 +1,8 @@
-"""The other end of the load factors that are carried: growing loads turned round.
+"""Bound the least load factor that is carried, by reversing the growing loads.
 
-Beside loads that stay the factors form an interval, as sets of admissible stresses are convex, and
-0 need not be in it: a wall may need its prop. Where it is not, a bound of the largest one alone
-would be taken for more than it is.
+With permanent loads the carried factors form an interval, since sets of admissible stresses are
+convex. It need not contain 0: a wall may need its prop. If it does not, the bound of the largest
+factor alone would be misleading.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,16 +31,16 @@ def least_load(
     adaptation: Adaptation | None = None,
     steps: Steps | None = None,
 ) -> LeastLoad:
-    """Bound the least load factor that is carried. Collective.
+    """Return bounds of the least load factor that is carried. Collective.
 
     Args:
         problem: The bodies and their loads.
-        rtol: How near each bound comes to the best of its kind on its mesh, relative.
-        adaptation: How the mesh is adapted for it; None for that of the problem.
+        rtol: Relative distance of each bound to the best of its kind on its mesh.
+        adaptation: How the mesh is adapted for it; None for the mesh of the problem.
         steps: Called on every rank after each step of the interior point method.
 
     Raises:
-        InputError: If a pin's force grows, which cannot pull, and as
+        InputError: If the force of a pin grows, which cannot pull, and as
             :func:`limit_bounds.limit_bounds`.
     """
     check_turns(problem.given.loads)
@@ -53,17 +53,19 @@ def least_load(
 
 
 def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = None) -> bool:
-    """Return whether bodies may not carry what stays without the growing loads. Collective.
+    """Return whether the bodies may fail to carry the permanent loads without the growing loads.
 
-    It is found by a stress that carries the loads turned round, on the mesh of the problem; where
-    none is found, they may not.
+    Collective.
+
+    The function seeks a stress for the reversed loads on the mesh of the problem. Without such a
+    stress they may fail.
 
     Args:
         problem: The bodies and their loads.
-        body: What is proven of the largest load factor that is carried.
+        body: Proven bounds of the largest load factor.
         steps: Called on every rank after each step of the interior point method.
     """
-    roughly = 0.1  # all that counts is a sign
+    roughly = 0.1  # only the sign matters
     if body.question is not Question.LIMIT or not (body.lower.strict or body.upper.strict):
         return False
     if not (problem.loads.has_dead() and problem.loads.grows()):
@@ -82,15 +84,16 @@ def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = No
 
 
 def check_turns(loads: Sequence[Load]) -> None:
-    """Refuse growing loads that cannot act the other way.
+    """Refuse growing loads that cannot be reversed.
 
     Raises:
-        InputError: Naming the first one.
+        InputError: Naming the first such load.
     """
     for load in filter(_pushes, loads):
         raise InputError(
-            f"the load on '{load.on}' is the force of a pin, which pushes and cannot pull, so that"
-            " no least load factor is sought; leave direction out, or give a traction."
+            f"the load on '{load.on}' is the force of a pin, which pushes and cannot pull, "
+            "so that the least load factor cannot be computed; remove direction, or give "
+            "a traction."
         )
 
 
@@ -99,6 +102,6 @@ def _pushes(load: Load) -> bool:
 
 
 def _turned(problem: Problem) -> Problem:
-    """Return the bodies with the growing loads turned round. Collective."""
+    """Return the bodies with the growing loads reversed. Collective."""
     loads = [load if load.constant else scaled(load, -1.0) for load in problem.given.loads]
     return variant(problem, loads=loads)

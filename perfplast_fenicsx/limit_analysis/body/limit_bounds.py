@@ -1,4 +1,4 @@
-"""Find bounds of the limit load of the body that a mesh fills, both on one mesh."""
+"""Compute both bounds of the limit load of the body that a mesh fills, on one mesh."""
 
 import logging
 from collections.abc import Callable
@@ -79,10 +79,10 @@ def limit_bounds(
 ) -> BodyBounds:
     """Return lower and upper bounds of the limit load of the body that the mesh fills. Collective.
 
-    The mechanism of the upper bound keeps the volume everywhere; for this tetrahedra are split from
-    their centres. In dilating bodies it dilates by enough, because the laws are imposed at the
-    vertices. It does not penetrate other bodies between the nodes. Corner cells of plane bodies
-    that could carry nothing are divided first (:mod:`lone_corners`).
+    The mechanism of the upper bound preserves the volume everywhere; for this purpose tetrahedra
+    are split from their centres. In dilating bodies its dilatancy suffices everywhere, since the
+    laws are imposed at the vertices. It does not penetrate other bodies between the nodes. Corner
+    cells of plane bodies that could carry nothing are divided first (:mod:`lone_corners`).
 
     Args:
         problem: The bodies and their loads; use quadratic elements, because linear ones lock.
@@ -91,9 +91,10 @@ def limit_bounds(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move, or no load grows. If strict
-            bounds do not know a yield set or a load, or no stress can carry the loads. If bodies of
-            revolution dilate or are apart (:mod:`ring_flux`). If a bound does not fit into memory;
-            that of the lower one is tested before anything is computed.
+            bounds do not support a yield set or a load, or if no stress can carry the loads. If
+            bodies of revolution dilate or have a gap between them (:mod:`ring_flux`). If a bound
+            does not fit into memory. The memory of the lower bound is checked before any
+            computation.
     """
     problem = admitted(problem, rtol)
     if are_blocks(problem):
@@ -107,11 +108,11 @@ def check_bounds(problem: Problem, rtol: float = 1e-4) -> None:
 
     Args:
         problem: The bodies and their loads.
-        rtol: How near each bound comes to the best of its kind on this mesh, relative.
+        rtol: Relative distance of each bound to the best of its kind on this mesh.
 
     Raises:
-        InputError: As :func:`limit_bounds`, but for loads that no stress can carry, and for want of
-            memory, which another machine may have.
+        InputError: As :func:`limit_bounds`, except for loads that no stress can carry, and for lack
+            of memory, which another machine may have.
     """
     below, above = weaker_and_stronger(admitted(problem, rtol))
     if above.tagged_mesh.axisymmetric:
@@ -120,9 +121,9 @@ def check_bounds(problem: Problem, rtol: float = 1e-4) -> None:
 
 
 def admitted(problem: Problem, rtol: float) -> Problem:
-    """Return the problem as bounds are sought of it. Collective.
+    """Return the problem in the form in which bounds are computed. Collective.
 
-    Cells that could carry nothing are divided, and pressures that do no work left out.
+    The function divides over-constrained cells and removes pore pressures that do no work.
 
     Raises:
         InputError: As :func:`limit_bounds`.
@@ -151,9 +152,9 @@ def _bounds(
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
 ) -> BodyBounds:
-    """Return a lower bound of one problem and an upper one of the other. Collective.
+    """Return a lower bound of one problem and an upper bound of the other. Collective.
 
-    Both are on one mesh, and mostly the same.
+    Both problems share one mesh, and are mostly identical.
     """
     at_once = halves_at_once(below, above, rtol, monitor) if pays(below, above) else None
     if at_once is None:
@@ -171,7 +172,7 @@ def _bounds(
             static = bound_by_stress(below, rtol, monitor, bounds.question, None)
     lower, certificates = judged(static, bounds)
     problem, stress, shares = bounds.problem, None, None
-    # parts of a tetrahedron that is not split for the mechanism are no cells of any mesh
+    # without a split, the parts of a tetrahedron are not cells of any mesh
     if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
         stress = static.stress if split is None else on_parts(static.stress, split)
         if bounds.upper.value is not None:
@@ -197,12 +198,12 @@ def mechanism_bound(
     """Return an upper bound without a lower one. Collective.
 
     Args:
-        problem: As :func:`admitted` has it.
-        rtol: How near it comes to the best of its mesh, relative.
+        problem: See :func:`admitted`.
+        rtol: Relative distance to the best upper bound on its mesh.
         monitor: Called on every rank after each step.
 
     Returns:
-        The bound, around an axis of the problem in ru (:mod:`ring_flux`); the rates of its
+        The bound, in axisymmetry of the problem in ru (:mod:`ring_flux`); the rates of its
         mechanism, None without one; and how cells are split for it.
     """
     flow = flow_problem(problem)
@@ -213,13 +214,16 @@ def mechanism_bound(
 def _of_flow(
     flow: FlowProblem, limit: LimitLoad
 ) -> tuple[BodyBounds, MechanismRates | None, AlfeldSplit | None]:
-    """Return the upper bound by a mechanism that was looked for; as of :func:`mechanism_bound`."""
+    """Return the upper bound of a mechanism; as :func:`mechanism_bound`."""
     limit = _with_forces_of_pairs(flow.problem, resisted(limit))
     return *_of_mesh(flow.problem, limit), flow.split
 
 
 def with_displacements(given: Problem, bounds: BodyBounds) -> BodyBounds:
-    """Bounds whose mechanism around an axis is u and not ru; the others as they are. Collective."""
+    """Return bounds whose axisymmetric mechanism is u instead of ru; others are unchanged.
+
+    Collective.
+    """
     if not (given.tagged_mesh.axisymmetric and is_straight(given)):
         return bounds
     flow = bounds.flow
@@ -232,8 +236,8 @@ def judged(static: StaticBound, bounds: BodyBounds) -> tuple[Bound, dict[str, fl
 
     Args:
         static: The lower bound.
-        bounds: With the mechanism, if there is one, and what is asked. Of loads that all stay it is
-            whether they are carried once.
+        bounds: Bounds with the mechanism, if there is one, and the question. If all loads are
+            permanent, the question is whether they are carried once.
     """
     if static.certificate is None:
         return static.bound, {}
@@ -250,7 +254,10 @@ def judged(static: StaticBound, bounds: BodyBounds) -> tuple[Bound, dict[str, fl
 
 
 def _with_forces_of_pairs(problem: Problem, limit: LimitLoad) -> LimitLoad:
-    """A limit load with contact forces of pairs, not of coefficients; None unknown. Collective."""
+    """Return a limit load with contact forces of pairs instead of coefficients; None if unknown.
+
+    Collective.
+    """
     forces = None
     if limit.stress is not None and np.isfinite(limit.lower):
         forces = forces_of_pairs(problem, limit.stress, limit.lower)
@@ -261,22 +268,22 @@ def _with_forces_of_pairs(problem: Problem, limit: LimitLoad) -> LimitLoad:
 
 
 def _split(problem: Problem, split: AlfeldSplit | None) -> Problem:
-    """Return the problem on cells that are split, if they are. Collective."""
+    """Return the problem on split cells, if cells are split. Collective."""
     return problem if split is None else problem.on(split)
 
 
 def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
-    """Return bounds of the body by the mechanism of its mesh. Collective.
+    """Return bounds of the body from the mechanism of its mesh. Collective.
 
     Args:
         problem: The bodies and their loads.
-        limit: As found by the interior point method.
+        limit: Limit load of the interior point method.
     """
     return _of_mesh(problem, limit)[0]
 
 
 def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismRates | None]:
-    """Return the same with the rates of the mechanism, if there is one. Collective."""
+    """Return the bounds with the rates of the mechanism, if there is one. Collective."""
     rates = None
     certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
     advice: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Forces of loads, supports, obstacles and contacts where bodies are carried, or collapse."""
+"""Compute forces of loads, supports, obstacles and contacts at the limit load."""
 
 import math
 from dataclasses import dataclass, replace
@@ -20,12 +20,12 @@ class LimitForces:
 
     Attributes:
         zeta: Load factor that the stress carries.
-        strict: Whether that is the strict lower bound of the body; else it is the static side of
+        strict: Whether it is the strict lower bound of the body. Otherwise it is the static side of
             the limit load of the mesh, an estimate, or the last level of a path to it.
-        reactions: As of a level (:class:`resultants.Resultants`). Where supports or contacts can
-            share a force in several ways, these are one of them.
+        reactions: Reactions as for a level (:class:`resultants.Resultants`). If supports or
+            contacts can share a force in several ways, the result is one of them.
         moments: Moments of the loads and of supports about the origin.
-        balance: As of a level.
+        balance: Balance as for a level.
     """
 
     zeta: float
@@ -38,20 +38,22 @@ class LimitForces:
 def limit_forces(
     problem: Problem, limit: LimitLoad, body: BodyBounds | None = None
 ) -> LimitForces | None:
-    """The forces of the stress that proves a lower bound, else of the limit load. Collective.
+    """Return the forces of the stress that proves a lower bound, or else of the limit load.
+
+    Collective.
 
     Args:
-        problem: On whose mesh the limit load was found.
-        limit: With its stress.
-        body: With the lower bound, which may be on another mesh.
+        problem: Problem on whose mesh the limit load was found.
+        limit: Limit load with its stress.
+        body: Bounds with the lower bound, which may be on another mesh.
 
     Returns:
-        None where there is no stress, or it carries nothing.
+        None if there is no stress, or if it carries nothing.
     """
     if body is not None and (found := _of_bound(body)) is not None:
         return found
     stress, zeta = limit.stress, limit.lower
-    if stress is None and limit.theorem and limit.levels:  # of a path
+    if stress is None and limit.theorem and limit.levels:  # the last level of a path
         stress, zeta = limit.levels[-1].stress, limit.levels[-1].state.zeta
     if stress is None or zeta == 0 or not math.isfinite(zeta):
         return None
@@ -59,9 +61,11 @@ def limit_forces(
 
 
 def _of_bound(body: BodyBounds) -> LimitForces | None:
-    """Those of a strict lower bound, if it has a stress that nodal forces balance. Collective."""
+    """Return the forces of a strict lower bound, if nodal forces balance its stress. Collective."""
     problem, value = body.problem, body.lower.value
-    around_axis = problem.tagged_mesh.axisymmetric  # r times the stress is not linear there
+    around_axis = (
+        problem.tagged_mesh.axisymmetric
+    )  # in axisymmetry r times the stress is not linear
     if body.stress is None or around_axis or not body.lower.strict or not value:
         return None
     if body.question is not Question.LIMIT:
@@ -72,8 +76,8 @@ def _of_bound(body: BodyBounds) -> LimitForces | None:
     values[space.dofmap.list[: len(body.stress)]] = body.stress
     stress.x.scatter_forward()
     found = _forces(problem, stress, float(value))
-    # Forces whose rest is larger, relative, are not printed: surfaces of other divisions hand
-    # tractions over that nodal forces do not have.
+    # Forces with a larger relative residual are not printed: surfaces with different divisions
+    # transfer tractions that nodal forces do not represent.
     balanced = 1e-9
     return replace(found, strict=True) if found.balance <= balanced else None
 

@@ -1,4 +1,4 @@
-"""Mark the cells with the largest shares of a quantity."""
+"""Mark the cells with the largest contributions to a quantity."""
 
 from mpi4py import MPI
 
@@ -11,19 +11,21 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDArray[np.bool_]:
-    """The cells with the largest shares, which together have a part of the whole. Collective.
+    """Return the cells with the largest contributions that together have a given part of the sum.
+
+    Collective.
 
     The marking of W. Dörfler, doi:10.1137/0733054.
 
     Args:
         comm: The ranks.
-        shares: Shares of the cells that this rank owns; those below zero count as zero.
+        shares: Contributions of the owned cells; negative ones count as zero.
         part: Part of the sum over all cells, between 0 and 1.
     """
     shares = np.maximum(shares, 0.0)
     wanted = part * comm.allreduce(float(shares.sum()))
     low, high = 0.0, comm.allreduce(float(shares.max(initial=0.0)), MPI.MAX)
-    halvings = 60  # steps from the largest share of a cell to the least that is marked
+    halvings = 60  # steps from the largest contribution to the least marked one
     for _ in range(halvings):
         middle = (low + high) / 2
         enough = comm.allreduce(float(shares[shares >= middle].sum())) >= wanted
@@ -33,23 +35,24 @@ def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDAr
 
 
 def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:
-    """Owned cells with a part of the gap or of the multipliers' dissipation. Collective.
+    """Return owned cells with a part of the gap or of the multipliers' dissipation. Collective.
 
-    In the plane they have a part of the sum of both, each in its own, and the latter half.
+    In the plane the marked cells have the given part of the sum of both, each normalised by its
+    total, with half weight for the dissipation.
 
     Args:
         problem: The bodies with their loads.
-        found: Bounds on its mesh.
-        part: Of these, between 0 and 1; all cells with 1.
+        found: Bounds on the mesh of the problem.
+        part: Part of these sums, between 0 and 1; 1 marks all cells.
     """
     dissipation = None if found.static is None else found.static.dissipation
     topology = problem.tagged_mesh.mesh.topology
     cells = topology.index_map(topology.dim)
     marked = np.full(cells.size_local, part >= 1.0)
     if dissipation is not None and part < 1.0:
-        # Where next to no cells hold back the stress, the gap is theirs, and its shares are those
-        # of a stress that is small elsewhere: nothing else is refined, unless bounds are near each
-        # other already, and a little more stress there would be of no use.
+        # If very few cells limit the stress, they cause the whole gap, and the indicators elsewhere
+        # belong to a small stress. Then only these cells are refined, unless the bounds are already
+        # close and more stress there would not help.
         most, few, near = 0.9, 0.005, 0.1
         here = largest_shares(problem.comm, dissipation, most)
         if problem.comm.allreduce(int(here.sum())) < few * cells.size_global:
@@ -60,7 +63,8 @@ def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[n
             dissipation = np.where(here, 0.0, dissipation)
     every = [it for it in (found.shares, dissipation) if it is not None]
     if topology.dim == 2 and len(every) == 2:
-        # A mechanism dissipates most next to singular points, where little of the gap is left soon.
+        # A mechanism dissipates most next to singular points, which soon contribute little to the
+        # gap.
         every = [_in_all(problem.comm, every[0]) + _in_all(problem.comm, every[1]) / 2]
     for shares in every:
         marked |= largest_shares(problem.comm, shares, part)
@@ -68,7 +72,7 @@ def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[n
 
 
 def _in_all(comm: MPI.Intracomm, shares: Floats) -> Floats:
-    """Return shares in the sum of all, those below zero as zero. Collective."""
+    """Return contributions relative to their sum, with negative ones as zero. Collective."""
     shares = np.maximum(shares, 0.0)
     whole = comm.allreduce(float(shares.sum()))
     return shares / whole if whole > 0 else shares

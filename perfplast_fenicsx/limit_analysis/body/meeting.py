@@ -1,4 +1,4 @@
-"""Ranks that work by themselves, and meet where one of them has something to report."""
+"""Let ranks work independently, and synchronise them when one has something to report."""
 
 from collections.abc import Callable
 
@@ -10,10 +10,10 @@ from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 
 
 class Meeting:
-    """All ranks meet after each step of any; those that have ended their work wait."""
+    """All ranks synchronise after each step of any rank; ranks that have finished wait."""
 
     def __init__(self, comm: MPI.Intracomm, monitor: Callable[[InteriorStep], None] | None) -> None:
-        """Begin meetings of these ranks.
+        """Begin the synchronisation of these ranks.
 
         Args:
             comm: The ranks.
@@ -21,17 +21,20 @@ class Meeting:
         """
         self._comm, self._monitor = comm, monitor
         self.monitor = None if monitor is None else self._tell
-        """Called on its own after each step of a rank; other ranks know of it when they meet."""
+        """Called after each step of this rank; other ranks receive the step when they synchronise.
+        """
 
     def after(self, work: Callable[[], None]) -> bool:
-        """Do this rank's work, which calls no other, and wait for that of all. Collective.
+        """Do this rank's work, which must not be collective, and wait for that of all ranks.
+
+        Collective.
 
         Returns:
-            Whether it is done; not where that of any rank does not fit into memory.
+            Whether the work is done; False if the work of any rank does not fit into memory.
 
         Raises:
-            InputError: Of the work of any rank, on all.
-            StopSearch: Of the monitor, on all, whether they are at work or wait.
+            InputError: On all ranks, from the work of any rank.
+            StopSearch: On all ranks, from the monitor, whether they work or wait.
         """
         fault, fits = None, True
         try:
@@ -50,7 +53,7 @@ class Meeting:
         self._meet(step)
 
     def _meet(self, step: InteriorStep | None) -> bool:
-        """Report a step, or None once the work has ended; return whether any rank still works."""
+        """Report a step, or None at the end of the work; return whether any rank still works."""
         told = [it for it in self._comm.allgather(step) if it is not None]
         if self._monitor is not None:
             for it in told:

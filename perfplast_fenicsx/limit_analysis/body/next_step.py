@@ -1,4 +1,4 @@
-"""Advice for a limit load that is not known well enough, with its approximate cost."""
+"""Advise on a limit load that is not known accurately enough, with the approximate cost."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from perfplast_fenicsx.mesh_estimate import percent
 
 @dataclass(frozen=True)
 class Effort:
-    """The effort of a search.
+    """The cost of a search.
 
     Attributes:
         dim: Dimension of the bodies.
-        cells: Cells of the mesh; of several, of the first one.
+        cells: Number of cells of the mesh; of several meshes, of the first one.
         seconds: Wall time.
-        ended: Why there is no finer mesh, where it was adapted; empty where it was not.
+        ended: Why there is no finer mesh, if the mesh was adapted; empty without adaptation.
     """
 
     dim: int
@@ -28,11 +28,11 @@ class Effort:
 
 
 def next_steps(body: BodyBounds, effort: Effort) -> list[str]:
-    """Sentences without a full stop; none where both bounds hold and are near each other.
+    """Return sentences without a full stop; an empty list if both bounds hold and are close.
 
     Args:
         body: Proven bounds of the body.
-        effort: What it took.
+        effort: Cost of these bounds.
     """
     return list(_steps(body, effort))
 
@@ -41,66 +41,67 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
     seconds, dim = effort.seconds, effort.dim
     lower, upper = body.lower, body.upper
     if lower == NOT_SOUGHT:
-        # Why an upper bound is missing or not strict where a lower one may be sought all the same.
+        # Why an upper bound is missing or not strict although a lower one may still be computed.
         answered = {NO_MECHANISM, CURVED, ENTERS}
         if body.mesh.estimate is not None and set(upper.why_not) <= answered:
-            # How many times as long as the limit load of the mesh its bounds take, by dimension.
+            # Cost of bounds relative to that of the mesh's limit load, by dimension.
             bounded = {2: (2, 5), 3: (4, 8)}
             yield (
-                'what the bodies carry for certain is bounded by control = "bounds" under'
-                f" [loading], which takes about {_times(bounded[dim], seconds)}"
+                'control = "bounds" under [loading] bounds what the bodies provably '
+                f"carry, and takes about {_times(bounded[dim], seconds)}"
             )
     elif lower.strict and upper.strict and (apart := lower.apart(upper)) is not None:
-        # Distance of bounds, relative, beyond which a message says how to narrow them.
+        # Relative distance of bounds above which a message advises how to reduce it.
         wide = 0.1
         if apart > wide and effort.ended:
             yield (
-                f"the bounds are {percent(apart)} apart, and {effort.ended}; more meshes (a smaller"
-                " until, more cells), or a smaller size of the first one, bring them nearer"
+                f"the bounds are {percent(apart)} apart, and {effort.ended}; more meshes "
+                "(a smaller until, more cells), or a smaller size of the first one, bring "
+                "them closer"
             )
         elif apart > wide:
-            # How many times as long bounds take with half the size of elements, by dimension: with
-            # 4 and 8 times as many cells, whose factors grow faster than their number.
+            # Relative cost of bounds with half the element size, by dimension: there are 4 or 8
+            # times as many cells, and the factors grow faster than this number.
             longer = {2: (4, 8), 3: (15, 50)}
-            # How many times as long as those of one mesh bounds of some meshes take,
-            # the last one of twice as many cells.
+            # Relative cost of bounds on several meshes, the last one with twice as many cells.
             adapting = (2, 5)
             yield (
-                f"the bounds are {percent(apart)} apart, as the mesh is coarse. adapt ="
-                f" {{ until = {wide}, cells = {_rounded(2 * effort.cells)} }} under [mesh] brings"
-                f" them nearer, and takes about {_times(adapting, seconds)}; elements of half the"
-                f" size (some {_rounded(2**dim * effort.cells)} cells) take about"
-                f" {_times(longer[dim], seconds)}"
+                f"the bounds are {percent(apart)} apart, as the mesh is coarse. adapt = {{ "
+                f"until = {wide}, cells = {_rounded(2 * effort.cells)} }} under [mesh] "
+                f"brings them closer, and takes about {_times(adapting, seconds)}; "
+                f"elements of half the size (some {_rounded(2**dim * effort.cells)} cells) "
+                f"take about {_times(longer[dim], seconds)}"
             )
     if NO_MECHANISM in upper.why_not:
         locked = " and ".join(map(repr, body.mesh.locked))
         whose = f": {locked} {'locks' if len(body.mesh.locked) == 1 else 'lock'}" if locked else ""
         divided = ', or control = "bounds", which divides all elements,' if dim == 3 else ""
         yield (
-            f"no mechanism of this mesh keeps all volumes{whose}. Elements of half the size there"
-            f" (sizes under [geometry]){divided if lower == NOT_SOUGHT else ''} may have one"
+            f"no mechanism of this mesh preserves all volumes{whose}. Elements of half the "
+            f"size there (sizes under [geometry]){divided if lower == NOT_SOUGHT else ''} "
+            "may have one"
         )
     if UNMATCHED in (*lower.why_not, *upper.why_not):
         where = "" if dim == 3 else ", or let both surfaces end at the same places without a gap"
         yield (
-            f"surfaces that match have bounds: mesh their bodies as one and split them{where};"
-            " a gap changes no limit load"
+            "matching surfaces have bounds: mesh their bodies as one and split "
+            f"them{where}; a gap does not change the limit load"
         )
     if CURVED in upper.why_not and lower.strict and lower.value:
         yield (
-            "the lower bound is the one to rely on; there is no strict upper one of contact on"
-            " curved obstacles, or with friction on curved faces, however fine the mesh"
+            "rely on the lower bound; there is no strict upper bound for contact on "
+            "curved obstacles, or with friction on curved faces, however fine the mesh"
         )
 
 
 def _times(many: tuple[int, int], seconds: float) -> str:
-    """Return how many times as long, and how long that is."""
+    """Return the cost in multiples and in time."""
     least, most = (clock(number * seconds) for number in many)
     return f"{many[0]} to {many[1]} times as long as this ({least} to {most})"
 
 
 def clock(seconds: float) -> str:
-    """Return a time in words, in two digits."""
+    """Return a time in words, with two digits."""
     if seconds < 90:
         return f"{max(seconds, 1):.2g} s"
     if seconds < 90 * 60:
@@ -109,6 +110,6 @@ def clock(seconds: float) -> str:
 
 
 def _rounded(cells: int) -> int:
-    """Return a number of cells in two digits, not less than it is."""
+    """Return a number of cells rounded up to two digits."""
     step = 10 ** max(len(str(cells)) - 2, 0)
     return -(-cells // step) * step

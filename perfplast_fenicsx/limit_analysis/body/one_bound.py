@@ -1,4 +1,4 @@
-"""One bound of how many times loads are carried, where the other one is not asked for."""
+"""Compute one bound of how many times loads are carried, without the other bound."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,7 +23,7 @@ Steps = Callable[[InteriorStep], None]
 """Called on every rank after each step of the interior point method."""
 
 
-NOT_ASKED = "it was not asked for"
+NOT_ASKED = "it was not requested"
 """Why the other bound is missing."""
 
 
@@ -31,8 +31,8 @@ def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None
     """Return an upper bound and its mechanism, without a lower one. Collective.
 
     Args:
-        problem: As :func:`limit_bounds.limit_bounds` takes it.
-        rtol: How near it comes to the best of its mesh, relative.
+        problem: See :func:`limit_bounds.limit_bounds`.
+        rtol: Relative distance to the best upper bound on its mesh.
         steps: Called after each step.
 
     Raises:
@@ -50,10 +50,10 @@ def lower_bound(
     """Return a lower bound and its stress, without an upper one. Collective.
 
     Args:
-        problem: As :func:`limit_bounds.limit_bounds` takes it.
-        beside: Bounds of the same loads, of nearly the same strengths. Its mechanism measures the
-            residuals of the stress, and stays the reported one; its question is asked.
-        rtol: How near it comes to the best of its mesh, relative.
+        problem: See :func:`limit_bounds.limit_bounds`.
+        beside: Bounds of the same loads, with nearly the same strengths. Its mechanism measures the
+            residuals of the stress, and remains the reported one; its question is used.
+        rtol: Relative distance to the best lower bound on its mesh.
         steps: Called after each step.
 
     Raises:
@@ -68,7 +68,7 @@ def lower_bound(
     if split is not None:
         on = below.on(split)
         stress = stress if stress is None else on_parts(stress, split)
-    elif problem.bodies.gdim == 3:  # parts of cells that are not split are no cells of any mesh
+    elif problem.bodies.gdim == 3:  # without a split, parts of cells are not cells of any mesh
         stress = None
     return replace(
         beside,
@@ -87,5 +87,5 @@ def lower_bound(
 
 
 def _other(kind: str) -> Bound:
-    """In the place of the bound that is not sought."""
+    """Return a placeholder for the bound that is not computed."""
     return Bound(None, kind, Scope.MESH, (NOT_ASKED,))

@@ -1,4 +1,4 @@
-"""Values of the parts that tetrahedra are split into, and of the tetrahedra."""
+"""Convert values between tetrahedra and the parts into which they are split."""
 
 import numpy as np
 import numpy.typing as npt
@@ -8,19 +8,22 @@ from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 
 
 def on_parts(stress: Floats, split: AlfeldSplit) -> Floats:
-    """Return the stress of the parts of cells, as that of the cells of the split mesh."""
+    """Return the stress on the parts of cells as a stress on the cells of the split mesh."""
     parts = split.mesh.topology.dim + 1
     return of_parts(stress.reshape(len(stress), parts, parts, stress.shape[2]), split)
 
 
 def of_parts(values: Floats, split: AlfeldSplit) -> Floats:
-    """Values cell by cell, shape (num_cells, d + 1, ...), as those of the split mesh's cells."""
+    """Return values by cell, shape (num_cells, d + 1, ...), as values of the split mesh's cells."""
     chosen: Floats = values[split.parents, _places(split)]
     return chosen
 
 
 def by_cells(values: Floats, split: AlfeldSplit) -> Floats:
-    """Return values of the split mesh's cells, cell by cell; the other way round."""
+    """Return values of the split mesh's cells, grouped by parent cell.
+
+    The inverse of :func:`of_parts`.
+    """
     parts = split.mesh.topology.dim + 1
     found: Floats = np.empty((len(values) // parts, parts, *values.shape[1:]))
     found[split.parents, _places(split)] = values
@@ -28,13 +31,13 @@ def by_cells(values: Floats, split: AlfeldSplit) -> Floats:
 
 
 def of_parents(values: Floats, split: AlfeldSplit) -> Floats:
-    """Sums over the parts of each cell."""
+    """Return sums over the parts of each cell."""
     sums: Floats = np.zeros(len(values) // (split.mesh.topology.dim + 1))
     np.add.at(sums, split.parents, values)
     return sums
 
 
 def _places(split: AlfeldSplit) -> npt.NDArray[np.integer]:
-    """Return which part of its cell each is."""
+    """Return the index of each part in its cell."""
     original: Longs = np.asarray(split.mesh.topology.original_cell_index, dtype=np.int64)
     return original % (split.mesh.topology.dim + 1)

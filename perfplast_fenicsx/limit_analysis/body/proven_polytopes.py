@@ -1,4 +1,4 @@
-"""Between which two polytopes a convex set is, along rays from zero: of two or three numbers."""
+"""Enclose a convex set between two polytopes, along rays from zero, for two or three numbers."""
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -7,7 +7,7 @@ from perfplast_fenicsx.arrays import Floats
 
 
 def rays_at(angles: Floats) -> Floats:
-    """Unit vectors of directions.
+    """Return unit vectors of directions.
 
     Args:
         angles: Degrees, shape (n, 1) in the plane, counted from the first axis to the second; (n,
@@ -28,11 +28,11 @@ def spread(signed: tuple[bool, ...], step: float) -> Floats:
     """Return directions at equal steps of the angles.
 
     Args:
-        signed: Of each axis whether numbers below zero count, of two or three axes.
-        step: Step of each angle (degrees), a part of 90.
+        signed: For each of two or three axes, whether negative numbers count.
+        step: Step of each angle (degrees), a divisor of 90.
 
     Returns:
-        Angles as :func:`rays_at` has them, shape (n, 1) or (n, 2), in increasing order.
+        Angles as for :func:`rays_at`, shape (n, 1) or (n, 2), in increasing order.
     """
     first, second, *third = signed
     start = -90.0 if second and not first else 0.0
@@ -45,30 +45,30 @@ def spread(signed: tuple[bool, ...], step: float) -> Floats:
 
 
 def to_begin_with(signed: tuple[bool, ...]) -> Floats:
-    """First directions: both ends of each axis, and the middle between all of them.
+    """Return the first directions: both ends of each axis, and the middle between all of them.
 
     Args:
-        signed: Of :func:`spread`.
+        signed: See :func:`spread`.
 
     Returns:
-        Angles as :func:`rays_at` has them, shape (n, 1) or (n, 2).
+        Angles as for :func:`rays_at`, shape (n, 1) or (n, 2).
     """
     number = len(signed)
     ends = [(1.0, -1.0)[: 1 + two] for two in signed]
     axes = [end * np.eye(number)[i] for i in range(number) for end in ends[i]]
     middles = np.stack(np.meshgrid(*ends), axis=-1).reshape(-1, number) / np.sqrt(number)
-    rays = np.vstack([axes, middles]) + 0.0  # no −0, of which an angle would be −180
+    rays = np.vstack([axes, middles]) + 0.0  # avoids −0, whose angle would be −180
     turns = np.degrees(np.arctan2(rays[:, 1], rays[:, 0]))
     turns = np.where(signed[0] & (turns < 0), turns + 360, turns)
     return np.column_stack([turns, *[np.degrees(np.arcsin(rays[:, i])) for i in range(2, number)]])
 
 
 def outer_along(sides: Floats, rays: Floats) -> Floats:
-    """Return where rays leave half-spaces; inf where they do not.
+    """Return where rays leave half-spaces; inf if they do not.
 
     Args:
         sides: Half-spaces n·x ≤ r with rows (n, r), shape (m, d + 1).
-        rays: Shape (n, d).
+        rays: Rays, shape (n, d).
     """
     along = rays @ sides[:, :-1].T
     with np.errstate(divide="ignore"):
@@ -77,14 +77,14 @@ def outer_along(sides: Floats, rays: Floats) -> Floats:
 
 
 def inner_along(points: Floats, rays: Floats) -> Floats:
-    """Return how far along rays the hull of points reaches; −inf where it is not met.
+    """Return how far the convex hull of points reaches along rays; −inf if a ray misses it.
 
     Args:
-        points: Shape (m, d), in any order; where they are in one plane (or on one line), those on
-            a ray count alone.
-        rays: Shape (n, d).
+        points: Points, shape (m, d), in any order; if they are in one plane (or on one line), only
+            those on a ray count.
+        rays: Rays, shape (n, d).
     """
-    touches = 1e-12  # share of a size by which a ray may miss a corner that it meets: rounding
+    touches = 1e-12  # relative distance by which a ray may miss a corner because of rounding
     sizes = np.linalg.norm(points, axis=1)
     on = rays @ points.T >= sizes * (1 - touches)
     found = np.where(on, sizes, -np.inf).max(axis=1, initial=-np.inf)
@@ -108,18 +108,18 @@ def inner_along(points: Floats, rays: Floats) -> Floats:
 def farthest_apart(
     points: Floats, sides: Floats, signed: tuple[bool, ...], asked: Floats
 ) -> tuple[float, Floats | None]:
-    """Return the largest distance of hull and half-spaces along rays, and where to ask next.
+    """Return the largest distance of hull and half-spaces along rays, and the next direction.
 
     Args:
-        points: Of :func:`inner_along`.
-        sides: Of :func:`outer_along`.
-        signed: Of :func:`spread`.
-        asked: Angles that are not asked again, shape (k, d − 1).
+        points: See :func:`inner_along`.
+        sides: See :func:`outer_along`.
+        signed: See :func:`spread`.
+        asked: Angles of earlier directions, shape (k, d − 1).
 
     Returns:
-        The distance, relative; inf where one of both is missing. And the angles (degrees) where
-        they are farthest apart of those that are not next to any that was asked, shape (d − 1,);
-        None where there are none.
+        The relative distance; inf if one of both is missing. And the angles (degrees) at which they
+        are farthest apart, away from all earlier directions, shape (d − 1,); None if there are no
+        such angles.
     """
     number = len(signed)
     angles = spread(signed, 0.5 if number == 2 else 3.0)
@@ -128,6 +128,6 @@ def farthest_apart(
     known = np.isfinite(outer) & (inner > 0)
     apart = np.where(known, outer / np.where(known, inner, 1.0) - 1.0, np.inf)
     nearest = (rays @ rays_at(asked).T).max(axis=1)
-    new = nearest <= np.cos(np.radians(0.99))  # a degree between two directions, at least
+    new = nearest <= np.cos(np.radians(0.99))  # least distance of two directions (degrees)
     best = int(np.argmax(np.where(new, apart, -np.inf)))
     return float(apart.max()), angles[best] if new[best] else None

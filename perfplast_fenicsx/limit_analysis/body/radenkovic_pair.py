@@ -1,6 +1,6 @@
-"""Bodies between whose limit loads those of the declared ones lie.
+"""Create the bodies whose limit loads bound those of the declared bodies.
 
-Ground may dilate by less than its friction, and pressures in pores may have kinks in cells.
+They differ for ground with ψ < φ, and for pore pressures with kinks in cells.
 """
 
 from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import with_enclosed_pores
@@ -10,7 +10,7 @@ from perfplast_fenicsx.problem.variant import variant
 
 
 def weaker_and_stronger(problem: Problem) -> tuple[Problem, Problem]:
-    """Return the bodies of which a lower and an upper bound are sought. Collective.
+    """Return the bodies for a lower and for an upper bound. Collective.
 
     Both are on the mesh of the problem, and associated (:mod:`nonassociated_flow`).
 
@@ -18,7 +18,7 @@ def weaker_and_stronger(problem: Problem) -> tuple[Problem, Problem]:
         problem: The bodies as they were declared.
 
     Returns:
-        The problem twice, where each limit load is that of the bodies themselves.
+        The same problem twice, if each limit load is that of the bodies themselves.
     """
     pair = pair_of(problem.given.materials)
     below = above = problem

@@ -1,4 +1,4 @@
-"""Results around an axis by v = ru, expressed in the displacements of the given problem."""
+"""Convert axisymmetric results in v = ru to the displacements of the given problem."""
 
 from dataclasses import dataclass, replace
 
@@ -16,7 +16,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class VelocityOf:
-    """A velocity, and the problem whose displacements are like it.
+    """A velocity, and the problem in whose displacement space it is.
 
     Attributes:
         problem: The problem.
@@ -30,22 +30,24 @@ class VelocityOf:
 def of_displacements(
     problem: Problem, flow: VelocityOf, mesh: LimitLoad
 ) -> tuple[fem.Function, LimitLoad]:
-    """The velocity u, and a limit load with it and with the forces that do work on u. Collective.
+    """Return the velocity u, and a limit load with it and with the forces conjugate to u.
+
+    Collective.
 
     Args:
-        problem: Whose displacements u are.
-        flow: By v = ru.
-        mesh: Found by it.
+        problem: Problem of the displacements u.
+        flow: Flow problem of v = ru.
+        mesh: Limit load of the flow problem.
     """
     velocity, forces = nodal_velocity(problem, flow.velocity), mesh.contact_forces
     rows = flow.problem.constraints
-    if forces is not None and len(forces) == len(rows.host):  # of pairs
+    if forces is not None and len(forces) == len(rows.host):  # forces of pairs
         told = problem.constraints
         ours, theirs = (
             it.host.astype(np.int64) * len(told.sources) + it.surface for it in (told, rows)
         )
         _, here, there = np.intersect1d(ours, theirs, return_indices=True)
-        pushed = np.zeros(len(ours))  # nothing on the axis, where v is held
+        pushed = np.zeros(len(ours))  # zero on the axis, where v is held
         pushed[here] = problem.V.tabulate_dof_coordinates()[told.host[here], 0] * forces[there]
         forces = pushed
     stress = mesh.stress
@@ -55,11 +57,11 @@ def of_displacements(
 
 
 def _at_points(problem: Problem, flow: Problem, stress: fem.Function) -> fem.Function:
-    """Return a stress at the points, where rσ is given by its coefficients. Collective.
+    """Return a stress at the points, from coefficients of rσ. Collective.
 
     Args:
-        problem: On whose points.
-        flow: On the same cells, with coefficients as its points.
+        problem: Problem with the points.
+        flow: Flow problem on the same cells, with coefficients at its points.
         stress: σ_i = S_i/ρ_i of each coefficient S_i of S = rσ, Mandel vectors.
     """
     vertices, places = corners(problem.tagged_mesh.mesh)

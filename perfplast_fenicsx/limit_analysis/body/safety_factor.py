@@ -1,10 +1,10 @@
-"""By what factor strengths may fall until bodies fall: a factor of safety, proven from both sides.
+"""Compute a factor of safety, which divides strengths, with proven bounds on both sides.
 
-With strengths that are reduced by F, cohesions, slopes of friction and yield stresses alike, the
-loads are carried μ(F) times (:class:`question.Question`), and μ falls with F. A stress that carries
-them once shows that the factor of safety is at least F, a mechanism that cannot that it is at most
-that. So a root of each strict bound of μ is sought, a little to its safe side, by secants of ln μ
-over ln F, with that bound alone.
+With strengths divided by F (cohesions, slopes of friction and yield stresses), the loads are
+carried μ(F) times (:class:`question.Question`), and μ falls with F. A stress that carries them once
+proves that the factor of safety is at least F; a mechanism that cannot carry them proves that it is
+at most F. So the module seeks a root of each strict bound of μ, slightly on its safe side, by
+secants of ln μ over ln F, with this bound alone.
 """
 
 import logging
@@ -43,7 +43,8 @@ from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
 log = logging.getLogger(__name__)
 
 FAR = 100.0
-"""Factor by which strengths are multiplied, or divided, to show that F has no say in what falls."""
+"""Factor by which strengths are multiplied, or divided, to show that F does not affect the
+collapse."""
 
 
 @dataclass(frozen=True)
@@ -51,19 +52,18 @@ class FactorOfSafety:
     """Bounds of a factor of safety, with their proofs.
 
     Attributes:
-        lower: With strengths divided by this factor the loads are carried; None if not found.
-        upper: With strengths divided by this factor they are not; None if not found.
-        stands: Lower bound at the lower factor, whose stress is the proof.
-        falls: Upper bound at the upper factor, whose mechanism is the proof.
+        lower: Strengths divided by this factor carry the loads; None if not found.
+        upper: Strengths divided by this factor do not carry the loads; None if not found.
+        stands: Result with the lower bound at the lower factor, whose stress is the proof.
+        falls: Result with the upper bound at the upper factor, whose mechanism is the proof.
         last: The last computed upper bound, of any factor.
         bodies: The problem with the given strengths, on the mesh of the upper factor.
         curve: Factors with strict bounds of the multiple of the loads that is carried; None for a
             missing one.
-        searches: Number of computed bounds, each side counted by itself, on all meshes.
-        taken: Idealisations in clauses: ground that dilates by less than its friction, and surfaces
-            whose chords differ.
-        estimate: Whether the ground is replaced by associated ground after Davis; the values are
-            then not bounds.
+        searches: Number of computed bounds on all meshes, each side counted separately.
+        taken: Idealisations in clauses: ground with ψ < φ, and surfaces with different polygons.
+        estimate: Whether Davis' associated ground replaces the ground; the values are then not
+            bounds.
         path: The curve of F over work on the mesh of the upper factor, if requested.
         kept: Strengths that F does not divide, in words.
     """
@@ -94,10 +94,10 @@ class FactorOfSafety:
         return known | {"path": self.path and self.path.table()}
 
     def in_words(self) -> str:
-        """Return a sentence on what is proven."""
+        """Return a sentence on the proven result."""
         sides = factor_words(self.lower, self.upper, self.estimate)
         if not sides:
-            return "Nothing is proven of the factor of safety."
+            return "Nothing is proven for the factor of safety."
         body = "By Davis' estimate the body" if self.estimate else "The body"
         but = f" but {' and '.join(self.kept)}" if self.kept else ""
         said = f"{body} {', and '.join(sides)}, if all strengths{but} are divided by F."
@@ -120,16 +120,16 @@ def factor_of_safety(
     Args:
         problem: The bodies and their loads, all of which are constant.
         tolerance: Relative tolerance of the roots on their mesh.
-        adaptation: The end of the sequence of meshes, on each of which F is sought again. Its
-            ``until`` refers to μ, which falls by more than F rises if there is friction. None for
-            the problem's own mesh.
-        monitor: Called on every rank with F, and lower and upper bound of μ there.
+        adaptation: When the sequence of meshes ends; F is sought again on each mesh. Its ``until``
+            refers to μ, which with friction falls by more than F rises. None for the problem's own
+            mesh.
+        monitor: Called on every rank with F, and the lower and upper bound of μ at this F.
         steps: Called on every rank after each step of the interior point method.
 
     Raises:
         InputError: If a load grows, a body has no reduced strength, no body yields, or
-            :func:`limit_bounds.limit_bounds` refuses the problem. If the bodies fall, or stand,
-            whatever F is.
+            :func:`limit_bounds.limit_bounds` refuses the problem. If the bodies fall, or stand, for
+            any F.
     """
     check_tolerance(tolerance)
     given = problem.given
@@ -167,10 +167,10 @@ def _of_blocks(
     tolerance: float,
     monitor: Callable[[float, Bound, Bound], None] | None,
 ) -> FactorOfSafety:
-    """Return the factor of safety of bodies that cannot yield, on their joints. Collective.
+    """Return the factor of safety of bodies that cannot yield, from their joints. Collective.
 
-    Joints without adhesion carry loads that stay at any multiple, or at none. So F is halved
-    between a factor with which they carry them, and one with which they do not.
+    Joints without adhesion carry permanent loads at any multiple, or at none. So the function
+    bisects F between a factor at which they carry the loads and one at which they do not.
     """
     found: dict[float, BodyBounds] = {}
 
@@ -182,7 +182,7 @@ def _of_blocks(
         return found[factor]
 
     def edge(holds: Callable[[BodyBounds], bool]) -> tuple[float, float]:
-        """Return the last factor at which something holds, and the first at which it does not."""
+        """Return the last factor at which a condition holds, and the first at which it does not."""
         low, high, factor = 1 / FAR, FAR, 1.0
         while math.log(high / low) > tolerance:
             low, high = (factor, high) if holds(bounds(factor)) else (low, factor)
@@ -213,13 +213,13 @@ def _of_blocks(
 
 
 def times_in_words(factor: float, lower: Bound, upper: Bound, estimate: bool = False) -> str:
-    """How many times the loads are carried with strengths divided by a factor, in a sentence.
+    """Return how many times the loads are carried with divided strengths, in a sentence.
 
     Args:
         factor: F.
-        lower: Lower bound of how many times.
-        upper: As ``lower``.
-        estimate: Whether both are of other ground, that of Davis.
+        lower: Lower bound of the multiple.
+        upper: Upper bound of the multiple.
+        estimate: Whether both are for Davis' associated ground.
     """
     sides = []
     if lower.strict and lower.value is not None:
@@ -239,20 +239,23 @@ def times_in_words(factor: float, lower: Bound, upper: Bound, estimate: bool = F
         if why not in (NOT_ASKED, *NOT_SOUGHT.why_not)
     ]
     told = "; ".join(dict.fromkeys(reasons)) or "none was sought"
-    return f"With strengths divided by F = {factor:.6g} no bound says how often: {told}."
+    return (
+        f"With strengths divided by F = {factor:.6g} there is no bound on the multiple of the "
+        f"loads: {told}."
+    )
 
 
 def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:
-    """Return both bounds, as far as they hold for the body."""
+    """Return both bounds, if they hold for the body."""
     lower, upper = (it.value if it.strict else None for it in (bounds.lower, bounds.upper))
     return lower, upper
 
 
 def _root_of_finest(curves: Sequence[FactorRoots], kind: str, other: str) -> None:
-    """Seek the root of one kind of bound on the last mesh, or on one before it. Collective.
+    """Compute the root of one kind of bound on the last mesh, or on an earlier one. Collective.
 
-    The last mesh may have none at any F. Rounding leaves forces of 1e-16 of the weight without
-    balance. Where the cohesion is all but zero, small cells hardly bear that.
+    The last mesh may have no root at any F. Rounding leaves unbalanced forces of 1e-16 of the
+    weight. If the cohesion is almost zero, small cells hardly bear these forces.
     """
     for curve in reversed(curves):
         if curve is not curves[-1] and not curve.is_strict(kind):
@@ -265,7 +268,7 @@ def _root_of_finest(curves: Sequence[FactorRoots], kind: str, other: str) -> Non
 def _better_of(
     one: tuple[float | None, float | None], other: tuple[float | None, float | None]
 ) -> tuple[float | None, float | None]:
-    """Return the larger lower bound and the smaller upper one, of those that there are."""
+    """Return the larger lower bound and the smaller upper one of the existing ones."""
     lowers, uppers = (
         [it for it in pair if it is not None] for pair in zip(one, other, strict=True)
     )
@@ -279,10 +282,10 @@ def _curves(
     steps: Callable[[InteriorStep], None] | None,
     adaptation: Adaptation | None,
 ) -> list[FactorRoots]:
-    """Return what is known on each mesh, the last of which is where roots are sought. Collective.
+    """Return the results on each mesh; roots are sought on the last one. Collective.
 
-    F is sought again on each mesh: a coarse one may carry its loads with strengths that are far
-    too small, and is then finer in wrong places.
+    The function seeks F again on each mesh. A coarse mesh may carry its loads with far too small
+    strengths, and would then be refined in the wrong places.
     """
     first = FactorRoots(problem, tolerance, monitor, steps)
     factor = first.of_mesh()
@@ -321,10 +324,10 @@ def _curves(
 def _check_that_f_matters(
     problem: Problem, rtol: float, steps: Callable[[InteriorStep], None] | None
 ) -> None:
-    """Refuse bodies that fall, or stand, with any strengths that F divides. Collective.
+    """Refuse bodies that fall, or stand, whatever the strengths that F divides. Collective.
 
     Raises:
-        InputError: If a bound on the first mesh proves one of these.
+        InputError: If a bound on the first mesh proves this.
     """
     given = problem.given
     kept = kept_strengths(given.materials, [*given.contacts, *given.obstacles])
@@ -337,31 +340,29 @@ def _check_that_f_matters(
 
 
 def _falls_anyway(kept: Sequence[str]) -> InputError:
-    """Return the refusal of bodies that fall with any strengths that F divides."""
+    """Return the refusal of bodies that fall whatever the strengths that F divides."""
     if kept:
-        why = (
-            f"{' and '.join(kept)} cannot hold the loads at any F; leave reduced = false out there"
-        )
+        why = f"{' and '.join(kept)} cannot hold the loads at any F; remove reduced = false there"
     else:
-        why = "they tip, or slide where nothing resists; hold them there, or change the loads"
+        why = "they tip, or slide where nothing resists; support them there, or change the loads"
     return InputError(
-        f"the bodies fall even with F = {1 / FAR:g}, which makes all strengths that F divides"
-        f" {FAR:g} times as large: {why}."
+        f"the bodies fall even with F = {1 / FAR:g}, which multiplies all strengths that F "
+        f"divides by {FAR:g}: {why}."
     )
 
 
 def _stands_anyway(kept: Sequence[str]) -> InputError:
-    """Return the refusal of bodies that stand with hardly any of what F divides."""
+    """Return the refusal of bodies that stand almost without the strengths that F divides."""
     limits = " and ".join([*kept, "the supports"])
     return InputError(
-        f"the bodies stand even with F = {FAR:g}: {limits} hold the loads, and what F divides does"
-        " not limit them; let a load grow and seek its limit (control = 'bounds'), or let F divide"
-        " what holds the bodies."
+        f"the bodies stand even with F = {FAR:g}: {limits} hold the loads, and the "
+        "strengths that F divides do not limit them; let a load grow and compute its "
+        "limit (control = 'bounds'), or let F divide the strengths that hold the bodies."
     )
 
 
 def _best(curves: Sequence[FactorRoots], kind: str) -> tuple[float | None, BodyBounds | None]:
-    """Return the best factor that a strict bound of any mesh shows, with that bound."""
+    """Return the best factor that a strict bound on any mesh proves, with that bound."""
     told = [(F, bounds) for curve in curves for F, bounds in curve.shown(kind).items()]
     if not told:
         return None, None

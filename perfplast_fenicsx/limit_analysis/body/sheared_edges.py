@@ -1,10 +1,10 @@
-"""Edges in space at which a shear ends, with too few cells around them to carry it.
+"""Refine edges in space at which a shear traction ends and too few cells carry it.
 
-Stresses are symmetric: of one stress at an edge the traction on either side has the same component
-along the normal of the other. Where tractions that are given have not, such as a shear beside a
-free side, the stress turns from one side to the other, in as many steps as there are cells. One or
-two carry a small part of what the body carries, and no more on finer meshes, as bisection leaves
-such cells where they are.
+Stresses are symmetric: for one stress at an edge, the traction on either side has the same
+component along the normal of the other side. If the given tractions violate this, as a shear beside
+a free side does, the stress changes from one side to the other, in as many steps as there are
+cells. One or two cells carry a small part of the body's load. Finer meshes by bisection carry no
+more, since they keep these cells.
 """
 
 import logging
@@ -28,15 +28,15 @@ log = logging.getLogger(__name__)
 
 
 def with_sheared_edges_divided(problem: Problem) -> Problem:
-    """The problem on a mesh with fans around such edges; itself where it has none. Collective.
+    """Return the problem with fans around such edges; unchanged without such edges. Collective.
 
     Args:
-        problem: The bodies with their loads; in the plane, on curved cells and where facets say
-            nothing certain of tractions it is left as it is.
+        problem: The bodies with their loads. The function returns them unchanged in the plane, on
+            curved cells, and if tractions on facets are not known.
     """
     if problem.bodies.gdim == 2 or has_curved_cells(problem.tagged_mesh.mesh):
         return problem
-    most = 3  # times that cells are cut in two, which make eight of one
+    most = 3  # bisections, which make eight cells of one
     for _ in range(most):
         body = bound_body(problem)
         if body.prevents is not None or not problem.as_declared:
@@ -45,14 +45,14 @@ def with_sheared_edges_divided(problem: Problem) -> Problem:
         count = problem.comm.allreduce(int(edges.any(axis=1).sum()))
         if count == 0:
             break
-        log.info("%d cells at edges where a shear ends are divided", count)
+        log.info("%d cells at edges where a shear traction ends are divided", count)
         pairs = opposite_vertices(problem.tagged_mesh, problem.given.contacts)
         problem = problem.on(fan_around(problem.tagged_mesh, edges, pairs).tagged_mesh)
     return problem
 
 
 def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
-    """Return edges of owned cells where shears differ, and too few cells meet. Collective.
+    """Return edges of owned cells at which shears differ and too few cells meet. Collective.
 
     Returns:
         In DOLFINx's order of edges, shape (num_cells, 6).
@@ -87,7 +87,7 @@ def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     wrong = np.zeros(len(table), dtype=bool)
-    noticed = 0.05  # of the largest traction: less costs as little
+    noticed = 0.05  # relative to the largest traction; a smaller difference has little effect
     for k, push in enumerate(pushes):
         # (t − s)·(m + n) − (t·m − s·n) = t·n − s·m
         at = 6 + 4 * k
@@ -95,9 +95,9 @@ def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
         largest = problem.comm.allreduce(np.abs(push).max(initial=0.0), MPI.MAX)
         wrong |= np.abs(across) > noticed * largest
     right = np.pi / 2
-    valence = 2  # cells that meet there at least in each right angle of the body
-    rounding = 1e-6  # of cells, by that of angles
-    straight = 1.8  # right angles, from which on there is no corner
+    valence = 2  # required number of cells in each right angle of the body
+    rounding = 1e-6  # cells, by their angles
+    straight = 1.8  # right angles from which there is no corner
     few = table[:, 1] < valence * table[:, 0] / right - rounding
     few &= table[:, 0] < straight * right
     found: npt.NDArray[np.bool_] = (wrong & few & (table[:, 2] > 1.5))[of_cell]
@@ -105,7 +105,7 @@ def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
 
 
 def _sides(ends: Longs, points: Floats, numbers: Longs, facets: Floats, normals: Floats) -> Floats:
-    """1 or −1 for each of three edges of a facet, not the same on both sides of an edge.
+    """Return 1 or −1 for each edge of a facet, with opposite signs on its two sides.
 
     Args:
         ends: Vertices of the edges, shape (num_facets, 3, 2).
@@ -122,7 +122,7 @@ def _sides(ends: Longs, points: Floats, numbers: Longs, facets: Floats, normals:
 
 
 def _told(body: BoundBody) -> npt.NDArray[np.bool_]:
-    """On which facets tractions are given in all directions, shape (num_facets,)."""
+    """Return on which facets all components of the traction are given, shape (num_facets,)."""
     told = ~np.asarray(body.facets.held.any(axis=1), dtype=np.bool_)
     told[body.facets.in_contact] = False
     told[body.facets.rubbing] = False

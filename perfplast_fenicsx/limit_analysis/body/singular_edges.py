@@ -1,7 +1,7 @@
-"""Edges of a mesh in space around which the stress depends on the direction alone.
+"""Find edges of a mesh in space around which the stress depends only on the direction.
 
-In the plane across such an edge it is as at a singular point (:mod:`singular_points`): bisection
-brings no new directions to it, at any size of cells. Fans of cells around the edge do.
+In the plane across such an edge the stress is as at a singular point (:mod:`singular_points`).
+Bisection adds no new directions, at any cell size. Fans of cells around the edge add directions.
 """
 
 import numpy as np
@@ -18,16 +18,16 @@ from perfplast_fenicsx.problem.declared.given import Given
 
 
 def singular_edges(tagged_mesh: TaggedMesh, given: Given, valence: int) -> npt.NDArray[np.bool_]:
-    """Return edges that need more cells around them, of each owned cell. Collective.
+    """Return which edges of each owned cell need more cells around them. Collective.
 
     Args:
         tagged_mesh: Mesh of tetrahedra.
         given: Its loads, supports and contacts.
-        valence: Cells that should meet around an edge whose sides turn by a right angle more than
-            they may, as by :func:`singular_points.singular_points`.
+        valence: Required number of cells around an edge whose sides allow a rotation by a right
+            angle, see :func:`singular_points.singular_points`.
 
     Returns:
-        In DOLFINx's order of edges, shape (num_cells, 6).
+        Flags in DOLFINx's order of edges, shape (num_cells, 6).
     """
     topology = tagged_mesh.mesh.topology
     topology.create_entities(1)
@@ -61,7 +61,7 @@ def angles_at_edges(x: Floats) -> Floats:
         x: Corners of tetrahedra, shape (num_cells, 4, 3).
 
     Returns:
-        Shape (num_cells, 6).
+        Angles, shape (num_cells, 6).
     """
     ends = edges_of_simplex(3)
     others = ends[::-1]  # edge k is opposite edge 5 - k

@@ -1,7 +1,7 @@
-"""Boundary points of a plane mesh at which the stress depends on the direction alone.
+"""Find boundary points of a plane mesh at which the stress depends only on the direction.
 
-There every cell has one stress, so that the angles of the cells limit what a lower bound can reach,
-whatever the mesh elsewhere.
+There every cell has one stress, so that the angles of the cells limit the lower bound, whatever the
+mesh elsewhere.
 """
 
 from collections.abc import Hashable
@@ -20,19 +20,19 @@ from perfplast_fenicsx.problem.declared.given import Given
 
 
 def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int, ends: bool = True) -> Ints:
-    """Local vertices of a plane mesh that need more cells. Collective.
+    """Return local vertices of a plane mesh that need more cells. Collective.
 
-    They are ends of loads, supports and contacts, and corners, where the principal stresses turn
-    and too few cells meet.
+    These are ends of loads, supports and contacts, and corners, at which the principal stresses
+    rotate and too few cells meet.
 
     Args:
         tagged_mesh: Mesh of triangles.
         given: Its loads, supports and contacts.
-        valence: Cells that should meet where they may turn by a right angle, as at the end of a
-            load on a straight side: there they turn by what the angle of the body exceeds a right
-            one, and where nothing ends by what it exceeds a straight one. Where they turn by less,
-            as much fewer will do.
-        ends: Whether ends of loads, supports and contacts are among them, or corners alone.
+        valence: Required number of cells where principal stresses may rotate by a right angle, as
+            at the end of a load on a straight side. At an end they rotate by the body's angle minus
+            a right angle; elsewhere by the body's angle minus a straight angle. For smaller
+            rotations proportionally fewer cells suffice.
+        ends: Whether to include ends of loads, supports and contacts, or only corners.
     """
     turn, cells, at_ends = turns_at_vertices(tagged_mesh, given)
     wanted = valence * turn * (ends | ~at_ends)
@@ -42,14 +42,15 @@ def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int, ends: b
 def turns_at_vertices(
     tagged_mesh: TaggedMesh, given: Given
 ) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
-    """By how much principal stresses may turn at local vertices. Collective.
+    """Return by how much principal stresses may rotate at local vertices. Collective.
 
     Args:
         tagged_mesh: Mesh of triangles.
         given: Its loads, supports and contacts.
 
     Returns:
-        Right angles, 0 to 1, and 0 inside; how many cells meet there; and where something ends.
+        Rotations in right angles, 0 to 1, and 0 inside; the number of cells that meet; and whether
+        a load, support or contact ends.
     """
     topology = tagged_mesh.mesh.topology
     vertices, points = corners(tagged_mesh.mesh)
@@ -86,22 +87,22 @@ def angles_at_corners(x: Floats) -> Floats:
 
 
 def turns(angles: Floats, facets: Floats, kinds: Floats, squares: Floats) -> Floats:
-    """By how much principal stresses may turn where outer facets meet, in right angles, 0 to 1.
+    """Return how far principal stresses may rotate where outer facets meet, in right angles.
 
     Args:
-        angles: Angles of the body, from facet to facet, shape (n,).
-        facets: How many meet there.
-        kinds: Sum of their numbers of :func:`kinds_of_facets`.
-        squares: Sum of the squares of these.
+        angles: Angles of the body between the facets, shape (n,).
+        facets: Number of facets that meet.
+        kinds: Sum of their numbers from :func:`kinds_of_facets`.
+        squares: Sum of the squares of these numbers.
     """
     right = np.pi / 2
-    rounding = 1e-6  # what an angle is beyond that of a straight line by rounding
+    rounding = 1e-6  # excess over a straight angle that is rounding
     least = np.where(_changes(facets, kinds, squares), right, np.pi) + rounding
     return np.asarray(np.clip(angles - least, 0.0, right) / right, dtype=np.float64)
 
 
 def _changes(facets: Floats, kinds: Floats, squares: Floats) -> npt.NDArray[np.bool_]:
-    """Where facets are not all alike, as of :func:`turns`: then the mean has another square."""
+    """Return where facets differ in kind, so that their mean has another square."""
     unlike: npt.NDArray[np.bool_] = facets * squares - kinds**2 > 0.5
     return unlike
 
@@ -111,7 +112,10 @@ def _columns(*columns: Floats | float) -> Floats:
 
 
 def kinds_of_facets(tagged_mesh: TaggedMesh, given: Given) -> Longs:
-    """A number for each local facet, the same where the same holds and pushes it. Collective."""
+    """Return a number for each local facet, equal for facets with the same loads and supports.
+
+    Collective.
+    """
     loads = [load for load in given.loads if not load.in_volume]
     tags = tagged_mesh.tags_of(tagged_mesh.surfaces)
     acting: dict[int, set[Hashable]] = {tag: set() for tag in tags}

@@ -1,4 +1,4 @@
-"""Whether constant loads alone are carried, in words."""
+"""Report in words whether the constant loads alone are carried."""
 
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
@@ -6,7 +6,7 @@ from perfplast_fenicsx.limit_analysis.statements.question import Question
 
 
 def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str | None:
-    """Return whether constant loads alone are carried, in a sentence; None where more is known.
+    """Return a sentence on whether constant loads alone are carried; None if more is known.
 
     Args:
         limit: Limit load of the mesh.
@@ -18,4 +18,4 @@ def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str |
     if known or limit.standing is None or limit.question is Question.LIMIT:
         return None
     stands = limit.standing
-    return f"This mesh {stands.verdict}: {stands.in_words()}; no proof of the body."
+    return f"This mesh {stands.verdict}: {stands.in_words()}; this is no proof for the body."

@@ -1,8 +1,8 @@
-"""Cells of the plane that are too wide where loads, supports or contacts end.
+"""Find cells of the plane that are too wide where loads, supports or contacts end.
 
-There principal stresses turn (:mod:`singular_points`), and a lower bound wants directions as far
-from the point as they do: cells that are long and thin. Beside a side whose traction is known the
-stress is one first, so that nothing is gained by them there, and the mechanism loses.
+At such points principal stresses rotate (:mod:`singular_points`). A lower bound needs directions
+out to the same distance, that is long and thin cells. Beside a side with known traction the stress
+is uniform at first. Long cells improve nothing there and worsen the mechanism.
 """
 
 import numpy as np
@@ -25,23 +25,25 @@ Flags = npt.NDArray[np.bool_]
 def wide_corners(
     tagged_mesh: TaggedMesh, given: Given, gap: float | None = None
 ) -> tuple[Flags, Flags]:
-    """Return corners of owned cells at such points that are too wide, and all there. Collective.
+    """Return which corners of owned cells at such points are too wide, and all such corners.
+
+    Collective.
 
     Args:
         tagged_mesh: Mesh of triangles.
         given: Its loads, supports and contacts.
-        gap: Gap of the bounds on this mesh, relative. What cells of an angle leave of the gap goes
-            with its square, so that angles are halved once bounds are near, and with each quarter
-            of the gap.
+        gap: Gap of the bounds on this mesh, relative. The gap due to an angle is proportional to
+            its square. Angles are therefore halved once the bounds are close, and again for each
+            quarter of the gap.
 
     Returns:
         Both of shape (num_cells, 3).
     """
-    widest = np.deg2rad(7.5)  # where stresses turn by a right angle; more where they turn by less
-    near_enough = 0.004  # gap at which that is halved: they leave a third of it
+    widest = np.deg2rad(7.5)  # for a rotation by a right angle; wider for smaller rotations
+    near_enough = 0.004  # gap at which angles are halved: they cause a third of it
     if gap is not None and 0 < gap < near_enough:
         widest /= 2.0 ** np.ceil(np.log(near_enough / gap) / np.log(4.0))
-    near = np.deg2rad(42.0)  # of a side: without friction the stress is one within 45°
+    near = np.deg2rad(42.0)  # from a side: without friction the stress is uniform within 45°
     topology = tagged_mesh.mesh.topology
     vertices, points = corners(tagged_mesh.mesh)
     vertices = vertices[: topology.index_map(2).size_local]
@@ -53,7 +55,7 @@ def wide_corners(
 
 
 def _from_sides(tagged_mesh: TaggedMesh, points: Floats, vertices: Ints) -> Floats:
-    """Return the larger angle of both edges of a corner from the nearer of the sides. Collective.
+    """Return the larger angle of both edges of a corner from the nearer side. Collective.
 
     Args:
         tagged_mesh: Mesh of triangles.
@@ -61,13 +63,13 @@ def _from_sides(tagged_mesh: TaggedMesh, points: Floats, vertices: Ints) -> Floa
         vertices: Vertices of the owned cells, shape (num_cells, 3).
 
     Returns:
-        Shape (num_cells, 3); of no meaning where no two sides meet.
+        Angles, shape (num_cells, 3); meaningless where no two sides meet.
     """
     topology = tagged_mesh.mesh.topology
     outer = exterior_facet_indices(topology)
     ends = topology.connectivity(1, 0).array.reshape(-1, 2)[outer]
     along = _directions(points[ends[:, 1]] - points[ends[:, 0]])
-    # Of both directions in the complex plane the sum and that of their squares determine them.
+    # The sum of both directions as complex numbers and the sum of their squares determine them.
     sums = la.vector(topology.index_map(0), 4, dtype=np.float64)
     table = sums.array.reshape(-1, 2, 2)
     for end, direction in ((0, along), (1, -along)):
@@ -87,7 +89,7 @@ def _from_sides(tagged_mesh: TaggedMesh, points: Floats, vertices: Ints) -> Floa
 
 
 def _directions(vectors: Floats) -> npt.NDArray[np.complex128]:
-    """Return vectors of the plane as complex numbers of the size 1."""
+    """Return plane vectors as complex numbers of modulus 1."""
     numbers = vectors[..., 0] + 1j * vectors[..., 1]
     directions: npt.NDArray[np.complex128] = numbers / np.abs(numbers)
     return directions

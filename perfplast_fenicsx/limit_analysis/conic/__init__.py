@@ -1,1 +1,1 @@
-"""The interior point iteration: cones, unknowns, steps."""
+"""Implement the interior point iteration: cones, unknowns, steps."""

@@ -1,7 +1,8 @@
-"""Clarabel as a solver of limit loads, an interior point method that knows nothing of the others.
+"""Solve limit loads with Clarabel, an interior point method independent of the program's own.
 
 P. J. Goulart, Y. Chen, Clarabel: An interior-point solver for conic programs with quadratic
-objectives (2024), arXiv:2405.12762. It takes the matrices of :class:`~cone_program.ConeProgram`.
+objectives (2024), arXiv:2405.12762. The module passes the matrices of
+:class:`~cone_program.ConeProgram` to Clarabel.
 """
 
 import time
@@ -25,7 +26,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
 )
 
 TRIANGLE: Longs = np.array([0, 5, 1, 4, 3, 2])
-"""Places in Mandel vectors of the upper triangle, column by column."""
+"""Indices in Mandel vectors of the upper triangle, column by column."""
 
 
 def by_clarabel(
@@ -36,15 +37,16 @@ def by_clarabel(
     share: float = 1.0,
     least: float = 0.0,
 ) -> tuple[Verdict, str]:
-    """Solve the program of an iteration with Clarabel, and put what it found there.
+    """Solve the program of an iteration with Clarabel and store the solution in the iteration.
 
     Args:
-        iteration: At its start; its iterate and velocity become those of the solution.
-        rtol: Largest difference of static and kinematic load, relative.
-        steps: To which Clarabel's iterations are added.
-        monitor: Called after each of them.
-        share: Share of the tolerance that the solution may leave.
-        least: Not used, since Clarabel says itself that a load has no bound.
+        iteration: The iteration at its start; the function replaces its iterate and velocity by the
+            solution.
+        rtol: Largest relative difference of static and kinematic load.
+        steps: Counter to which Clarabel's iterations are added.
+        monitor: Called after each iteration.
+        share: Share of the tolerance that the solution may use.
+        least: Not used, since Clarabel itself detects unbounded loads.
 
     Raises:
         InputError: On several ranks, without Clarabel, or if a kind of cone has no rows.
@@ -113,18 +115,18 @@ def check_clarabel(ranks: int) -> Any:
         return import_module("clarabel")
     except ImportError as missing:
         raise InputError(
-            "conic = 'clarabel' needs the package clarabel, which is not installed; install it"
-            " (pip install clarabel), or leave conic out."
+            "conic = 'clarabel' needs the package clarabel, which is not installed; "
+            "install it (pip install clarabel), or remove conic."
         ) from missing
 
 
 def _settings(clarabel: Any, rtol: float) -> Any:
-    """Return settings for a relative tolerance of the load."""
+    """Return the settings for a relative tolerance of the load."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_rel = settings.tol_gap_abs = rtol
     settings.tol_feas = min(1e-8, rtol)
-    # With the usual ones, 2e-7, 1e-8 and 10, some bounds in space end with numerical errors.
+    # With the default settings 2e-7, 1e-8 and 10, some bounds in space end with numerical errors.
     settings.dynamic_regularization_delta = 1e-5
     settings.static_regularization_constant = 1e-7
     settings.iterative_refinement_max_iter = 30
@@ -132,7 +134,7 @@ def _settings(clarabel: Any, rtol: float) -> Any:
 
 
 def _order(kind: ConeKind, shape: tuple[int, ...]) -> Longs:
-    """Return the order in which Clarabel takes the rows of a block."""
+    """Return the order of a block's rows in Clarabel."""
     rows = np.arange(shape[0] * shape[1]).reshape(shape)
     return (rows[:, TRIANGLE] if kind is ConeKind.SEMIDEFINITE else rows).ravel()
 
@@ -152,7 +154,7 @@ def _cones(clarabel: Any, kind: ConeKind, shape: tuple[int, ...]) -> list[Any]:
 def _put(
     iteration: InteriorIteration, data: ConeProgram, orders: list[Longs], solution: Any, rtol: float
 ) -> tuple[Verdict, str]:
-    """Put a solution into the iteration, and return what it means."""
+    """Store a solution in the iteration, and return the verdict."""
     status, program = str(solution.status), iteration.program
     if status in ("DualInfeasible", "AlmostDualInfeasible"):
         reason = "Clarabel has found stresses within yield that carry any multiple of the loads"

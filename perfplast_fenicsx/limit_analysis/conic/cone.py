@@ -1,15 +1,17 @@
-"""The protocol of a kind of cone, which is all that the interior point iteration knows of cones.
+"""Define the protocol of a kind of cone, the only interface of the interior point iteration.
 
-A program has blocks: points of one kind of cone, or contact pairs. Each point of a block has two
-members of cones. The static one is linear in what the point bears, and in unknowns of its own. The
-kinematic one, of the dual cone, is linear in its rates where the velocity is right. The iteration
-brings the products of both to a multiple of the unit. For this it asks a :class:`Block` for the
-middle of its cones, the members of a stress, longest steps, and what products lack. At an iterate
-it asks a :class:`ScaledBlock` for moduli, products, and how members follow a velocity.
+A program has blocks: points with one kind of cone, or contact pairs. Each point of a block has two
+members of cones. The static member is linear in the stress or forces at the point, and in unknowns
+of the block. The kinematic member, in the dual cone, is linear in the rates at the point, if the
+velocity is feasible. The iteration drives the products of both towards a multiple of the unit
+element. For this it asks a :class:`Block` for the centre of its cones, the members of a stress,
+longest steps, and the missing parts of products. At an iterate it asks a :class:`ScaledBlock` for
+moduli, products, and the change of members with a velocity.
 
-A law's set at its points, from which blocks are made, is a :class:`PointSets`.
+A law's yield sets at its points, from which blocks are made, form a :class:`PointSets`.
 
-Kinds: :mod:`second_order_cones`, :mod:`semidefinite_cones`, :mod:`half_spaces`. NumPy only.
+Kinds are in :mod:`second_order_cones`, :mod:`semidefinite_cones`, :mod:`half_spaces`. This module
+uses only NumPy.
 """
 
 from collections.abc import Sequence
@@ -24,22 +26,22 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.rounding import TINY
 
 PROXIMAL = 1e-5
-"""Proximal parameter δ of stresses that nothing bounds: they change by 1/δ times a strain. Larger:
-slow where linear elements nearly lock (three times the steps at 1e-4); smaller: K is
-ill-conditioned."""
+"""Proximal parameter δ of stresses that no cone bounds: they change by 1/δ times a strain. With a
+larger value, linear elements that nearly lock converge slowly (three times the steps at 1e-4). With
+a smaller one, K is ill-conditioned."""
 
 MOST_VISCOUS = 1e4
-"""Cap on the initial viscosity of strong bodies, beside those that bear the loads, for the
+"""Largest initial viscosity of strong bodies relative to those that bear the loads, for the
 conditioning of the first K."""
 
 NEAR = 0.1
-"""Products between this share of what they should be and its inverse are left as they are."""
+"""Products between this share of their target and its inverse are not corrected."""
 
 Places: TypeAlias = Longs | slice
-"""Numbers of points; a slice of all of them copies nothing."""
+"""Indices of points; a slice of all of them avoids a copy."""
 
 NO_OWN: Floats = np.zeros(0)
-"""Own unknowns of a block that has none."""
+"""Unknowns of a block without unknowns of its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +49,9 @@ class Rates:
     """The rates of a velocity at all points and pairs of a rank.
 
     Attributes:
-        trace: Of the strain rate, in the coordinates of the cones, shape (count,).
-        deviator: The same, shape (count, m).
-        jumps: [v] of contact pairs, shape (num_pairs,).
+        trace: Trace of the strain rate, in the coordinates of the cones, shape (count,).
+        deviator: Deviator of the strain rate in these coordinates, shape (count, m).
+        jumps: Jumps [v] of contact pairs, shape (num_pairs,).
     """
 
     trace: Floats
@@ -59,12 +61,12 @@ class Rates:
 
 @dataclass(frozen=True, eq=False)
 class Borne:
-    """Stress and forces of all points and pairs of a rank; blocks write their parts into these.
+    """Stress and forces at all points and pairs of a rank; each block writes its part.
 
     Attributes:
-        pressure: p, in the coordinates of the cones, shape (count,).
-        deviator: s, the same, shape (count, m).
-        forces: r of contact pairs, shape (num_pairs,).
+        pressure: Mean stress p, in the coordinates of the cones, shape (count,).
+        deviator: Deviator s in these coordinates, shape (count, m).
+        forces: Forces r of contact pairs, shape (num_pairs,).
     """
 
     pressure: Floats
@@ -72,7 +74,7 @@ class Borne:
     forces: Floats
 
     def plus(self, t: float, change: "Borne") -> "Borne":
-        """Stress and forces after t times a change."""
+        """Return the stress and forces after t times a change."""
         return Borne(
             self.pressure + t * change.pressure,
             self.deviator + t * change.deviator,
@@ -82,12 +84,12 @@ class Borne:
 
 @dataclass(frozen=True, eq=False)
 class Members:
-    """Members of the cones of a block, or changes of them.
+    """Members of the cones of a block, or their changes.
 
     Attributes:
-        static: Those of what is borne, shape (num, ...).
-        kinematic: Those of the rates, the same shape.
-        own: Static unknowns that only this block knows, shape (num,), or :data:`NO_OWN`.
+        static: Static members, of stress and forces, shape (num, ...).
+        kinematic: Kinematic members, of the rates, same shape.
+        own: Static unknowns of this block alone, shape (num,), or :data:`NO_OWN`.
     """
 
     static: Floats
@@ -95,7 +97,7 @@ class Members:
     own: Floats = field(default_factory=lambda: NO_OWN)
 
     def plus(self, t: float, change: "Members") -> "Members":
-        """The members after t times a change."""
+        """Return the members after t times a change."""
         return Members(
             self.static + t * change.static,
             self.kinematic + t * change.kinematic,
@@ -105,16 +107,17 @@ class Members:
 
 @dataclass(frozen=True)
 class Moduli:
-    """κ, a, N and b of ⟨κ (tr ε − b:ε)² + a‖dev ε‖² − (N:ε)²⟩ at points, or whole moduli.
+    """Moduli κ, a, N and b of ⟨κ (tr ε − b:ε)² + a‖dev ε‖² − (N:ε)²⟩ at points, or full ones.
 
     Attributes:
-        bulk: κ, shape (count,).
-        a: Shape (count,).
-        normal: N, a deviator, shape (count, m).
-        along: b, a deviator, shape (count, m); None for zero.
-        whole: Numbers of the points, shape (num,), whose modulus is RRᵀ of (tr ε, dev ε) instead,
-            and R, shape (num, 1 + m, 1 + m); None without such points.
-        springs: c of ⟨c [v]²⟩ at contact pairs, shape (num_pairs,); None where they are apart.
+        bulk: Coefficient κ, shape (count,).
+        a: Coefficient a, shape (count,).
+        normal: Deviator N, shape (count, m).
+        along: Deviator b, shape (count, m); None for zero.
+        whole: Indices of the points, shape (num,), with a full modulus RRᵀ of (tr ε, dev ε)
+            instead, and R, shape (num, 1 + m, 1 + m); None without such points.
+        springs: Coefficient c of ⟨c [v]²⟩ at contact pairs, shape (num_pairs,); None if they are
+            handled separately.
     """
 
     bulk: Floats
@@ -125,23 +128,23 @@ class Moduli:
     springs: Floats | None = None
 
     def with_whole(self, at: Longs, roots: Floats) -> "Moduli":
-        """The same but for the whole ones of some more points."""
+        """Return the same moduli with full ones at some more points."""
         if self.whole is not None:
             at, roots = np.concatenate([self.whole[0], at]), np.concatenate([self.whole[1], roots])
         return replace(self, whole=(at, roots))
 
     def first(self, count: int) -> "Moduli":
-        """Return those of the first points, among which those with whole moduli are."""
+        """Return the moduli of the first points, which include those with full moduli."""
         along = None if self.along is None else self.along[:count]
         return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along, self.whole)
 
     def beyond(self, count: int) -> "Moduli":
-        """Those of the points after the first ones, where whole moduli are among these."""
+        """Return the moduli of the remaining points, if these include those with full moduli."""
         along = None if self.along is None else self.along[count:]
         return Moduli(self.bulk[count:], self.a[count:], self.normal[count:], along)
 
     def matrices(self) -> Floats:
-        """Return the same as forms of (tr ε, dev ε), shape (count, 1 + m, 1 + m)."""
+        """Return the moduli as quadratic forms of (tr ε, dev ε), shape (count, 1 + m, 1 + m)."""
         count, m = self.normal.shape
         found = np.zeros((count, 1 + m, 1 + m))
         found[:, 1:, 1:] = self.a[:, None, None] * np.eye(m)
@@ -157,10 +160,10 @@ class Moduli:
         return found
 
     def roots(self) -> Floats:
-        """R with R Rᵀ = κ(1, −b)(1, −b)ᵀ, and a I − N Nᵀ on the deviator, or the whole modulus.
+        """Return R with R Rᵀ equal to the modulus, shape (count, 1 + m, 1 + m).
 
         Returns:
-            Shape (count, 1 + m, 1 + m).
+            The modulus is κ(1, −b)(1, −b)ᵀ plus a I − N Nᵀ on the deviator, or the full modulus.
         """
         length2 = np.einsum("ni,ni->n", self.normal, self.normal)
         left = np.sqrt(np.maximum(1 - length2 / self.a, 0.0))
@@ -180,13 +183,13 @@ class Moduli:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The columns of a conic program in which the unknowns of a block are.
+    """The columns of a conic program that contain the unknowns of a block.
 
     Attributes:
-        pressure: Of p at all points, shape (count,).
-        deviator: Of s at all points, shape (count, m).
-        forces: Of r, shape (num_pairs,).
-        own: Of the block's own unknowns, shape (num,), or no columns.
+        pressure: Columns of p at all points, shape (count,).
+        deviator: Columns of s at all points, shape (count, m).
+        forces: Columns of r, shape (num_pairs,).
+        own: Columns of the block's own unknowns, shape (num,), possibly empty.
     """
 
     pressure: Longs
@@ -197,13 +200,13 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class ConeRows:
-    """Cones of one kind and size, whose members are right + factors · x[columns].
+    """Cones of one kind and size, with members right + factors · x[columns].
 
     Attributes:
         kind: Kind of the cones.
         right: Constant parts, shape (num, size).
-        columns: Numbers of the unknowns of each member, shape (num, k).
-        factors: Shape (num, size, k).
+        columns: Indices of the unknowns of each member, shape (num_cones, k).
+        factors: Factors of these unknowns, shape (num, size, k).
     """
 
     kind: "ConeKind"
@@ -213,19 +216,19 @@ class ConeRows:
 
 
 class ConeKind(StrEnum):
-    """Self-dual cones that conic solvers know."""
+    """Self-dual cones that conic solvers support."""
 
     NONNEGATIVE = "nonnegative"
-    """Numbers."""
+    """Non-negative numbers."""
     SECOND_ORDER = "second-order"
-    """a₀ ≥ ‖a'‖."""
+    """Second-order cone a₀ ≥ ‖a'‖."""
     SEMIDEFINITE = "semidefinite"
-    """Mandel vectors of matrices of 3 × 3."""
+    """Positive semidefinite 3 × 3 matrices as Mandel vectors."""
 
 
 @runtime_checkable
 class MatrixBlock(Protocol):
-    """A block that can be written as rows of a matrix, for solvers of other programs."""
+    """A block that can be written as rows of a matrix, for external solvers."""
 
     def rows(self, at: Columns) -> ConeRows:
         """Return the static members as functions of the unknowns."""
@@ -240,23 +243,23 @@ class ScaledBlock(Protocol):
     """A block at an iterate, with the scaling of its cones."""
 
     def stiffen(self, moduli: Moduli) -> Moduli:
-        """Return the moduli of all points and pairs, with those of this block."""
+        """Return the moduli of all points and pairs, with those of this block added."""
         ...
 
     def products(self, change: Members | None = None) -> Floats:
-        """Return the products of the scaled members of the iterate, or of a change of it."""
+        """Return the products of the scaled members of the iterate, or their change."""
         ...
 
     def aim(self, products: Floats) -> Any:
-        """Return what :meth:`bear` and :meth:`follow` need for the products to change so."""
+        """Return the data with which :meth:`bear` and :meth:`follow` change the products."""
         ...
 
     def bear(self, aim: Any, change: Borne) -> None:
-        """Write the change of what is borne that the aim calls for while the velocity stays."""
+        """Write the change of stress and forces that the aim requires at a constant velocity."""
         ...
 
     def follow(self, aim: Any, rates: Rates, change: Borne) -> Members:
-        """Write the change of what is borne as the velocity changes by these rates.
+        """Write the change of stress and forces as the velocity changes by these rates.
 
         Returns:
             The change of the members.
@@ -264,7 +267,7 @@ class ScaledBlock(Protocol):
         ...
 
     def resist(self, rates: Rates, change: Borne) -> Floats:
-        """Write what resists these rates alone, by the moduli.
+        """Write the stress and forces that resist these rates, by the moduli alone.
 
         Returns:
             The change of the block's own unknowns.
@@ -276,24 +279,24 @@ class Block(Protocol):
     """The points of a rank with one kind of cone, or its contact pairs.
 
     Attributes:
-        degree: Sum of the ranks of the cones, each of which counts as much in the gap.
+        degree: Sum of the ranks of the cones, which weight the gap.
     """
 
     @property
     def degree(self) -> int:
-        """Sum of the ranks of the cones."""
+        """Return the sum of the ranks of the cones."""
         ...
 
     def start(self, borne: Borne) -> Members:
-        """Write what is borne in the middle of the cones, and return the members there."""
+        """Write the stress at the centre of the cones, and return its members."""
         ...
 
     def flow(self, moduli: Moduli) -> None:
-        """Write the moduli of the flow that units are chosen by, those of :meth:`start`."""
+        """Write the moduli of the flow at :meth:`start`, from which units are chosen."""
         ...
 
     def static(self, borne: Borne, own: Floats) -> Floats:
-        """Return the static members of what is borne."""
+        """Return the static members of stress and forces."""
         ...
 
     def inner(self, now: Members) -> float:
@@ -301,7 +304,7 @@ class Block(Protocol):
         ...
 
     def longest(self, now: Members, change: Members) -> float:
-        """Return the longest step that keeps the members inside; ∞ if any does."""
+        """Return the longest step that keeps the members in the cones; ∞ without a limit."""
         ...
 
     def raised(self, products: Floats, by: float) -> Floats:
@@ -309,41 +312,41 @@ class Block(Protocol):
         ...
 
     def missing(self, products: Floats, mu: float) -> Floats:
-        """Return the change that brings outliers nearer to μ; large ones by a limited amount."""
+        """Return the change that brings outliers closer to μ, with a limit for large ones."""
         ...
 
     def scaled(self, now: Members, rates: Rates) -> ScaledBlock:
-        """Return the block at an iterate, whose velocity has these rates."""
+        """Return the block at an iterate, given the rates of its velocity."""
         ...
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
-        """Write stress over rate of the points, where rates below 1/``stiffer`` count as that."""
+        """Write stress over rate at the points, with rates at least 1/``stiffer``."""
         ...
 
 
 class PointSets(Protocol):
     """Yield sets of one kind at points of a rank, in the coordinates (p, s) and the user's units.
 
-    Points that are in no such sets have second-order cones (:mod:`second_order_cones`). In the
-    coordinates of these a set has a cone around it, whose numbers γ and α are those of its points:
-    α > 0 where the set bounds the mean stress, so that bodies dilate.
+    Points outside all such sets have second-order cones (:mod:`second_order_cones`). Each set is
+    enclosed in such a cone, whose γ and α apply at its points. If the set bounds the mean stress, α
+    > 0 and bodies dilate.
 
     Attributes:
-        at: Numbers of the points, shape (num,).
+        at: Indices of the points, shape (num,).
     """
 
     @property
     def at(self) -> Longs:
-        """Numbers of the points, shape (num,)."""
+        """Return the indices of the points, shape (num,)."""
         ...
 
     @property
     def caps(self) -> Floats:
-        """Largest mean stress of the sets (stress), ∞ of what has none, shape (num,)."""
+        """Return the largest mean stress of the sets (stress), ∞ if unbounded, shape (num,)."""
         ...
 
     def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> Self:
-        """Return the sets of some of the points, by flags or places among them."""
+        """Return the sets of some of the points, by flags or indices among them."""
         ...
 
     def ratios(self, pressure: Floats, deviator: Floats) -> Floats:
@@ -355,16 +358,16 @@ class PointSets(Protocol):
         ...
 
     def lacking(self, trace: Floats, deviator: Floats) -> Floats:
-        """Return what tr ε lacks for rates at all points to be admissible, shape (num,)."""
+        """Return by how much tr ε is too small for admissible rates, shape (num,)."""
         ...
 
     def block(self, unit: float, strengths: Floats, weights: Floats) -> Block:
         """Return the points as a block of a program.
 
         Args:
-            unit: Of stress.
+            unit: Unit of stress.
             strengths: Sizes of the strengths in the program's unit, shape (num,).
-            weights: w, shape (num,).
+            weights: Weights w, shape (num,).
         """
         ...
 
@@ -372,14 +375,14 @@ class PointSets(Protocol):
 class LawSet(Protocol):
     """A yield set of another kind, which a law returns as its only cone.
 
-    Its coordinates are the mean stress and the deviator, in plane strain those in the plane.
+    Its coordinates are the mean stress and the deviator; in plane strain both are in-plane.
     """
 
     def around(self, flat: bool) -> tuple[float, float]:
-        """Return γ (stress) and α of a cone ‖s‖ ≤ γ − αp around the set.
+        """Return γ (stress) and α of a cone ‖s‖ ≤ γ − αp that encloses the set.
 
         Args:
-            flat: Whether it is of the stresses in the plane alone, as in plane strain.
+            flat: Whether the set contains only in-plane stresses, as in plane strain.
         """
         ...
 
@@ -387,9 +390,9 @@ class LawSet(Protocol):
         """Return the set at points.
 
         Args:
-            at: Numbers of the points.
-            tensors: Tensors that p and the components of s are factors of, shape (1 + m, 3, 3).
-            flat: As for :meth:`around`; the stress out of the plane is then p.
+            at: Indices of the points.
+            tensors: Tensors whose factors are p and the components of s, shape (1 + m, 3, 3).
+            flat: As for :meth:`around`; the out-of-plane stress is then p.
         """
         ...
 
@@ -398,14 +401,14 @@ class LawSet(Protocol):
 class Products:
     """Products of static and kinematic members, block by block.
 
-    They are brought near to one another: an interior point method goes far where all shrink
+    They are kept close to each other: an interior point method takes long steps if all decrease
     together. J. Gondzio, Multiple centrality corrections in a primal-dual method for linear
     programming, Comput. Optim. Appl. 6 (1996), 137, doi:10.1007/BF00249643; for cones with the
     eigenvalues of the products.
 
     Attributes:
-        blocks: Of the program.
-        parts: One a block.
+        blocks: Blocks of the program.
+        parts: Products of each block.
     """
 
     blocks: Sequence[Block]
@@ -424,13 +427,13 @@ class Products:
         return Products(self.blocks, [block.raised(part, by) for block, part in both])
 
     def missing(self, mu: float) -> "Products":
-        """Return the change that brings outliers nearer to μ; large ones by a limited amount."""
+        """Return the change that brings outliers closer to μ, with a limit for large ones."""
         both = zip(self.blocks, self.parts, strict=True)
         return Products(self.blocks, [block.missing(part, mu) for block, part in both])
 
 
 def missing_of(values: Floats, mu: float) -> Floats:
-    """Return what eigenvalues lack to be near μ, at most ``mu / NEAR`` of large ones."""
+    """Return the change of eigenvalues towards μ, at most ``mu / NEAR`` for large ones."""
     most = mu / NEAR
     missing: Floats = np.maximum(np.clip(values, NEAR * mu, most) - values, -most)
     return missing

@@ -1,1 +1,1 @@
-"""Assembled objects of a problem."""
+"""Objects that a problem assembles once: spaces, loads, prescribed motion and glued rows."""

@@ -1,4 +1,4 @@
-"""The pressure of a pin in its bore that has a given force on the mesh."""
+"""Find the pressure of a pin in its bore whose resultant on the mesh is a given force."""
 
 import numpy as np
 import ufl
@@ -14,10 +14,12 @@ from perfplast_fenicsx.problem.declared.rigid_surface import fitting
 def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
     """Return the pressure p = max(0, −a·n) whose resultant on the mesh is the force. Collective.
 
-    a minimises the convex Φ(a) − F·a, Φ(a) = ½∫max(0, −a·n)², whose gradient is the resultant.
+    The vector a minimises the convex function Φ(a) − F·a with Φ(a) = ½∫max(0, −a·n)². The gradient
+    of Φ is the resultant.
 
     Raises:
-        InputError: If no such pressure has this force: a pin cannot pull, nor push along its axis.
+        InputError: If no such pressure has this force: a pin can neither pull nor push along its
+            axis.
     """
     mesh = tagged_mesh.mesh
     gdim = mesh.geometry.dim
@@ -34,10 +36,11 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
     size = float(np.linalg.norm(force))
     a: Floats = np.asarray(force / resultant.area(), dtype=np.float64)
     found, slope = resultant.of(a)
-    # Of Newton's method; each halves the distance at least until the facets that are pressed stay.
+    # Limit of Newton iterations. Each at least halves the error until the set of loaded facets is
+    # constant.
     most_steps = 50
-    left_over = 1e-11  # what is left of the force, relative to it
-    # Directions whose stiffness is less than this share of the largest cannot be pressed along.
+    left_over = 1e-11  # allowed residual force, relative to the force
+    # The pressure cannot act along directions with less than this share of the largest stiffness.
     unsupported = 1e-9
     for _ in range(most_steps):
         left = force - found
@@ -54,18 +57,18 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
             break
         a, found, slope = a + share * step, trial, steep
     raise InputError(
-        f"no pressure on '{load.on}' has the force {force.tolist()}: a pin presses across its axis,"
-        " on facets that face the force; correct the force, or give it as force = [...], which"
-        " may pull as well."
+        f"no pressure on '{load.on}' has the force {force.tolist()}: a pin presses across "
+        "its axis, on facets that face the force; correct the force, or give it as force "
+        "= [...], which may also pull."
     )
 
 
 class _Resultant:
-    """Force of the pressure, and how it grows with a."""
+    """The resultant of the pressure and its derivative with respect to a."""
 
     def __init__(self, tagged_mesh: TaggedMesh, surface: str) -> None:
         mesh = tagged_mesh.mesh
-        tagged_mesh.facets(surface)  # says what there is
+        tagged_mesh.facets(surface)  # raises the error for an unknown surface
         self.comm, self.gdim = mesh.comm, mesh.geometry.dim
         ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged_mesh.facet_tags)
         ds = ds(tagged_mesh.surfaces[surface])
@@ -83,7 +86,7 @@ class _Resultant:
         return self._total(self._area)
 
     def of(self, a: Floats) -> tuple[Floats, Floats]:
-        """Return the force, and its derivative. Collective."""
+        """Return the force and its derivative with respect to a. Collective."""
         self.a.value[:] = a
         force, slope = np.zeros(self.gdim), np.zeros((self.gdim, self.gdim))
         for i, axis in enumerate(np.eye(self.gdim)):

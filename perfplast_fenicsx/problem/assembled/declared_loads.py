@@ -1,4 +1,4 @@
-"""From declared loads to the vectors L₀ and L₁."""
+"""Assemble the declared loads into the vectors L₀ and L₁."""
 
 from collections.abc import Sequence
 
@@ -28,20 +28,21 @@ def declared_loads(
     driven: bool,
     strained: bool,
 ) -> LoadCase:
-    """Return the loads of a problem. Collective.
+    """Return the assembled loads of a problem. Collective.
 
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        loads: The loads.
+        loads: The declared loads.
         bcs: Supports.
-        rigid: Surfaces that forces may act on.
-        driven: Whether ζ moves supports, obstacles or overlaps: there may then be no load.
-        strained: Whether strains, overlaps or displacements that stay load the bodies: there may
-            then be no load either.
+        rigid: Rigid surfaces, on which forces may act.
+        driven: Whether ζ moves supports, obstacles or overlaps. If so, the list of loads may be
+            empty.
+        strained: Whether initial strains, overlaps or constant displacements load the bodies. If
+            so, the list of loads may be empty.
 
     Raises:
-        InputError: If a load does not fit the mesh, or nothing grows.
+        InputError: If a load does not fit the mesh, or if ζ multiplies no load.
     """
     growing = [load for load in loads if not load.constant]
     constant = [load for load in loads if load.constant]
@@ -60,8 +61,8 @@ def declared_loads(
         surface = straight[load.on]
         if np.any(load.moment):
             raise InputError(
-                f"the force on '{load.on}' has a moment, but that surface is held in part, and so"
-                " does not turn; leave the moment out, or held."
+                f"the force on '{load.on}' has a moment, but that surface is partly held "
+                "and cannot rotate; remove the moment or held."
             )
         value = fitting(f"value of the force on '{load.on}'", load.value, V.mesh.geometry.dim)
         if not np.delete(value, surface.axes(V.mesh.geometry.dim)).any():
@@ -81,7 +82,10 @@ def declared_loads(
 
 
 def work_vector(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> PETSc.Vec:
-    """L(v) of some loads as a vector, at supported unknowns too. Collective."""
+    """Return the work L(v) of some loads as a vector, with entries at supported unknowns too.
+
+    Collective.
+    """
     spread = [load for load in loads if isinstance(load, SpreadLoad)]
     work = create_vector(V)
     if spread:
@@ -94,7 +98,7 @@ def work_vector(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[L
 
 
 def _add(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, load: Force, work: PETSc.Vec) -> None:
-    """Add a force on a rigid surface, as one on its leaders. Collective."""
+    """Add the force on a rigid surface as forces on its leading nodes. Collective."""
     gdim, (first, last) = V.mesh.geometry.dim, V.dofmap.index_map.local_range
     what = f"of the force on '{load.on}'"
     value, point = fitting(f"value {what}", load.value, gdim), load.point

@@ -1,6 +1,6 @@
-"""Given motions: u_D of supports, obstacles and overlaps, and their effect on contact.
+"""Compute given motions: u_D of supports, obstacles and overlaps, and their effect on contact.
 
-All is linear in the load factor ζ, which multiplies all that is not constant.
+All given motions are linear in the load factor ζ, which multiplies every part that is not constant.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,19 +24,19 @@ class GivenMotion:
     """Displacements and gaps at any ζ.
 
     Attributes:
-        displacement: u_D at supports and 0 elsewhere (length), constant and times ζ, shape
-            (2, num_nodes, gdim), of local nodes, ghosts too.
-        gap: Gaps of the pairs hosted by this rank (length), less what u_D closes of them, constant
-            and times ζ, shape (2, num_pairs).
+        displacement: u_D at supports and 0 elsewhere (length): the constant part and the part times
+            ζ, shape (2, num_nodes, gdim), at all local nodes including ghosts.
+        gap: Gaps of the pairs hosted by this rank (length), reduced by what u_D closes: the
+            constant part and the part times ζ, shape (2, num_pairs).
         slide: Tangential jumps caused by the given motion alone (length), from which slip is
-            counted, constant and times ζ, shape (2, num_places, gdim − 1).
-        sources: How far what is opposite moves by itself for ζ = 1 (length), for each source of
-            contact, shape (num_sources, gdim).
-        overlap: How much more the bodies of each pair overlap by themselves for ζ = 1 (length),
-            shape (num_pairs,).
-        moves_supports: Whether u_D is ever anything but 0.
+            counted: the constant part and the part times ζ, shape (2, num_places, gdim − 1).
+        sources: Given motion of the opposite side for ζ = 1 (length), for each source of contact,
+            shape (num_sources, gdim).
+        overlap: Given growth of the overlap of each pair for ζ = 1 (length), shape (num_pairs,).
+        moves_supports: Whether u_D differs from 0 at any ζ.
         driven: Whether ζ moves anything.
-        parts: What stages move by a name, for its factor 1; none without stages.
+        parts: The motion that each name in the stages controls, for the factor 1; empty without
+            stages.
     """
 
     displacement: Floats
@@ -49,21 +49,21 @@ class GivenMotion:
     parts: Mapping[str, "GivenMotion"] = field(default_factory=dict)
 
     def displacement_at(self, zeta: float) -> Floats:
-        """u_D (length), shape (num_nodes, gdim)."""
+        """Return u_D (length), shape (num_nodes, gdim)."""
         return np.asarray(self.displacement[0] + zeta * self.displacement[1])
 
     def gap_at(self, zeta: float) -> Floats:
-        """Gaps (length), shape (num_pairs,)."""
+        """Return the gaps (length), shape (num_pairs,)."""
         return np.asarray(self.gap[0] + zeta * self.gap[1])
 
     def slide_at(self, zeta: float) -> Floats:
-        """Jumps without slip (length), shape (num_places, gdim − 1)."""
+        """Return the tangential jumps without slip (length), shape (num_places, gdim − 1)."""
         return np.asarray(self.slide[0] + zeta * self.slide[1])
 
     def moves(
         self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]
     ) -> list[tuple[str, Floats]]:
-        """Surfaces in contact, and how far what is opposite moves by itself for ζ = 1 (length)."""
+        """Return the name of each contact surface and the motion opposite it for ζ = 1 (length)."""
         rest = np.zeros(self.displacement.shape[2])
         of_contacts = [(name, rest) for a in contacts for name in (a.primary, a.secondary)]
         of_obstacles = [(one.on, move_of(one, len(rest))) for one in obstacles]
@@ -78,19 +78,19 @@ def given_motion(
     friction: Friction,
     sources: Sequence[Source] = (),
 ) -> GivenMotion:
-    """Put together what moves. Collective.
+    """Return the given motions of supports, obstacles and overlaps together. Collective.
 
     Args:
         V: Displacement space.
         displacement: See :class:`GivenMotion`.
         constraints: The rows of contact.
-        sliding: The rows of jumps along surfaces that rub.
-        friction: Its places.
-        sources: Theirs, of which some may move or overlap more and more; those of the rows by
-            default.
+        sliding: The rows of tangential jumps along surfaces with friction.
+        friction: The friction of the problem.
+        sources: The sources of the rows, of which some may move or increase their overlap; by
+            default the sources in ``constraints``.
 
     Raises:
-        InputError: If nothing overlaps that is to grow.
+        InputError: If no node overlaps at a source whose overlap is declared to grow.
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     sources = sources or constraints.sources
@@ -107,8 +107,8 @@ def given_motion(
         most = float(overlap[constraints.surface == i].max(initial=0))
         if not comm.allreduce(most, MPI.MAX) > 0:
             raise InputError(
-                f"the {sources[i].name} has constant = false, but no node that is free to give"
-                " way overlaps; give a negative gap, or leave constant out."
+                f"the {sources[i].name} has constant = false, but no node that is free to "
+                "move overlaps; give a negative gap, or remove constant."
             )
     gap = np.stack([constraints.gap + overlap, opened - overlap])
     dragged = np.einsum("nij,nj->ni", friction.direction, of_surface[friction.pair])

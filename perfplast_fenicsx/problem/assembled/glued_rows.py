@@ -1,4 +1,4 @@
-"""All rows B u = 0: those of ties, of rigid surfaces, and of surfaces along their normal."""
+"""Assemble all rows B u = 0: of ties, of rigid surfaces, and of supports along a normal."""
 
 import numpy as np
 import numpy.typing as npt
@@ -24,19 +24,19 @@ def glued_rows(
     fixed: npt.NDArray[np.bool_],
     displacement: Floats,
 ) -> tuple[Constraints, Guides, npt.NDArray[np.bool_]]:
-    """Make the rows. Collective.
+    """Return the rows, the guides and the components that contact cannot use. Collective.
 
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        given: What is glued, moves as a rigid body, or is held along its normal.
+        given: The declaration: ties, rigid surfaces, and supports along a normal.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
-        displacement: u_D at each local node (length), its constant part and that which ζ
-            multiplies, shape (2, num_nodes, gdim).
+        displacement: u_D at each local node (length): the constant part and the part times ζ, shape
+            (2, num_nodes, gdim).
 
     Returns:
-        The rows, those of guides last; the guides; and the components of local nodes that supports
-        hold, ties host, or that follow a rigid surface: contact cannot have them.
+        The rows, with those of guides last. The guides. The components of local nodes that contact
+        cannot use: those that supports hold, ties host, or rigid surfaces prescribe.
 
     Raises:
         InputError: If names or surfaces do not fit.
@@ -49,9 +49,9 @@ def glued_rows(
     for surface in given.rigid if tagged_mesh.axisymmetric else ():
         if not (surface.free and surface.held == "x"):
             raise InputError(
-                f"the surface '{surface.on}' is to move as a rigid body, which in axisymmetry it"
-                " does along the axis alone; give held = 'x', or instead of it a support with"
-                " components = 'y' and a value."
+                f"the rigid surface '{surface.on}' can move only along the axis in "
+                "axisymmetry; give held = 'x', or replace it by a support with components "
+                "= 'y' and a value."
             )
     taken[glued.host, np.argmax(glued.normal, axis=1)] = True
     parts = rigid_rows(V, tagged_mesh, given.rigid, taken)

@@ -1,10 +1,10 @@
-"""Surfaces that slide along themselves, of any direction, as rows B u = g of their nodes.
+"""Assemble supports along a normal as rows B u = g of their nodes.
 
-The normal of a flat one is that of the whole surface, so that nodes where facets meet have one
-condition, however their coordinates are rounded. A curved one has the mean normal of the facets at
-each node, and is known with a motion alone. Increments keep to B δu = 0; what moves is put where it
-is at the beginning of a level (:meth:`Guides.settle`). Where several such surfaces meet, or one
-meets other supports, nodes have the rows that these leave to be said.
+A flat surface has one normal for all its nodes. Nodes where facets meet then have one condition,
+however their coordinates are rounded. A curved surface uses the mean normal of the facets at each
+node, and must have a prescribed motion. Increments satisfy B δu = 0. At the beginning of a level,
+:meth:`Guides.settle` moves the nodes to their prescribed places. Where several such surfaces meet,
+or one meets other supports, a node has only the linearly independent rows.
 """
 
 from collections.abc import Sequence
@@ -28,25 +28,26 @@ from perfplast_fenicsx.problem.declared.supports import Support
 
 
 class Curved(InputError):
-    """A surface that is not flat."""
+    """Raised for a surface that is not flat."""
 
 
 @dataclass(frozen=True, eq=False)
 class Guides:
-    """Supports that hold what is normal to their surface.
+    """Supports that hold the displacement along the normal of their surface.
 
     Attributes:
-        surfaces: Surface of each.
-        names: As results name them (:func:`rigid_surface.name_of`).
+        surfaces: Surface of each guide.
+        names: Names of the guides in results (:func:`rigid_surface.name_of`).
         normals: Outward unit normals, the same on every rank, shape (num_guides, gdim).
         host: Local block dof of the node of each row, owned by this rank, shape (num_rows,).
         number: The guide of each row.
-        component: The one of its node that it takes.
+        component: The component of its node that each row eliminates.
         along: Unit normal of each row, shape (num_rows, gdim).
-        curved: Which of the guides are curved.
-        rows: What is left of the normals of local nodes, those before being eliminated and what
-            supports hold left out, shape (gdim, num_nodes, gdim).
-        pivots: The component that each of these takes, −1 for none, shape (gdim, num_nodes).
+        curved: Whether each guide is curved.
+        rows: Normals at local nodes, orthogonalised against earlier rows and against components
+            that supports hold, shape (gdim, num_nodes, gdim).
+        pivots: The component that each of ``rows`` eliminates, −1 without a row, shape (gdim,
+            num_nodes).
     """
 
     surfaces: tuple[str, ...]
@@ -62,15 +63,16 @@ class Guides:
 
     @property
     def held(self) -> tuple[Ints, Ints, Floats]:
-        """Node, component and unit normal of each row."""
+        """Return the node, the component and the unit normal of each row."""
         return self.host, self.component, self.along
 
     def settle(self, u: Floats, known: Floats) -> None:
-        """Put nodes where guides have them, along the components that these take.
+        """Move nodes to the prescribed places, along the components that the rows eliminate.
 
         Args:
-            u: Displacements of local nodes that supports have already, shape (num_nodes, gdim).
-            known: Any that guides and supports have.
+            u: Displacements of local nodes, in which supports are already applied, shape
+                (num_nodes, gdim).
+            known: The displacements that guides and supports prescribe.
         """
         off = np.einsum("kni,ni->kn", self.rows, known - u)
         _add_motion(u, off, self.rows, self.pivots)
@@ -79,7 +81,7 @@ class Guides:
         """Return the largest displacement of a node through its guide, on any rank. Collective.
 
         Args:
-            ties: All rows B u = 0 of the problem, those of guides last.
+            ties: All rows B u = 0 of the problem, with those of guides last.
             u: Displacement.
         """
         jumps = ties.jumps(u)[len(ties.host) - len(self.host) :]
@@ -101,15 +103,15 @@ def find_guides(
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        supports: All supports; those that hold components are left out.
-        taken: Components held by supports at each local node, shape (num_nodes, gdim); those that
-            rows take the place of are added.
-        displacement: u_D at each local node (length), its constant part and that which ζ
-            multiplies, shape (2, num_nodes, gdim); what guides move is added.
+        supports: All supports; the function ignores those that hold components.
+        taken: Components held by supports at each local node, shape (num_nodes, gdim). The function
+            adds the components that its rows eliminate.
+        displacement: u_D at each local node (length): the constant part and the part times ζ, shape
+            (2, num_nodes, gdim). The function adds the motion of guides.
 
     Raises:
-        InputError: If a surface that rests is not flat, or one is nearly parallel to another one,
-            or moved otherwise by another support.
+        InputError: If a surface at rest is not flat, or if a surface is nearly parallel to another
+            one or is moved differently by another support.
     """
     gdim, size = V.mesh.geometry.dim, V.dofmap.index_map.size_local
     told = [it for it in supports if isinstance(it, Support) and it.guides]
@@ -131,16 +133,18 @@ def find_guides(
             factors = left[has, pivot[at]] / rows[at, pivot[at]]
             left[has] -= factors[:, None] * rows[at]
             offset[:, has] -= factors * of[:, at]
-        # Parts of a unit normal that others leave: what is rounding, and too little for a row.
+        # Lengths of orthogonalised normals: up to the first is rounding, up to the second is too
+        # small for a row.
         rounding, least = 1e-9, 1e-3
         sizes = np.abs(left).max(axis=1, initial=0)
         _check_moves(V.mesh.comm, support, offset[:, sizes <= rounding], wanted, displacement)
         new = np.flatnonzero(sizes > rounding)
         if (sizes[new] < least).any():
             message = (
-                f"components = 'normal' of the support on '{support.on}': its normal is within"
-                f" {np.degrees(sizes[new].min()):.2g}° of what other supports hold already where"
-                " they meet; leave one of them out, or part their surfaces."
+                f"components = 'normal' of the support on '{support.on}': where it meets "
+                f"other supports, its normal is within {np.degrees(sizes[new].min()):.2g}° "
+                "of what they already hold; remove one of the supports, or separate their "
+                "surfaces."
             )
             new = new[sizes[new] >= least]
         at, chosen = nodes[new], np.argmax(np.abs(left[new]), axis=1)
@@ -173,10 +177,11 @@ def flat_normal(
         V: Displacement space.
         tagged_mesh: Mesh with names.
         support: The support.
-        known: Unit vectors that are taken for it where they differ by no more than its facets do.
+        known: Unit vectors that replace the normal if they differ from it by no more than its
+            facets do.
 
     Raises:
-        InputError: If its facets turn, or there are none outside.
+        InputError: If its facets differ in direction, or no facet lies on the outside of a body.
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     facets = surface_facets(V, tagged_mesh, support.on)
@@ -186,19 +191,22 @@ def flat_normal(
     outward = comm.allreduce(areas @ n)
     if not np.trace(squares) > 0:
         raise InputError(
-            f"components = 'normal' of the support on '{support.on}': no facet of it is on the"
-            " outside of a body, and has a normal; name another surface, or give letters."
+            f"components = 'normal' of the support on '{support.on}': no facet of the "
+            "surface lies on the outside of a body and has a normal; name another "
+            "surface, or give letters."
         )
     normal: Floats = np.linalg.eigh(squares)[1][:, -1]
     across = np.linalg.norm(n - (n @ normal)[:, None] * normal, axis=1)
     turn = np.arcsin(min(1.0, comm.allreduce(float(across.max(initial=0)), MPI.MAX)))
-    flat = 1e-4  # by which facets of a plane may turn (rad), as of coordinates of six digits
+    flat = (
+        1e-4  # allowed rotation of the facets of a plane (rad), as for coordinates with six digits
+    )
     if turn > flat:
         raise Curved(
-            f"components = 'normal' of the support on '{support.on}' is for flat surfaces, and its"
-            f" facets turn by up to {np.degrees(turn):.3g}° from their mean; give each flat part a"
-            " name and a support of its own, or letters, or a value to move a curved one along its"
-            " normals."
+            f"components = 'normal' of the support on '{support.on}' needs a flat surface, "
+            f"but its facets turn by up to {np.degrees(turn):.3g}° from their mean; give "
+            "each flat part a name and a support of its own, or letters, or a value to "
+            "move a curved one along its normals."
         )
     rounding = 1e-12
     for one in known:
@@ -212,17 +220,17 @@ def flat_normal(
 def _normals(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, support: Support, known: Floats, nodes: Ints
 ) -> tuple[Floats, Floats]:
-    """Return the normal of a surface, no number of a curved one, and that at each node. Collective.
+    """Return the normal of a surface, NaN if it is curved, and the normal at each node. Collective.
 
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
         support: The support.
-        known: As for :func:`flat_normal`; rows without numbers are left out.
+        known: As for :func:`flat_normal`; rows of NaN are ignored.
         nodes: Local nodes of the surface.
 
     Raises:
-        InputError: As :func:`flat_normal` for a surface that rests; or if facets meet at an edge.
+        InputError: As :func:`flat_normal` for a surface at rest; or if facets meet at an edge.
     """
     gdim = known.shape[1]
     try:
@@ -236,8 +244,9 @@ def _normals(
     twice = len(np.unique(faces.node)) < len(faces.node)
     if V.mesh.comm.allreduce(twice, MPI.LOR):
         raise InputError(
-            f"components = 'normal' of the support on '{support.on}': facets of it meet at an edge,"
-            " whose nodes have two normals; give each smooth part a name and a support of its own."
+            f"components = 'normal' of the support on '{support.on}': facets of the "
+            "surface meet at an edge, whose nodes have two normals; give each smooth part "
+            "a name and a support of its own."
         )
     field = la.vector(V.dofmap.index_map, gdim)
     field.array.reshape(-1, gdim)[faces.node] = faces.normal
@@ -246,7 +255,10 @@ def _normals(
 
 
 def _wanted(V: fem.FunctionSpace, support: Support, nodes: Ints) -> Floats:
-    """Return the displacement of nodes along their normals, constant and times ζ. Collective."""
+    """Return the prescribed displacement of nodes along their normals, constant and times ζ.
+
+    Collective.
+    """
     found = np.zeros((2, len(nodes)))
     x = V.tabulate_dof_coordinates()[nodes, : V.mesh.geometry.dim]
     found[0 if support.constant else 1] = motion_of(V.mesh.comm, support, x)[:, 0]
@@ -261,29 +273,31 @@ def _check_moves(
     Args:
         comm: The ranks.
         support: The guide.
-        off: What nodes that others hold are off where the guide has them.
-        wanted: Where the guide has nodes along its normal.
+        off: Distance of nodes that other supports hold from the places that the guide prescribes.
+        wanted: Displacement along the normal that the guide prescribes.
         given: All u_D.
 
     Raises:
-        InputError: If any does.
+        InputError: If a support moves such a node.
     """
-    rounding = 1e-9  # displacements that differ by this share of the largest are one
+    rounding = 1e-9  # displacements that differ by less than this share of the largest are equal
     most = np.array([float(np.abs(of).max(initial=0)) for of in (wanted, given, off)])
     comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
     if most[2] > rounding * most[:2].max():
         raise InputError(
-            f"another support moves nodes of '{support.on}' off its plane, which components ="
-            " 'normal' holds; leave one of them out, or part their surfaces."
+            f"another support moves nodes of '{support.on}' off its plane, which "
+            "components = 'normal' holds; remove one of the supports, or separate their "
+            "surfaces."
         )
 
 
 def _add_motion(displacement: Floats, offset: Floats, rows: Floats, pivots: Ints) -> None:
-    """Add to u_D what guides move, along the components that they take.
+    """Add the motion of guides to u_D, along the components that their rows eliminate.
 
     Args:
         displacement: Shape (num_nodes, gdim).
-        offset: What is left of the displacement along each row, shape (gdim, num_nodes).
+        offset: Prescribed displacement along each row after orthogonalisation, shape (gdim,
+            num_nodes).
         rows: As for :class:`Guides`.
         pivots: As ``rows``.
     """

@@ -1,8 +1,8 @@
-"""Strain that bodies have without any stress: of temperature, or of stress that is there at first.
+"""Compute the initial strain of bodies: from temperature or from initial stress.
 
-With e₀ the law sees ε(u) − e₀. A change of temperature T has e₀ = aTδ with the coefficient of
-expansion a of the material, a stress σ₀ in the undeformed bodies e₀ = −C⁻¹σ₀. :mod:`shanks`
-computes what bolts add once they are tightened.
+With the initial strain e₀, the law receives ε(u) − e₀. A change of temperature T has e₀ = aTδ with
+the coefficient of expansion a of the material. A stress σ₀ in the undeformed bodies has e₀ =
+−C⁻¹σ₀. :mod:`shanks` computes the strain that tightened bolts add.
 """
 
 import math
@@ -28,13 +28,15 @@ def initial_strain(
     laws: Sequence[LawOnCells],
     given: Sequence[Initial],
 ) -> fem.Function | None:
-    """e₀, Mandel vectors at the quadrature points, 0 of bolts; None where nothing is given.
+    """Return e₀ as Mandel vectors at the quadrature points, 0 in bolts.
+
+    None without initial strain.
 
     Collective.
 
     Raises:
-        InputError: An unknown volume, a material without expansion, a wrong number of components,
-            or a value that is not finite.
+        InputError: For an unknown volume, a material without expansion, a wrong number of
+            components, or a value that is not finite.
     """
     if not given:
         return None
@@ -65,25 +67,25 @@ def initial_strain(
 def _expansion(
     materials: Mapping[str, Material], given: Temperature, x: Floats, points: Ints
 ) -> Floats:
-    """Return a T at points, shape (num_points, 1)."""
+    """Return the thermal strain a T at points, shape (num_points, 1)."""
     expansion = float(getattr(materials.get(given.on), "expansion", 0.0))
     if not expansion:
         raise InputError(
-            f"the temperature of '{given.on}' changes, but its material has no expansion; give it"
-            " one, such as expansion = 1.2e-5."
+            f"the temperature of '{given.on}' changes, but its material has no expansion; "
+            "give the material one, such as expansion = 1.2e-5."
         )
     change = evaluate(given.change, x[points], f"the temperature of '{given.on}'")
     return expansion * change[:, None]
 
 
 def _mandel(given: InitialStress, x: Floats, points: Ints, width: int) -> Floats:
-    """σ₀ at points as Mandel vectors, shape (num_points, width)."""
+    """Return σ₀ at points as Mandel vectors, shape (num_points, width)."""
     if len(given.stress) != width:
-        # Of an initial stress, by the number of Mandel components.
+        # The components of an initial stress, by the number of Mandel components.
         components = {4: "xx, yy, zz and xy", 6: "xx, yy, zz, yz, xz and xy"}
         raise InputError(
-            f"the initial stress of '{given.on}' has {len(given.stress)} components, where"
-            f" {components[width]} are needed; give these {width}."
+            f"the initial stress of '{given.on}' has {len(given.stress)} components, but "
+            f"this mesh needs {components[width]}; give these {width}."
         )
     place = f"the initial stress of '{given.on}'"
     values = np.column_stack([evaluate(value, x[points], place) for value in given.stress])

@@ -1,4 +1,4 @@
-"""Forms that are compiled once and assembled again and again."""
+"""Compile forms once and assemble them repeatedly."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -16,12 +16,12 @@ class Integral:
         self._form = fem.form(form)
 
     def __call__(self) -> float:
-        """Return the integral now. Collective."""
+        """Return the integral of the current values. Collective."""
         return float(self._comm.allreduce(fem.assemble_scalar(self._form)))
 
 
 def assemble_force(vector: PETSc.Vec, form: fem.Form, bcs: list[fem.DirichletBC]) -> None:
-    """Assemble a linear form into a vector, ghosts summed, zero at supports. Collective."""
+    """Assemble a linear form into a vector, with ghosts summed and zero at supports. Collective."""
     with vector.localForm() as local:
         local.set(0)
     fem_petsc.assemble_vector(vector, form)

@@ -1,6 +1,6 @@
-"""The laws of a problem, each on the cells of its bodies, and what is evaluated by all of them.
+"""Apply the laws of a problem, each on the cells of its bodies.
 
-Bodies whose materials name the same class of law are evaluated together.
+Bodies whose materials use the same class of law are evaluated together.
 """
 
 import math
@@ -33,14 +33,17 @@ from perfplast_fenicsx.spatial_fields import SpatialField
 
 @dataclass(frozen=True, eq=False)
 class LawOnCells:
-    """A law and where it holds.
+    """A law and the cells on which it holds.
 
     Attributes:
-        law: Its parameters are functions on all of Q; outside ``cells`` their values mean nothing.
-        numbers: These functions by name. Others with their values are another law of its kind.
-        old: Its history by name, functions of the points; those of other laws by the same names.
-        cells: Its cells of this rank, ghosts too, sorted.
-        dx: Integrates over its cells.
+        law: The law. Its parameters are functions on all of Q; their values outside ``cells`` have
+            no meaning.
+        numbers: The functions of the parameters by name. Other functions with the same names give
+            another law of this class.
+        old: The history of the law by name, functions at the points; laws with the same names share
+            them.
+        cells: Local cells of the law, including ghosts, sorted.
+        dx: Measure that integrates over the cells of the law.
     """
 
     law: Law
@@ -55,22 +58,22 @@ class LawOnCells:
 
 
 OfLaw: TypeAlias = Callable[[LawOnCells], Expr]
-"""Returns an expression for each law."""
+"""A callable that returns an expression for each law."""
 
 
 def lay_out(
     tagged_mesh: TaggedMesh, spaces: Spaces, materials: Mapping[str, Material]
 ) -> tuple[LawOnCells, ...]:
-    """Put the bodies of each law together. Collective.
+    """Return the laws of the materials, each on the cells of its bodies. Collective.
 
     Args:
         tagged_mesh: The bodies.
-        spaces: Theirs.
+        spaces: The finite element spaces of the bodies.
         materials: Materials of each volume.
 
     Raises:
-        InputError: If a volume is unknown or has no material, one is no material, or laws have
-            variables of different shapes by the same name in their history.
+        InputError: If a volume is unknown or has no material, if a material is invalid, or if laws
+            have history variables of the same name and different shapes.
     """
     _check(tagged_mesh, materials)
     if tagged_mesh.is_thin:
@@ -119,9 +122,9 @@ def _check(tagged_mesh: TaggedMesh, materials: Mapping[str, Material]) -> None:
 
 
 def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
-    """Refuse materials whose numbers are not finite, or that a strain costs no energy.
+    """Refuse materials whose numbers are not finite or whose elastic energy is not positive.
 
-    Those of the program check their own numbers; of others nothing else would.
+    The program's own materials check their numbers; this function also checks materials of users.
 
     Args:
         materials: Materials of each volume.
@@ -140,8 +143,8 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
             }
         except ZeroDivisionError as error:
             raise InputError(
-                f"{what} divides by zero where it makes the numbers of its law, as with poisson ="
-                " 0.5; give numbers inside of their range."
+                f"{what} divides by zero where it computes the numbers of its law, as with "
+                "poisson = 0.5; give numbers inside their range."
             ) from error
         for key, number in numbers.items():
             if not math.isfinite(number):
@@ -155,9 +158,9 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
         stiffness = np.column_stack([numbers_of(elastic.hooke(unit)) for unit in units])
         if not np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[0] > 0:
             raise InputError(
-                f"{what} has an elastic stiffness that is not positive ({_shown(numbers)}), so that"
-                " some strain costs no energy; give young > 0 and poisson between -1 and 1/2, or"
-                " the equivalent numbers of its law."
+                f"{what} has an elastic stiffness that is not positive "
+                f"({_shown(numbers)}), so that some strain has no energy; give young > 0 "
+                "and poisson between -1 and 1/2, or the equivalent numbers of its law."
             )
 
 
@@ -168,7 +171,7 @@ def _shown(numbers: Mapping[str, float]) -> str:
 def _parameters(
     tagged_mesh: TaggedMesh, spaces: Spaces, materials: Mapping[str, Material]
 ) -> dict[str, fem.Function]:
-    """Return each parameter as a function, shared by the laws that have one by that name.
+    """Return each parameter as a function, which laws with a parameter of the same name share.
 
     Collective.
 
@@ -196,7 +199,7 @@ def set_parameters(
     Args:
         tagged_mesh: The bodies.
         materials: Materials of each volume.
-        functions: Of Q, by the names of the parameters.
+        functions: Functions of Q, by the names of the parameters.
 
     Raises:
         InputError: If a parameter that varies in space is not positive and finite at a point, or at
@@ -225,30 +228,30 @@ def set_parameters(
 
 
 def _vertices(tagged_mesh: TaggedMesh, cells: Ints) -> Floats:
-    """Return the vertices of the cells of a volume that this rank owns."""
+    """Return the vertices of the owned cells of a volume."""
     vertices, places = corners(tagged_mesh.mesh)
     return places[np.unique(vertices[cells[cells < len(vertices)]])]
 
 
 def _check_positive(number: SpatialField, name: str, x: Floats) -> None:
-    """Refuse a strength that is not positive at some places.
+    """Refuse a strength that is not positive at some point.
 
     Raises:
-        InputError: Naming the first place.
+        InputError: Naming the first such point.
     """
     values = number.profile.at(x, f"a strength of '{name}'")
     wrong = ~(values > 0)
     if wrong.any():
         lowest = int(np.argmin(values))
         raise InputError(
-            f"the strength of '{name}', {number.profile}, is {values[lowest]:.6g} at"
-            f" {place_of(x[lowest])}; a strength that varies must be positive in the whole body, so"
-            " give it a small positive value there."
+            f"the strength of '{name}', {number.profile}, is {values[lowest]:.6g} at "
+            f"{place_of(x[lowest])}; a strength that varies must be positive in the whole "
+            "body, so give it a small positive value there."
         )
 
 
 def _history(law: Law, spaces: Spaces, known: dict[str, fem.Function]) -> dict[str, fem.Function]:
-    """Return the history of a law, zero; those that other laws have too are shared."""
+    """Return the history of a law, set to zero; laws with the same variables share them."""
     mesh, (m,) = spaces.S.mesh, spaces.S.value_shape
     shapes = law.history(m)
     for name, shape in shapes.items():
@@ -256,44 +259,47 @@ def _history(law: Law, spaces: Spaces, known: dict[str, fem.Function]) -> dict[s
             known[name] = fem.Function(space_at_points(mesh, spaces.degree, shape), name=name)
         elif known[name].function_space.value_shape != shape:
             raise InputError(
-                f"'{name}' of the history of {type(law).__name__} has shape {shape}, and that of"
-                f" another law {known[name].function_space.value_shape}; rename one of them."
+                f"'{name}' in the history of {type(law).__name__} has shape {shape}, but "
+                f"in that of another law {known[name].function_space.value_shape}; rename "
+                "one of them."
             )
     return {name: known[name] for name in shapes}
 
 
 def integrate(laws: Iterable[LawOnCells], density: OfLaw) -> ufl.Form:
-    """∫ of what each law says, over all cells.
+    """Return the integral of the density of each law over its cells.
 
     Args:
         laws: Laws of a problem.
-        density: Density of a law; a scalar, linear in test and trial functions if there are any.
+        density: Function that returns the density of a law: a scalar, linear in any test and trial
+            functions.
     """
     return reduce(add, (_valid(density(on), on) * on.dx for on in laws))
 
 
 class LawExpression:
-    """A value of each law at the points of its cells; compiled once."""
+    """A value of each law at the points of its cells, compiled once."""
 
     def __init__(self, laws: Sequence[LawOnCells], space: fem.FunctionSpace, value: OfLaw) -> None:
-        """Compile. Collective.
+        """Compile the expressions. Collective.
 
         Args:
-            laws: Laws of a problem; some of them, if the others have no such value.
+            laws: Laws of a problem, or some of them if the others have no such value.
             space: Space of functions at the points (:func:`spaces.space_at_points`).
-            value: Value of a law, of the shape of the space's functions.
+            value: Function that returns the value of a law, with the shape of the space's
+                functions.
         """
         points = interpolation_points(space.element)
         self._parts = [(fem.Expression(_valid(value(on), on), points), on.cells) for on in laws]
 
     def interpolate(self, function: fem.Function) -> None:
-        """Evaluate it into a function of the space, ghosts too, on the cells of the laws."""
+        """Interpolate the expression into a function, on the cells of the laws including ghosts."""
         for expression, cells in self._parts:
             evaluate(expression, function, cells)
 
 
 def _valid(value: Expr, on: LawOnCells) -> Expr:
-    """Return the expression, merged; 0 as a constant on the mesh, as UFL's own 0 has no mesh."""
+    """Return the merged expression; 0 as a constant on the mesh, since UFL's own 0 has no mesh."""
     if not isinstance(value, ufl.constantvalue.Zero):
         return merged(value)
     zero = np.zeros(value.ufl_shape, dtype=default_scalar_type)
@@ -301,13 +307,13 @@ def _valid(value: Expr, on: LawOnCells) -> Expr:
 
 
 def merged(expression: Expr) -> Expr:
-    """Return an equal expression in which equal parts are one object.
+    """Return an equal expression in which equal parts are the same object.
 
-    UFL compares equal parts that are different objects node by node. If a law makes the steps of an
-    iteration more than once, that work grows exponentially with the number of steps.
+    UFL compares equal parts that are different objects node by node. If a law performs the steps of
+    an iteration more than once, that work grows exponentially with the number of steps.
 
     Args:
-        expression: An expression. The operands of its parts are replaced by equal ones.
+        expression: An expression. The function replaces the operands of its parts by equal objects.
     """
     parts: dict[int, tuple[Expr, Expr]] = {}
     terminals: dict[Expr, Expr] = {}

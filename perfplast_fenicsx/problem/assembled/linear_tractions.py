@@ -1,10 +1,10 @@
-"""Tractions that are linear on facets, which stresses that are linear in the cells can balance.
+"""Evaluate tractions that are linear on facets: stresses linear in the cells can balance them.
 
-So can they a pressure in pores that is linear in each cell.
+The module treats pore pressures that are linear in each cell in the same way.
 
-A formula counts as what the program takes it for
-(:mod:`perfplast_fenicsx.problem.declared.loads`): a quadratic through its values at vertices and
-midsides. So one of degree 1 is exact, and one with kinks is linear where its kinks are at vertices.
+The program replaces a formula by a quadratic through its values at vertices and midsides
+(:mod:`perfplast_fenicsx.problem.declared.loads`). So a formula of degree 1 is exact, and one with
+kinks is linear if its kinks are at vertices.
 """
 
 from itertools import combinations
@@ -23,24 +23,24 @@ from perfplast_fenicsx.problem.declared.loads import (
 )
 
 ROUNDING = 1e-12
-"""Difference of a linear traction at midsides from the mean of the ends', relative to the largest:
-of formulas whose terms cancel some digits."""
+"""Allowed difference of a linear traction at midsides from the mean of the ends, relative to the
+largest value. Formulas whose terms cancel lose some digits."""
 
 
 def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floats, Floats]:
-    """Return tractions of ζ = 1 on straight facets. Not collective.
+    """Return the tractions on straight facets for ζ = 1. Not collective.
 
     Args:
-        load: A traction or a pressure, also one that follows the cosine.
+        load: A traction or a pressure, or the cosine pressure of a bearing.
         corners: Vertices of the facets, shape (n, d, d).
         normals: Outward unit normals, shape (n, d).
 
     Returns:
-        At the vertices, shape (n, d, d), and how much the quadratic differs from them at midsides,
-        shape (n,) (stress).
+        The tractions at the vertices, shape (n, d, d), and how much the quadratic differs from the
+        linear traction at midsides, shape (n,) (stress).
 
     Raises:
-        InputError: If the formula is not finite there.
+        InputError: If the formula is not finite on these facets.
         TypeError: If the load is of another kind.
     """
     at_ends = _values(load, corners, normals)
@@ -48,19 +48,19 @@ def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floa
 
 
 def linear_pores(load: PorePressure, corners: Floats) -> tuple[Floats, Floats]:
-    """Return a pressure in the pores of straight cells, of ζ = 1. Not collective.
+    """Return the pore pressure in straight cells for ζ = 1. Not collective.
 
     Args:
-        load: The pressure.
+        load: The pore pressure.
         corners: Vertices of the cells, shape (n, d + 1, d).
 
     Returns:
-        At the vertices, shape (n, d + 1), and how much the quadratic differs from it at midsides,
-        shape (n,) (stress).
+        The pressures at the vertices, shape (n, d + 1), and how much the quadratic differs from the
+        linear pressure at midsides, shape (n,) (stress).
 
     Raises:
-        InputError: If the formula is not finite there.
-        TypeError: If there is no linear function to take in its place.
+        InputError: If the formula is not finite in these cells.
+        TypeError: If no linear function can enclose the pressure.
     """
     place = f"the load on '{load.on}'"
     values = load.at_corners(corners)
@@ -76,7 +76,7 @@ def linear_pores(load: PorePressure, corners: Floats) -> tuple[Floats, Floats]:
 
 
 def _edges(count: int) -> list[tuple[int, int]]:
-    """Return ends of the edges of a simplex with so many vertices."""
+    """Return the ends of the edges of a simplex with ``count`` vertices."""
     return list(combinations(range(count), 2))
 
 
@@ -87,20 +87,20 @@ def _middles(corners: Floats) -> Floats:
 
 
 def _off(at_ends: Floats, at_middles: Floats) -> Floats:
-    """Return how much values differ at midsides from the mean of the ends', of each simplex."""
+    """Return how much values differ at midsides from the mean of the ends, for each simplex."""
     off: Floats = np.abs(at_middles - _middles(at_ends)).max(axis=(1, 2), initial=0.0)
     return off
 
 
 def _points(x: Floats) -> Floats:
-    """Return points of some simplices, in a row and with three coordinates."""
+    """Return the points of some simplices as one list, with three coordinates each."""
     points = np.zeros((x.shape[0] * x.shape[1], 3))
     points[:, : x.shape[2]] = x.reshape(-1, x.shape[2])
     return points
 
 
 def _values(load: Load, x: Floats, normals: Floats) -> Floats:
-    """Return tractions at points, some on each facet: shape (n, k, d), as the points."""
+    """Return the tractions at some points on each facet, shape (n, k, d) as the points."""
     count, of_each, d = x.shape
     points, place = _points(x), f"the load on '{load.on}'"
     if isinstance(load, Pressure):

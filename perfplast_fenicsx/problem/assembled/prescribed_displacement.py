@@ -1,4 +1,4 @@
-"""The displacement u_D of supports as arrays, and where contact could not see it."""
+"""Store the displacement u_D of supports as arrays, and check that contact can see it."""
 
 from collections.abc import Sequence
 
@@ -22,7 +22,7 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def conditions_at_rest(V: fem.FunctionSpace, held: npt.NDArray[np.bool_]) -> list[fem.DirichletBC]:
-    """The conditions of increments: 0 at held components, flags of shape (num_nodes, gdim)."""
+    """Return conditions of increments: 0 at held components, flags of shape (num_nodes, gdim)."""
     zero, gdim = default_scalar_type(0), held.shape[1]
     nodes = [np.flatnonzero(held[:, i]).astype(np.int32) for i in range(gdim)]
     return [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
@@ -31,25 +31,27 @@ def conditions_at_rest(V: fem.FunctionSpace, held: npt.NDArray[np.bool_]) -> lis
 def known_displacements(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, supports: Sequence[Support | RigidSurface]
 ) -> tuple[npt.NDArray[np.bool_], Floats, Ints]:
-    """Which components supports and rigid surfaces that are moved hold, and where. Collective.
+    """Return which components supports and moved rigid surfaces hold, and their displacements.
 
-    On the axis of bodies of revolution nothing moves outwards, whatever holds it.
+    Collective.
+
+    On the axis of bodies of revolution no node moves radially, whatever holds it.
 
     Returns:
-        Flags; displacements (length), the constant ones and those that ζ multiplies, 0 at other
-        components, shape (2, num_nodes, gdim); and the number of the first support that holds them,
-        −1 at others. All of local nodes, ghosts too, shape (num_nodes, gdim).
+        Flags; displacements (length), the constant part and the part times ζ, 0 at other
+        components, shape (2, num_nodes, gdim); and the number of the first support that holds each
+        component, −1 at others. All at local nodes including ghosts, shape (num_nodes, gdim).
 
     Raises:
-        InputError: An unknown surface, wrong components, a value that is not finite, or two values
-            for the same component of a node.
+        InputError: For an unknown surface, wrong components, a value that is not finite, or two
+            values for the same component of a node.
     """
     fdim, gdim = tagged_mesh.mesh.topology.dim - 1, tagged_mesh.mesh.geometry.dim
     x = V.tabulate_dof_coordinates()[:, :gdim]
     fixed, values, message = np.zeros(x.shape, dtype=bool), np.zeros((2, *x.shape)), None
     comm = tagged_mesh.mesh.comm
     holder = np.full(x.shape, -1, dtype=np.int32)
-    rounding = 1e-12  # displacements that differ by this share of the largest are one
+    rounding = 1e-12  # displacements that differ by less than this share of the largest are equal
     for number, support in enumerate(supports):
         nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(support.on))
         given = np.zeros((2, len(nodes), gdim))
@@ -62,9 +64,10 @@ def known_displacements(
             if differs.any():
                 first = int(np.argmax(differs))
                 message = (
-                    f"the support on '{support.on}' moves nodes by {_told(new[:, first])} along"
-                    f" {AXES[axis]} that another support moves by {_told(old[:, first])}; leave the"
-                    " component out of one of them, or part their surfaces."
+                    f"the support on '{support.on}' moves nodes by {_told(new[:, first])} "
+                    f"along {AXES[axis]}, but another support moves them by "
+                    f"{_told(old[:, first])}; remove the component from one of the "
+                    "supports, or separate their surfaces."
                 )
             fresh = ~fixed[nodes, axis]
             holder[nodes[fresh], axis] = number
@@ -75,26 +78,26 @@ def known_displacements(
     on_axis = tagged_mesh.kinematics.held(V.tabulate_dof_coordinates(), size)
     if (on_axis & (values != 0)).any():
         message = (
-            "a support moves nodes of the axis r = 0 along x, which is the radius; leave x out of"
-            " its components, or the axis out of its surface."
+            "a support moves nodes of the axis r = 0 along x, which is the radius; remove "
+            "x from its components, or the axis from its surface."
         )
     raise_together(comm, message)
     return fixed | on_axis, values, holder
 
 
 def motion_of(comm: MPI.Intracomm, support: Support | RigidSurface, x: Floats) -> Floats:
-    """Return the displacement of points, or refuse it on all ranks. Collective."""
+    """Return the displacement of points, or raise the same error on all ranks. Collective."""
     found, fault = np.zeros_like(x), None
     try:
         found = support.motion(x)
-    except InputError as error:  # a formula may have no value at a point of one rank
+    except InputError as error:  # a formula may have no value at a point on one rank
         fault = str(error)
     raise_together(comm, fault)
     return found
 
 
 def _told(displacement: Floats) -> str:
-    """Return a displacement in words: its constant part, and that which ζ multiplies."""
+    """Return a displacement in words: its constant part and the part that ζ multiplies."""
     constant, growing = displacement
     return f"{growing:g} times ζ" if growing else f"{constant:g}"
 
@@ -107,18 +110,18 @@ def check_moved_surfaces(
     fixed: npt.NDArray[np.bool_],
     prescribed: Floats,
 ) -> None:
-    """Refuse what moves nodes of contact surfaces along their normals, unseen by any pair.
+    """Refuse supports that move nodes of contact surfaces along their normals without any pair.
 
-    Where neither node of a pair is free along the normal there is no pair. Collective.
+    There is no pair where neither of its nodes is free along the normal. Collective.
 
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        moves: The name of each surface in contact, and how far what is opposite moves by itself for
-            ζ = 1 (length): 0, or as an obstacle does, shape (gdim,).
+        moves: The name of each surface in contact, and the given motion of its opposite side for ζ
+            = 1 (length): 0, or the motion of an obstacle, shape (gdim,).
         constraints: The rows of these surfaces.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
-        prescribed: u_D, constant and times ζ, shape (2, num_nodes, gdim).
+        prescribed: u_D: the constant part and the part times ζ, shape (2, num_nodes, gdim).
 
     Raises:
         InputError: Naming the surface.
@@ -138,31 +141,32 @@ def check_moved_surfaces(
         largest = max(farthest, np.abs(move).max())
         if (unseen & (along > ROUNDING * largest)).any():
             message = (
-                f"supports hold nodes of the contact surface '{name}' along its normal, so that"
-                " these, which move or are moved against, cannot give way; leave them out of the"
-                " contact surface."
+                f"supports hold nodes of the contact surface '{name}' along its normal, "
+                "but these nodes or the opposite side are moved, so that they cannot give "
+                "way; remove these nodes from the contact surface."
             )
     raise_together(tagged_mesh.mesh.comm, message)
 
 
 def check_moved_ties(V: fem.FunctionSpace, ties: Constraints, prescribed: Floats) -> None:
-    """Refuse supports that by themselves move one side of a tie and not the other. Collective.
+    """Refuse supports that move one side of a tie but not the other. Collective.
 
     Args:
         V: Displacement space.
-        ties: Their rows.
+        ties: The rows of the ties.
         prescribed: u_D at each local node, shape (num_nodes, gdim).
 
     Raises:
-        InputError: If they do.
+        InputError: If a support does.
     """
     u = fem.Function(V)
     u.x.array[:] = prescribed.ravel()
     apart = float(np.abs(ties.jumps(u.x.petsc_vec)).max(initial=0))
     if V.mesh.comm.allreduce(apart, MPI.MAX) > ROUNDING * _farthest(V, prescribed):
         raise InputError(
-            "a support moves nodes of a tied surface, which the other surface would have to"
-            " follow; leave these nodes out of the support or of the tie, or give it the value 0."
+            "a support moves nodes of a tied surface, which the other surface would have "
+            "to follow; remove these nodes from the support or from the tie, or give the "
+            "support the value 0."
         )
 
 

@@ -1,4 +1,4 @@
-"""Forces on rigid surfaces as resultants about the origin."""
+"""Compute the resultants of forces on rigid surfaces about the origin."""
 
 from collections.abc import Sequence
 
@@ -12,15 +12,16 @@ from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, fitti
 def rigid_resultants(
     surfaces: Sequence[RigidSurface], loads: Sequence[Load], gdim: int
 ) -> tuple[Floats, Floats]:
-    """Force and moment of ζ = 1 on each of some rigid surfaces.
+    """Return the force and moment on each of some rigid surfaces for ζ = 1.
 
     Args:
-        surfaces: Rigid ones.
-        loads: Of which the forces on these count.
+        surfaces: Rigid surfaces.
+        loads: Loads; only the forces on these surfaces count.
         gdim: 2 or 3.
 
     Returns:
-        Shapes (num_surfaces, gdim) and (num_surfaces, 1 or 3), the moment about the origin.
+        The forces, shape (num_surfaces, gdim), and the moments about the origin, shape
+        (num_surfaces, 1 or 3).
     """
     numbers = {surface.on: number for number, surface in enumerate(surfaces)}
     forces = np.zeros((len(surfaces), gdim))
@@ -37,6 +38,6 @@ def rigid_resultants(
 
 
 def moments_of(arms: Floats, forces: Floats) -> Floats:
-    """Return moments of forces, both of shape (n, gdim), as of rotations: shape (n, 1 or 3)."""
+    """Return moments of forces, both of shape (n, gdim); the moments have shape (n, 1 or 3)."""
     axes = np.eye(2 * arms.shape[1] - 3)
     return np.stack([np.einsum("ni,ni->n", turned(e, arms), forces) for e in axes], axis=1)

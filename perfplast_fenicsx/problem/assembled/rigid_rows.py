@@ -1,8 +1,8 @@
-"""Rigid surfaces as rows B u = 0, as of ties: all their nodes follow two, or in space three.
+"""Assemble rigid surfaces as rows B u = 0: all their nodes follow two, or in space three.
 
-The nodes a, b, c that lead lie well apart. Their unknowns are u_a, the components of u_b across a–b
-and, in space, that of u_c out of the plane a, b, c: 3 or 6 in all. All else on the surface is
-linear in them:
+The leading nodes a, b, c are far apart from each other. Their free unknowns are u_a, the components
+of u_b across a–b and, in space, the component of u_c out of the plane a, b, c: 3 or 6 in all. The
+displacement of each other node of the surface is linear in them:
 
     u(x) = u_a + ω × (x − a)   with   ω = W (u_a, u_b, u_c)
 """
@@ -31,7 +31,7 @@ class Leaders:
 
     Attributes:
         number: Their global block dofs, shape (2,) or (3,).
-        x: Where they are, shape (2, 2) or (3, 3).
+        x: Coordinates of the leaders, shape (2, 2) or (3, 3).
         frame: Unit vectors along a–b, across it and, in space, out of their plane.
     """
 
@@ -40,13 +40,13 @@ class Leaders:
     frame: Floats
 
     def follow(self, x: Floats) -> Floats:
-        """Return coefficients of points' displacements in those of the leaders.
+        """Return the coefficients of the points' displacements in those of the leaders.
 
         Args:
             x: Points, shape (n, gdim).
 
         Returns:
-            Shape (n, gdim, leaders, gdim).
+            Coefficients, shape (n, gdim, leaders, gdim).
         """
         gdim = len(self.frame)
         turns = self._turns()
@@ -58,7 +58,7 @@ class Leaders:
         return found
 
     def _turns(self) -> Floats:
-        """W: the rotation from the leaders' displacements, shape (1 or 3, leaders, gdim)."""
+        """Return W, the rotation from the leaders' displacements, shape (1 or 3, leaders, gdim)."""
         along, across = self.frame[:2]
         length = float(np.linalg.norm(self.x[1] - self.x[0]))
         if len(self.frame) == 2:
@@ -67,7 +67,7 @@ class Leaders:
             return turn
         out = self.frame[2]
         arm = self.x[2] - self.x[0]
-        local = np.zeros((3, 3, 3))  # about along, across, out
+        local = np.zeros((3, 3, 3))  # rotations about the axis along, across and out of the plane
         local[2, 1] = across / length
         local[1, 1] = -out / length
         local[0, 2] = out
@@ -77,12 +77,12 @@ class Leaders:
         return np.einsum("ft,flk->tlk", self.frame, local)
 
     def forces(self, force: Floats, moment: Floats, point: Floats) -> Floats:
-        """Return the smallest forces on the leaders with a resultant, shape (leaders, gdim).
+        """Return the smallest forces on the leaders with a given resultant, shape (leaders, gdim).
 
         Args:
-            force: Shape (gdim,).
-            moment: About the point, shape (1,) or (3,).
-            point: Shape (gdim,).
+            force: The force, shape (gdim,).
+            moment: The moment about the point, shape (1,) or (3,).
+            point: The point, shape (gdim,).
         """
         gdim = len(self.frame)
         arms = self.x - point
@@ -94,10 +94,10 @@ class Leaders:
 
 
 def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> Leaders:
-    """Return the leaders of a surface, the same on any number of ranks. Collective.
+    """Return the leaders of a surface; they are the same on any number of ranks. Collective.
 
     Raises:
-        InputError: An unknown name, or a surface whose nodes lie in a point or a line.
+        InputError: For an unknown name, or a surface whose nodes lie in a point or a line.
     """
     nodes = surface_nodes_of(V, tagged_mesh, surface)
     gdim, comm = V.mesh.geometry.dim, V.mesh.comm
@@ -109,7 +109,8 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     middle = total / count
     size = comm.allreduce(float(np.linalg.norm(x - middle, axis=1).max(initial=0)), MPI.MAX)
 
-    # Distances that differ by less, relative to the surface, are equal: place decides, not ranks.
+    # Distances that differ by less, relative to the surface, are equal: coordinates decide, not
+    # ranks.
     alike = 1e-9
 
     def farthest(distance: Floats) -> tuple[float, int, Floats]:
@@ -118,7 +119,7 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     _, a, x_a = farthest(np.linalg.norm(x - middle, axis=1))
     length, b, x_b = farthest(np.linalg.norm(x - x_a, axis=1))
     chosen, places, height = [a, b], [x_a, x_b], length
-    # Nodes that lie nearer to a point, or a line, relative to the surface, do not lead.
+    # Nodes nearer to a point or a line than this, relative to the surface, are not leaders.
     in_line = 1e-6
     along = (x_b - x_a) / max(length, in_line * size, np.finfo(float).tiny)
     if gdim == 2:
@@ -133,14 +134,14 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     if not (length > in_line * size and height > in_line * size):
         kind = "a point" if gdim == 2 else "a line"
         raise InputError(
-            f"the nodes of the rigid surface '{surface}' lie in {kind}, which cannot be turned;"
-            " name a larger surface."
+            f"the nodes of the rigid surface '{surface}' lie in {kind}, which cannot be "
+            "rotated; name a larger surface."
         )
     return Leaders(np.array(chosen), np.array(places), np.array(frame))
 
 
 def surface_nodes_of(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> Ints:
-    """Local block dofs of the nodes that this rank owns and that can move. Collective."""
+    """Return local block dofs of the owned nodes of a surface that can move. Collective."""
     fdim = tagged_mesh.mesh.topology.dim - 1
     nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(surface))
     nodes = nodes[nodes < V.dofmap.index_map.size_local]
@@ -155,17 +156,18 @@ def rigid_rows(
     surfaces: Sequence[RigidSurface],
     taken: npt.NDArray[np.bool_],
 ) -> list[Constraints]:
-    """Return the rows of the surfaces that are free to move, and none of others. Collective.
+    """Return the rows of the surfaces that are free to move. Collective.
 
     Args:
         V: Displacement space.
         tagged_mesh: Mesh with names.
-        surfaces: The rigid ones.
-        taken: Components of local nodes that supports hold, or ties host, shape (num_nodes, gdim);
-            those of these surfaces are added.
+        surfaces: The rigid surfaces.
+        taken: Components of local nodes that supports hold or ties host, shape (num_nodes, gdim).
+            The function adds those of these surfaces.
 
     Raises:
-        InputError: An unknown name, a surface without extent, or one that is held already.
+        InputError: For an unknown name, a surface without extent, or a surface that is already
+            held.
     """
     gdim = V.mesh.geometry.dim
     parts: list[Constraints] = []
@@ -173,14 +175,15 @@ def rigid_rows(
         if not surface.free:
             if surface.held:
                 raise InputError(
-                    f"the rigid surface '{surface.on}' has held = '{surface.held}' beside a known"
-                    " motion; leave one of them out."
+                    f"the rigid surface '{surface.on}' has both held = '{surface.held}' "
+                    "and a prescribed motion; remove one of them."
                 )
             continue
         if surface.components != AXES:
             raise InputError(
-                f"the rigid surface '{surface.on}' has components = '{surface.components}', which"
-                " go with a known motion; give a displacement or rotation, or leave them out."
+                f"the rigid surface '{surface.on}' has components = "
+                f"'{surface.components}', which need a prescribed motion; give a "
+                "displacement or rotation, or remove components."
             )
         leaders = find_leaders(V, tagged_mesh, surface.on)
         nodes = surface_nodes_of(V, tagged_mesh, surface.on)
@@ -189,8 +192,9 @@ def rigid_rows(
         held = taken[nodes][:, free].any()
         raise_together(
             V.mesh.comm,
-            f"the rigid surface '{surface.on}' shares nodes with a support, a tie or another rigid"
-            " surface; part the surfaces, or let what is shared be of one of them."
+            f"the rigid surface '{surface.on}' shares nodes with a support, a tie or "
+            "another rigid surface; separate the surfaces, or assign the shared nodes to "
+            "one of them."
             if held
             else None,
         )
@@ -204,7 +208,7 @@ def rigid_rows(
 
 
 def _rows(V: fem.FunctionSpace, leaders: Leaders, nodes: Ints, number: int) -> Constraints:
-    """Return rows for each node's components that follow, in the leaders' frame. Collective."""
+    """Return the rows of each node's dependent components, in the leaders' frame. Collective."""
     gdim = V.mesh.geometry.dim
     numbers = V.dofmap.index_map.local_to_global(nodes)
     which = np.full(len(nodes), -1)
@@ -239,7 +243,7 @@ def _rows_of_slide(
     free: Sequence[int],
     number: int,
 ) -> Constraints:
-    """Return rows for each node's free components, which follow one leader. Collective."""
+    """Return the rows of each node's free components, which follow one leader. Collective."""
     gdim, leader = V.mesh.geometry.dim, leaders.number[0]
     numbers = V.dofmap.index_map.local_to_global(nodes)
     others = np.flatnonzero(numbers != leader)
@@ -257,7 +261,10 @@ def _rows_of_slide(
 def _farthest(
     comm: MPI.Intracomm, distance: Floats, number: Longs, x: Floats, alike: float
 ) -> tuple[float, int, Floats]:
-    """Return the largest distance and its node; of equal ones the first in place. Collective."""
+    """Return the largest distance and its node; among equal distances coordinates decide.
+
+    Collective.
+    """
     largest = comm.allreduce(float(distance.max(initial=0)), MPI.MAX)
     near = np.flatnonzero(distance >= largest - alike)
     order = np.lexsort(np.round(x[near] / max(alike, np.finfo(float).tiny)).T)

@@ -1,11 +1,11 @@
-"""Shanks of bolts: how far each is shortened, the strain without stress of that, and its force.
+"""Model the shanks of bolts: how far each is shortened, its strain without stress, and its force.
 
-A shank that is shortened by s has e₀ = −s ε(w), with the displacement w = φa of the bolt alone
-along its axis a. The nodal values of φ rise from 0 to 1 from where the shank begins to where it
-ends. The law sees ε(u + sw), a displacement as smooth as any, so that nothing but the shortening
-strains the bolt. The force of the shank is N = ⟨σ, ε(w)⟩: in equilibrium that is what one end of
-the bolt exerts on the other, exactly so on any mesh, wherever no force acts on the shank between
-its ends, and the mean along the shank where one does. It is also ∂J/∂s: the force that goes with s.
+A shank that is shortened by s has e₀ = −s ε(w). The displacement of the bolt alone along its axis a
+is w = φa. The nodal values of φ rise from 0 at the beginning of the shank to 1 at its end. The law
+receives ε(u + sw), the strain of a continuous displacement, so that only the shortening strains the
+bolt. The force of the shank is N = ⟨σ, ε(w)⟩. In equilibrium this is the force that one end of the
+bolt exerts on the other. It is exact on any mesh if no force acts on the shank between its ends;
+otherwise it is the mean along the shank. It also equals ∂J/∂s, the force conjugate to s.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,10 +31,10 @@ class Shanks:
     """The shanks of a problem's bolts.
 
     Attributes:
-        bolts: As they were declared.
-        shortening: Shortening of each (length), shape (num_bolts,); None where they are not
-            tightened yet.
-        anew: Names of those that stages tighten once more.
+        bolts: The declared bolts.
+        shortening: Shortening of each bolt (length), shape (num_bolts,); None before they are
+            tightened.
+        anew: Names of the bolts that stages tighten again.
     """
 
     def __init__(
@@ -44,11 +44,11 @@ class Shanks:
         laws: Sequence[LawOnCells],
         initial: Sequence[Initial],
     ) -> None:
-        """Find the strain of each for a unit of shortening. Collective.
+        """Compute the strain of each bolt for a unit of shortening. Collective.
 
         Raises:
-            InputError: An unknown volume, two bolts in one or with one name, an axis that does not
-                fit the mesh, or a shank that is not in the volume.
+            InputError: For an unknown volume, two bolts in one volume or with one name, an axis
+                that does not fit the mesh, or a shank outside the volume.
         """
         self.bolts = [one for one in initial if isinstance(one, Bolt)]
         self.shortening: Floats | None = None
@@ -65,7 +65,7 @@ class Shanks:
 
     @property
     def names(self) -> list[str]:
-        """How results call the bolts."""
+        """Return the names of the bolts in results."""
         return [bolt.called for bolt in self.bolts]
 
     @property
@@ -75,11 +75,14 @@ class Shanks:
 
     @property
     def loose(self) -> bool:
-        """Whether there are bolts, and they are not tightened yet."""
+        """Return whether there are bolts that are not tightened yet."""
         return bool(self.bolts) and self.shortening is None
 
     def strain(self) -> Floats:
-        """Their part of e₀ at the points, as the values of a function of S; 0 while loose."""
+        """Return the bolts' part of e₀ at the points, as the values of a function of S.
+
+        0 while loose.
+        """
         total = np.zeros_like(self._units[0].x.array) if self._units else np.zeros(1)
         if self.shortening is not None:
             for shorter, unit in zip(self.shortening, self._units, strict=True):
@@ -87,11 +90,9 @@ class Shanks:
         return total
 
     def stiffness(self) -> Floats:
-        """Return the stiffness of each shank between held ends (force/length), shape (num_bolts,).
+        """Return the stiffness of each shank between fixed ends (force/length), shape (num_bolts,).
 
-        Collective. It is that of an elastic shank; what it clamps makes it softer.
-
-
+        Collective. The function assumes an elastic shank; the clamped parts reduce the stiffness.
         """
         found = [self._held(unit) for unit in self._units]
         return np.array(found)
@@ -103,7 +104,7 @@ class Shanks:
             stress: Function of S, whose values may change.
 
         Returns:
-            A collective function, whose forms are compiled once.
+            A collective function. Its forms are compiled once.
         """
         integrals = [Integral(self._comm, ufl.dot(stress, unit) * self._dx) for unit in self._units]
         return lambda: {
@@ -111,7 +112,7 @@ class Shanks:
         }
 
     def in_words(self) -> list[str]:
-        """Return sentences on the bolts before anything is solved; empty without bolts."""
+        """Return sentences on the bolts before the first level; an empty list without bolts."""
         if not self.bolts:
             return []
         told = ", ".join(f"'{bolt.called}' to {bolt.preload:.6g}" for bolt in self.bolts)
@@ -121,8 +122,8 @@ class Shanks:
             else ""
         )
         return [
-            f"bolts are tightened before any load acts ({told}), and keep their length from then"
-            f" on{but}; a preload changes no limit load"
+            f"bolts are tightened before any load acts ({told}), and then keep their "
+            f"length{but}; a preload does not change a limit load"
         ]
 
     def _held(self, unit: fem.Function) -> float:
@@ -144,7 +145,7 @@ def _check_apart(bolt: Bolt, other: Bolt) -> None:
 
 
 def _unit_strain(tagged_mesh: TaggedMesh, spaces: Spaces, bolt: Bolt) -> fem.Function:
-    """ε(w) at the points, 0 in other bodies. Collective."""
+    """Return ε(w) at the points, 0 in other bodies. Collective."""
     V, S, kinematics = spaces.V, spaces.S, tagged_mesh.kinematics
     mesh, comm = tagged_mesh.mesh, tagged_mesh.mesh.comm
     cells, gdim = tagged_mesh.cells(bolt.on), mesh.geometry.dim
@@ -166,9 +167,9 @@ def _unit_strain(tagged_mesh: TaggedMesh, spaces: Spaces, bolt: Bolt) -> fem.Fun
     if begin < low - rounding or end > high + rounding:
         low, high = (0.0 if abs(reach) <= rounding else reach for reach in (low, high))
         raise InputError(
-            f"the bolt '{bolt.called}' has its shank from {begin:g} to {end:g} along its axis, but"
-            f" the volume '{bolt.on}' reaches from {low:.6g} to {high:.6g}; give where no head and"
-            " no nut is."
+            f"the bolt '{bolt.called}' has its shank from {begin:g} to {end:g} along its "
+            f"axis, but the volume '{bolt.on}' reaches from {low:.6g} to {high:.6g}; give "
+            "a range without head and nut."
         )
     displacement, strain = fem.Function(V), fem.Function(S)
     ramp = np.clip((along - begin) / (end - begin), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Finite element spaces of one degree: displacements, and points where the law is evaluated."""
+"""Create the finite element spaces of one degree: displacements, and quadrature spaces."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -18,18 +18,18 @@ from perfplast_fenicsx.mesh.kinematics import Kinematics
 
 @dataclass(frozen=True)
 class Spaces:
-    """V_h, S_h and the quadrature they share.
+    """V_h, S_h and their common quadrature.
 
-    Strains of linear elements are constant in a cell, so S_h is DG0 there. Those of quadratic
-    elements are known at the points of a rule of degree 2 (3 in a triangle, 4 in a tetrahedron),
-    which integrates ε(u):ε(v) exactly in straight-sided cells.
+    Strains of linear elements are constant in a cell, so S_h is DG0 there. Strains of quadratic
+    elements are known at the points of a rule of degree 2 (3 in a triangle, 4 in a tetrahedron).
+    This rule integrates ε(u):ε(v) exactly in straight-sided cells.
 
     Attributes:
         degree: 1 or 2.
-        V: Continuous displacements, one vector a node.
+        V: Continuous displacements, one vector per node.
         S: Mandel vectors (strain, stress) at the points.
         Q: Scalars at the points.
-        dx: Integrates over these points; around the axis in axisymmetry.
+        dx: Measure that integrates over these points; in axisymmetry around the axis.
     """
 
     degree: int
@@ -40,14 +40,17 @@ class Spaces:
 
 
 def make_spaces(mesh: Mesh, degree: int, kinematics: Kinematics | None = None) -> Spaces:
-    """Make the spaces of a degree; without kinematics dx is that of the mesh. Collective.
+    """Return the spaces of a degree; without kinematics dx is the measure of the mesh. Collective.
 
     Raises:
         InputError: If the degree is not 1 or 2.
     """
     degrees = (1, 2)
     if degree not in degrees or isinstance(degree, bool):
-        raise InputError(f"degree = {degree!r} is not an element here; give 1 (linear) or 2.")
+        raise InputError(
+            f"degree = {degree!r} is not a degree of these elements; give 1 (linear) or 2 "
+            "(quadratic)."
+        )
     gdim, cell = mesh.geometry.dim, mesh.basix_cell()
     metadata = {"quadrature_degree": _accuracy(degree), "quadrature_scheme": "default"}
     dx = ufl.Measure("dx", domain=mesh, metadata=metadata)
@@ -61,7 +64,7 @@ def make_spaces(mesh: Mesh, degree: int, kinematics: Kinematics | None = None) -
 
 
 def space_at_points(mesh: Mesh, degree: int, shape: tuple[int, ...]) -> fem.FunctionSpace:
-    """Return values of a shape at the points of the rule that goes with a degree. Collective."""
+    """Return the space of values of a shape at the points of the rule for a degree. Collective."""
     cell = mesh.basix_cell()
     if degree == 1:
         element = basix.ufl.element("DG", cell, 0, shape=shape or None)
@@ -88,5 +91,5 @@ def coordinates_of_points(space: fem.FunctionSpace) -> Floats:
 
 
 def by_cell(function: fem.Function) -> Floats:
-    """Values of a function of Q by local cell and point, shape (num_cells, points_per_cell)."""
+    """Return values of Q by local cell and point, shape (num_cells, points_per_cell)."""
     return function.x.array[function.function_space.dofmap.list]

@@ -1,4 +1,4 @@
-"""Whole forces and moments on surfaces, as the tractions that have these resultants on the mesh."""
+"""Spread forces and moments on surfaces as tractions that have these resultants on the mesh."""
 
 from collections.abc import Sequence
 
@@ -19,12 +19,12 @@ from perfplast_fenicsx.problem.declared.supports import AXES
 def on_this_mesh(
     tagged_mesh: TaggedMesh, loads: Sequence[Load], rigid: Sequence[RigidSurface]
 ) -> list[Load]:
-    """Return the loads, those that are given as whole forces as tractions. Collective.
+    """Return the loads, with whole forces replaced by tractions. Collective.
 
-    Forces on rigid surfaces stay what they are.
+    Forces on rigid surfaces are not changed.
 
     Raises:
-        InputError: If a surface is unknown, or cannot have such a force.
+        InputError: If a surface is unknown, or if the force cannot act on it.
     """
     solid = {surface.on for surface in rigid}
     found = list[Load]()
@@ -40,13 +40,14 @@ def on_this_mesh(
 def _linear(tagged_mesh: TaggedMesh, load: Force) -> Load:
     """Return the traction t = F/A + ω × (x − c) with this force and moment. Collective.
 
-    c is the centroid of the surface and ω = J⁻¹M with the moment M about c and J = ∫|r|² − r rᵀ. So
-    all is linear on each straight facet, and a stress that is linear in the cells can balance it.
+    The point c is the centroid of the surface. The vector ω is J⁻¹M with the moment M about c and J
+    = ∫|r|² − r rᵀ. So the traction is linear on each straight facet, and a stress that is linear in
+    the cells can balance it.
     """
     if tagged_mesh.kinematics.whole and tagged_mesh.mesh.geometry.dim == 2:
         raise InputError(
-            f"the force on '{load.on}' is on a surface of a body of revolution; give a traction"
-            " along the axis with total = true, or a pressure."
+            f"the force on '{load.on}' acts on a surface of a body of revolution; give a "
+            "traction along the axis with total = true, or a pressure."
         )
     gdim = tagged_mesh.mesh.geometry.dim
     what = f"of the force on '{load.on}'"
@@ -71,14 +72,14 @@ def _linear(tagged_mesh: TaggedMesh, load: Force) -> Load:
 
 
 def _cross(arm: Floats, force: Floats) -> Floats:
-    """Arm × force, one number in the plane."""
+    """Return the cross product of arm and force, one number in the plane."""
     if len(arm) == 2:
         return np.array([arm[0] * force[1] - arm[1] * force[0]])
     return np.asarray(np.cross(arm, force), dtype=np.float64)
 
 
 def _formula(constant: float, slopes: Floats, centroid: Floats) -> str:
-    """One component of the traction, linear in the coordinates."""
+    """Return one component of the traction as a formula, linear in the coordinates."""
     terms = [
         f" + {float(slope)!r}*({axis} - {float(c)!r})"
         for slope, axis, c in zip(slopes, AXES, centroid, strict=False)
@@ -88,13 +89,15 @@ def _formula(constant: float, slopes: Floats, centroid: Floats) -> str:
 
 
 def _integrals(tagged_mesh: TaggedMesh, surface: str) -> tuple[float, Floats, Floats]:
-    """Area, centroid, and second moments of area about it, shape (d, d). Collective.
+    """Return the area, the centroid, and the second moments of area about it, shape (d, d).
+
+    Collective.
 
     Raises:
-        InputError: If there is no such surface.
+        InputError: If the surface does not exist.
     """
     mesh = tagged_mesh.mesh
-    tagged_mesh.facets(surface)  # says what there is
+    tagged_mesh.facets(surface)  # raises the error for an unknown surface
     gdim = mesh.geometry.dim
     ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged_mesh.facet_tags)
     ds = ds(tagged_mesh.surfaces[surface])

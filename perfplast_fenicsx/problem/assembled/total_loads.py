@@ -1,4 +1,4 @@
-"""Tractions that are given as the whole force on a surface, as forces per area."""
+"""Convert tractions that are given as the whole force on a surface to forces per area."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,21 +12,22 @@ from perfplast_fenicsx.problem.declared.loads import Load, Traction
 
 
 def per_area(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> list[Load]:
-    """Return the loads, a total force divided by the area of its surface in the mesh. Collective.
+    """Return the loads, with each total force divided by the area of its surface in the mesh.
 
-    So the force is that which was given, though facets have a little less area than a round
-    surface.
+    Collective.
+
+    So the total force is exact, though the facets have a little less area than a round surface.
 
     Raises:
-        InputError: If a total force is a formula, or its surface unknown.
+        InputError: If a total force is a formula, or if its surface is unknown.
     """
     found = list[Load]()
     for load in loads:
         if isinstance(load, Traction) and load.total:
             if any(isinstance(number, str) for number in load.value):
                 raise InputError(
-                    f"the traction on '{load.on}' is a formula, and total = true is for numbers;"
-                    " leave one of them out."
+                    f"the traction on '{load.on}' is a formula, but total = true needs "
+                    "numbers; remove one of them."
                 )
             area = area_of(tagged_mesh, load.on)
             density = [float(number) / area for number in load.value]
@@ -36,15 +37,15 @@ def per_area(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> list[Load]:
 
 
 def area_of(tagged_mesh: TaggedMesh, surface: str) -> float:
-    """Area of a surface of the mesh: in plane strain its length, in axisymmetry of the full turn.
+    """Return the area of a surface: in the plane its length, in axisymmetry of a full turn.
 
     Collective.
 
     Raises:
-        InputError: If there is no such surface.
+        InputError: If the surface does not exist.
     """
     mesh = tagged_mesh.mesh
-    tagged_mesh.facets(surface)  # says what there is
+    tagged_mesh.facets(surface)  # raises the error for an unknown surface
     ds = ufl.Measure("ds", domain=mesh, subdomain_data=tagged_mesh.facet_tags)
     one = fem.Constant(mesh, default_scalar_type(1.0))
     form = one * tagged_mesh.kinematics.measure(ds)(tagged_mesh.surfaces[surface])

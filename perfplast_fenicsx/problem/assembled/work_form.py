@@ -1,4 +1,4 @@
-"""L(v), the work of loads."""
+"""Build L(v), the work of loads, as a form."""
 
 from collections.abc import Sequence
 
@@ -24,10 +24,12 @@ from perfplast_fenicsx.problem.declared.loads import (
 
 
 def work_form(tagged_mesh: TaggedMesh, loads: Sequence[SpreadLoad], v: ufl.Argument) -> ufl.Form:
-    """The linear form L(v) of some loads but forces on rigid surfaces, at least one. Collective.
+    """Return the linear form L(v) of at least one load, without forces on rigid surfaces.
+
+    Collective.
 
     Raises:
-        InputError: An unknown name, a value that is not finite, or an invalid formula.
+        InputError: For an unknown name, a value that is not finite, or an invalid formula.
     """
     mesh = tagged_mesh.mesh
     kinematics = tagged_mesh.kinematics
@@ -53,8 +55,8 @@ def _value(tagged_mesh: TaggedMesh, load: SpreadLoad) -> Expr:
     numbers = [value for value in values if not isinstance(value, str)]
     if len(values) != expected or not np.isfinite(np.asarray(numbers, dtype=float)).all():
         raise InputError(
-            f"the {_kind(load)} on '{load.on}' is {load.value}, where {expected} finite"
-            f" number{'s are' if expected > 1 else ' is'} needed; correct its value."
+            f"the {_kind(load)} on '{load.on}' is {load.value}, but it needs {expected} "
+            f"finite number{'s' if expected > 1 else ''}; correct its value."
         )
     if isinstance(load, ForceBelow):
         return ufl.as_vector(values) * _below(tagged_mesh, load)
@@ -67,7 +69,9 @@ def _value(tagged_mesh: TaggedMesh, load: SpreadLoad) -> Expr:
 
 
 def _below(tagged_mesh: TaggedMesh, load: ForceBelow) -> fem.Function:
-    """Return 1 in the cells below the line of a load, 0 elsewhere. Collective.
+    """Return the function that is 1 in the cells below the line of a load and 0 elsewhere.
+
+    Collective.
 
     Raises:
         InputError: If the line divides a cell.
@@ -89,7 +93,7 @@ def _below(tagged_mesh: TaggedMesh, load: ForceBelow) -> fem.Function:
 def _field(
     tagged_mesh: TaggedMesh, load: SpreadLoad, value: Formula, dim: int, entities: Ints
 ) -> fem.Function | fem.Constant:
-    """A number, or a formula at the nodes of quadratic cells; 0 where the load does not act."""
+    """Return a number, or a formula at nodes of quadratic cells; 0 outside the load."""
     mesh = tagged_mesh.mesh
     if not isinstance(value, str):
         return fem.Constant(mesh, default_scalar_type(value))

@@ -1,1 +1,1 @@
-"""Declarations of a problem: loads, supports, stages. No DOLFINx."""
+"""Declare a problem: loads, supports, stages. These modules do not import DOLFINx."""

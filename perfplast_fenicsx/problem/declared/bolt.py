@@ -1,4 +1,4 @@
-"""A bolt that is tightened before any load acts."""
+"""Declare a bolt that is tightened before any load acts."""
 
 import math
 from collections.abc import Sequence
@@ -9,20 +9,20 @@ from perfplast_fenicsx.errors import InputError, check_magnitude
 
 @dataclass(frozen=True)
 class Bolt:
-    """A bolt that is tightened to a preload before loads act, and keeps its length from then on.
+    """A bolt that is tightened to a preload before loads act, and then keeps its length.
 
-    The preload changes forces and stiffness below the limit load, and no limit load.
+    The preload changes forces and stiffness below the limit load, but not the limit load itself.
 
     Args:
         on: Physical volume: the bolt, or its shank.
-        preload: Force in the shank when it is tightened, without any load (force; in plane strain
-            for each unit of depth, in axisymmetry of the full turn). It is that of what is in the
-            mesh: of a bolt that a plane of symmetry halves, half its force.
-        axis: Direction of the shank, of any length and either sign; in axisymmetry that of the
-            axis of revolution.
-        shank: Where the part begins and ends that is shortened, and whose force is reported:
-            coordinates along the axis (length), with neither head, nut nor thread in between.
-            Without it the middle third of the volume.
+        preload: Force in the shank when the bolt is tightened, without any load (force; in plane
+            strain per unit of depth, in axisymmetry of the full turn). The force refers to the part
+            in the mesh: if a plane of symmetry halves the bolt, give half its force.
+        axis: Direction of the shank, of any length and either sign; in axisymmetry the axis of
+            revolution.
+        shank: Coordinates along the axis (length) between which the shank is shortened and its
+            force is reported. Neither head, nut nor thread may lie between them. The default is the
+            middle third of the volume.
         name: Name in results; by default ``on``.
 
     Raises:
@@ -39,8 +39,8 @@ class Bolt:
         where = f"the bolt '{self.called}'"
         if not (math.isfinite(self.preload) and self.preload > 0):
             raise InputError(
-                f"{where} has preload = {self.preload}, but it is a force above 0, which pulls the"
-                " shank; leave the bolt out if it is not tightened."
+                f"{where} has preload = {self.preload}, but a preload is a tensile force "
+                "above 0; remove the bolt if it is not tightened."
             )
         check_magnitude(f"the preload of '{self.called}'", self.preload)
         if not all(map(math.isfinite, self.axis)) or not any(self.axis):
@@ -53,11 +53,11 @@ class Bolt:
         rises = len(self.shank) == 2 and self.shank[0] < self.shank[1]
         if not rises or not all(map(math.isfinite, self.shank)):
             raise InputError(
-                f"{where} has shank = {list(self.shank)}, but that is where the shank begins and"
-                " ends along the axis; give two numbers, the smaller one first."
+                f"{where} has shank = {list(self.shank)}, which is not a range along the "
+                "axis; give where the shank begins and ends, the smaller number first."
             )
 
     @property
     def called(self) -> str:
-        """How results and messages call it."""
+        """Return the name of the bolt in results and messages."""
         return self.name or self.on

@@ -1,4 +1,4 @@
-"""The declaration of a problem, independent of its mesh."""
+"""Declare a problem independently of its mesh."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Given:
-    """The arguments of :class:`problem.Problem`, but for the mesh; it says what they mean."""
+    """The arguments of :class:`problem.Problem` without the mesh; see there for their meaning."""
 
     materials: Mapping[str, Material]
     supports: Sequence[Support]
@@ -35,19 +35,19 @@ class Given:
     rigid: Sequence[RigidSurface]
 
     def check(self, tagged_mesh: "TaggedMesh") -> None:
-        """Refuse what is misplaced or there twice, and surfaces without facets. Collective.
+        """Refuse misplaced or duplicate declarations, and surfaces without facets. Collective.
 
         Args:
             tagged_mesh: The mesh.
 
         Raises:
-            InputError: Naming what it is.
+            InputError: Naming the declaration.
         """
         for contact in self.contacts:
             if isinstance(contact, Tie):
                 raise InputError(
-                    f"the tie of '{contact.primary}' and '{contact.secondary}' is among the"
-                    " contacts; give it as ties = [...]."
+                    f"the tie of '{contact.primary}' and '{contact.secondary}' is listed "
+                    "among the contacts; give it as ties = [...]."
                 )
         for load in self.loads:
             numbers = load.value if isinstance(load.value, Sequence) else [load.value]
@@ -75,17 +75,17 @@ class Given:
                 same = replace(one, on="", name="") == replace(other, on="", name="")
                 if same and {*tagged_mesh.tags_of([one.on])} & {*tagged_mesh.tags_of([other.on])}:
                     raise InputError(
-                        f"the obstacle on '{one.on}' is that on '{other.on}', with facets in"
-                        " common; leave one of them out."
+                        f"the obstacle on '{one.on}' shares facets with the obstacle on "
+                        f"'{other.on}'; remove one of them."
                     )
 
     def _check_pairs(self, tagged_mesh: "TaggedMesh") -> None:
-        """Refuse facets that touch each other by two contacts or ties, or that touch themselves.
+        """Refuse facets that two contacts or ties share, or that touch themselves.
 
-        A face may touch several others, by a contact of each.
+        A surface may touch several others, with one contact for each.
 
         Raises:
-            InputError: Naming both.
+            InputError: Naming both contacts.
         """
         before: list[tuple[str, tuple[str, str], list[set[int]]]] = []
         given = [("contact", [(one.primary, one.secondary) for one in self.contacts])]
@@ -93,13 +93,13 @@ class Given:
         for kind, pairs in given:
             for number, names in enumerate(pairs, start=1):
                 if not all(name in tagged_mesh.surfaces for name in names):
-                    continue  # refused where it is used, with what is meant
+                    continue  # an unknown name is refused where it is used, with its context
                 place = f"{kind} {number} ('{names[0]}', '{names[1]}')"
                 tags = [set(tagged_mesh.tags_of([name])) for name in names]
                 if names[0] != names[1] and tags[0] & tags[1]:
                     raise InputError(
-                        f"{place}: the two surfaces have facets in common, which cannot touch"
-                        " themselves; name surfaces without common facets."
+                        f"{place}: the two surfaces share facets, which cannot touch "
+                        "themselves; name surfaces without common facets."
                     )
                 for other, others, theirs in before:
                     both = (tags[0] & theirs[0] and tags[1] & theirs[1]) or (
@@ -107,17 +107,17 @@ class Given:
                     )
                     if both and {*names} != {*others}:
                         raise InputError(
-                            f"{place} has facets of both surfaces of {other}; let facets that touch"
-                            " be in one contact or tie, by names that have no facets in common."
+                            f"{place} shares facets of both surfaces with {other}; list "
+                            "each facet in one contact or tie only."
                         )
                     if both:
                         raise InputError(
-                            f"{place} has the surfaces of {other}; leave one of them out."
+                            f"{place} has the same surfaces as {other}; remove one of them."
                         )
                 before.append((place, names, tags))
 
     @property
     def holding(self) -> list[Support | RigidSurface]:
-        """Supports, and rigid surfaces whose motion is known, be it in part."""
+        """Return the supports, and rigid surfaces whose motion is at least partly prescribed."""
         known = (surface for surface in self.rigid if surface.held or not surface.free)
         return [*self.supports, *known]

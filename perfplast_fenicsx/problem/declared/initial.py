@@ -1,4 +1,4 @@
-"""Strain without stress: temperatures, initial stress, bolts."""
+"""Declare initial strains: temperatures, initial stress, bolts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class Temperature:
 
 @dataclass(frozen=True)
 class InitialStress:
-    """Stress that a volume has before it is deformed, constant at any load factor.
+    """Stress in a volume before any deformation, constant at any load factor.
 
     Args:
         on: Physical volume.

@@ -1,9 +1,9 @@
-"""The interface of all loads."""
+"""Define the interface of all loads."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
-if TYPE_CHECKING:  # what reads results for pictures and reports starts no DOLFINx
+if TYPE_CHECKING:  # code that reads results for pictures and reports does not import DOLFINx
     from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 Formula = float | str
@@ -13,16 +13,16 @@ Quantities = Mapping[str, str]
 
 
 class Load:
-    """A load.
+    """The interface of a load.
 
     Attributes:
         words: Name in reports.
-        quantities: Units of what it is given by, by the keys of :meth:`units.Units.table`: those of
-            ``value``, which case files call as the load's kind, and of other fields that are a load
-            by themselves.
-        in_volume: Whether ``on`` is a volume, and no surface.
+        quantities: Units of its fields, by the keys of :meth:`units.Units.table`: of ``value``,
+            which case files name after the load's kind, and of other fields that are loads on their
+            own.
+        in_volume: Whether ``on`` is a volume rather than a surface.
         on: Physical surface or volume.
-        value: A number or formula, or one a direction.
+        value: A number or formula, or one for each direction.
         name: Name in messages and stages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
@@ -41,13 +41,13 @@ class SpreadLoad(Load):
     """A load with a density in its volume or on its surface.
 
     Attributes:
-        scalar: Whether ``value`` is one number or formula, and not one a direction.
+        scalar: Whether ``value`` is one number or formula instead of one for each direction.
     """
 
     scalar: ClassVar[bool] = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """Return its work for each volume or area, what L(v) is the integral of.
+        """Return the work per volume or area, the integrand of L(v).
 
         Args:
             value: Value of the load in UFL, a scalar or a vector.

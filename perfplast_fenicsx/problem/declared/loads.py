@@ -1,12 +1,12 @@
-"""Loads, named by physical surface or volume: each is a class that says all of itself.
+"""Define the loads, named by physical surface or volume, one class for each kind.
 
-A load has the class attributes of :class:`Load`, and one that is spread over its surface or volume
-the term in the work L(v) as well (:class:`SpreadLoad`). Case files, units, words and reports read
-these, so that a new one is its class and an entry of :data:`LOADS`.
+A load has the class attributes of :class:`Load`. A load that is spread over its surface or volume
+also has the integrand of its work L(v) (:class:`SpreadLoad`). Case files, units, words and reports
+read these attributes. A new load therefore needs only its class and an entry of :data:`LOADS`.
 
-What a load is given by may be a formula in the coordinates, such as ``"10*maximum(8 - y, 0)"``
-(:mod:`perfplast_fenicsx.formulas`). It is taken at the nodes of quadratic cells, so that one of
-degree 2 is exact.
+The fields of a load may be formulas in the coordinates, such as ``"10*maximum(8 - y, 0)"``
+(:mod:`perfplast_fenicsx.formulas`). The program interpolates a formula at the nodes of quadratic
+cells, so that degree 2 is exact.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ from perfplast_fenicsx.problem.declared.load import Load as Load
 from perfplast_fenicsx.problem.declared.load import Quantities
 from perfplast_fenicsx.problem.declared.load import SpreadLoad as SpreadLoad
 
-if TYPE_CHECKING:  # what reads results for pictures and reports starts no DOLFINx
+if TYPE_CHECKING:  # code that reads results for pictures and reports does not import DOLFINx
     from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
@@ -35,11 +35,11 @@ class Traction(SpreadLoad):
 
     Args:
         on: Physical surface.
-        value: The force per area (stress), a number or formula a direction.
+        value: The force per area (stress), a number or formula for each direction.
         name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
-        total: Whether a traction is the whole force on its surface, which is spread evenly over the
-            area in the mesh.
+        total: Whether the value is the total force on the surface, spread evenly over its area in
+            the mesh.
     """
 
     words: ClassVar[str] = "traction"
@@ -52,7 +52,7 @@ class Traction(SpreadLoad):
     total: bool = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """t·v."""
+        """Return t·v."""
         import ufl
 
         return ufl.inner(value, v)
@@ -79,7 +79,7 @@ class Pressure(SpreadLoad):
     constant: bool = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """−p n·v."""
+        """Return −p n·v."""
         import ufl
 
         return ufl.inner(-value * ufl.FacetNormal(tagged_mesh.mesh), v)
@@ -91,7 +91,7 @@ class BodyForce(SpreadLoad):
 
     Args:
         on: Physical volume.
-        value: The force per volume, a number or formula a direction.
+        value: The force per volume, a number or formula for each direction.
         name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
@@ -106,7 +106,7 @@ class BodyForce(SpreadLoad):
     constant: bool = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """f·v."""
+        """Return f·v."""
         import ufl
 
         return ufl.inner(value, v)
@@ -118,7 +118,7 @@ class ForceBelow(BodyForce):
 
     Args:
         on: Physical volume.
-        value: The force per volume, a number a direction.
+        value: The force per volume, a number for each direction.
         name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
         depth: A formula that is positive below the line, such as "8 + 0.2*x - y".
@@ -140,8 +140,8 @@ class ForceBelow(BodyForce):
         found = enclosed(self.depth, corners, f"the load on '{self.on}'")
         if found is None:
             raise InputError(
-                f"the depth of the load on '{self.on}' is {self.depth!r}; give it by sums,"
-                " products, abs, minimum and maximum."
+                f"the depth of the load on '{self.on}' is {self.depth!r}; give a formula "
+                "of sums, products, abs, minimum and maximum."
             )
         low, high = found
         noticed = 1e-9 * np.abs(corners).max(initial=0.0)
@@ -149,8 +149,9 @@ class ForceBelow(BodyForce):
         if divided.any():
             at = place_of(corners[np.argmax(divided)].mean(axis=0))
             raise InputError(
-                f"the line below which '{self.on}' has another weight divides cells, one at {at};"
-                " give a mesh with edges along it, or draw the ground in the case by [[region]]."
+                f"the line below which '{self.on}' has another weight divides cells, one "
+                f"at {at}; give a mesh with edges along the line, or draw the ground in "
+                "the case with [[region]]."
             )
         below: npt.NDArray[np.bool_] = high.max(axis=1) > noticed
         return below
@@ -158,7 +159,7 @@ class ForceBelow(BodyForce):
 
 @dataclass(frozen=True)
 class PorePressure(SpreadLoad):
-    """Pressure p of water in the pores of a volume, whose law is one of effective stresses.
+    """Pressure p of water in the pores of a volume, whose law uses effective stresses.
 
     The total stress is σ − p δ (tension is positive), so that p does the work ∫ p div v.
 
@@ -180,20 +181,21 @@ class PorePressure(SpreadLoad):
     constant: bool = True
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """P div v."""
+        """Return p div v."""
         from perfplast_fenicsx.mesh.kinematics import divergence
 
         if tagged_mesh.is_thin:
             raise InputError(
-                f"the pore pressure in '{self.on}' is of bodies whose change of volume is known,"
-                " and sheets in plane stress grow thicker; give kind = 'plane-strain'."
+                f"the pore pressure in '{self.on}' needs a body whose volume change is "
+                "known, but plane stress allows any thickness change; give kind = "
+                "'plane-strain'."
             )
         return value * divergence(tagged_mesh.kinematics, v)
 
     def at_corners(self, corners: Floats) -> Floats | None:
-        """Return a function that is linear in each cell, at the vertices, shape (n, d + 1).
+        """Return a cellwise linear function by its values at the vertices, shape (n, d + 1).
 
-        None of a number or formula, which need not be linear in a cell. Not collective.
+        None for a number or formula, which need not be linear in a cell. Not collective.
 
         Args:
             corners: Vertices of the cells, shape (n, d + 1, d).
@@ -202,10 +204,10 @@ class PorePressure(SpreadLoad):
 
 
 class CellField(Protocol):
-    """A function that is linear in each cell of a mesh, and of the meshes that divide its cells."""
+    """A function that is linear in each cell of a mesh and of the meshes that divide its cells."""
 
     def at_corners(self, corners: Floats) -> Floats:
-        """Return it at the vertices of cells, shape (n, d + 1).
+        """Return the function at the vertices of cells, shape (n, d + 1).
 
         Args:
             corners: Vertices of the cells, shape (n, d + 1, d).
@@ -214,14 +216,14 @@ class CellField(Protocol):
 
 @dataclass(frozen=True)
 class FieldPores(PorePressure):
-    """Pore pressure that is a field on a mesh, such as that of water that flows.
+    """Pore pressure that is a field on a mesh, such as that of seepage.
 
     Args:
         on: Physical volume.
-        value: Where the field comes from, in words.
+        value: The origin of the field, in words.
         name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
-        field: The field (stress); None as long as there is no mesh.
+        field: The field (stress); None before there is a mesh.
     """
 
     field: CellField | None = None
@@ -237,30 +239,31 @@ class FieldPores(PorePressure):
         """
         if self.field is None:
             raise InputError(
-                f"the pore pressure in '{self.on}' is that of {self.value}, which is not known"
-                " without a mesh; build the problem from the case."
+                f"the pore pressure in '{self.on}' comes from {self.value}, which needs a "
+                "mesh; build the problem from the case."
             )
         return self.field.at_corners(corners)
 
 
 @dataclass(frozen=True)
 class EnclosedPores(PorePressure):
-    """The same by a function that is linear in each cell, and not below the formula or not above.
+    """A pore pressure replaced by a cellwise linear function that bounds its formula on one side.
 
     Args:
         on: Physical volume.
         value: The formula.
         name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
-        side: "above" or "below", where the function is.
+        side: "above" if the function is nowhere below the formula, "below" if it is nowhere above
+            it.
     """
 
     side: str = "above"
 
     def at_corners(self, corners: Floats) -> Floats | None:
-        """Return it at the vertices of cells, shape (n, d + 1). Not collective.
+        """Return the bounding function at the vertices of cells, shape (n, d + 1). Not collective.
 
-        None where it has no such function.
+        None for cells without such a function.
 
         Args:
             corners: Vertices of the cells, shape (n, d + 1, d).
@@ -271,18 +274,19 @@ class EnclosedPores(PorePressure):
 
 @dataclass(frozen=True)
 class Force(Load):
-    """Force and moment on a surface: spread over it, or on a rigid one that is free to move.
+    """Force and moment on a surface: spread over it, or acting on a free rigid surface.
 
-    On a surface that is not rigid it is the traction that is linear in the coordinates and has this
-    force and moment on the mesh (:mod:`perfplast_fenicsx.problem.assembled.spread_forces`).
+    On a surface that is not rigid, the force is the traction that is linear in the coordinates and
+    has this resultant on the mesh (:mod:`perfplast_fenicsx.problem.assembled.spread_forces`).
 
     Args:
         on: The surface.
-        value: The whole force on a surface, one number a direction; in the plane for each unit of
+        value: The whole force on a surface, one number for each direction; in the plane per unit of
             depth. It is spread linearly, or acts on a rigid surface that is free to move.
-        moment: With or in place of a force, a number in the plane, one for each axis in space.
-        point: Where the force acts, and what the moment is about (length); without, the origin of
-            rigid surfaces, and the centroid of others.
+        moment: Moment in addition to or instead of a force: a number in the plane, one for each
+            axis in space.
+        point: The point where the force acts and about which the moment is taken (length). The
+            default is the origin for rigid surfaces and the centroid for others.
         name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
@@ -300,13 +304,13 @@ class Force(Load):
 
 @dataclass(frozen=True)
 class Bearing(Load):
-    """The force of a pin in a bore, a pressure that follows the cosine and pushes only.
+    """The force of a pin in a bore: a pressure that follows the cosine and only pushes.
 
     Args:
         on: Physical surface, such as a whole bore or half of one.
-        value: The whole force of a pin or shaft on its bore, one number a direction; in the plane
-            for each unit of depth. The pressure is that of the cosine, only where the surface faces
-            the force, and as large as makes the force on the mesh exact.
+        value: The whole force of a pin or shaft on its bore, one number for each direction; in the
+            plane per unit of depth. The pressure follows the cosine and acts only where the surface
+            faces the force. It is scaled so that its resultant on the mesh is exact.
         name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
@@ -326,7 +330,7 @@ class CosinePressure(SpreadLoad):
 
     Args:
         on: Physical surface.
-        value: The largest pressure, in its direction: a (stress).
+        value: The largest pressure in its direction: a (stress).
         name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """
@@ -340,7 +344,7 @@ class CosinePressure(SpreadLoad):
     constant: bool = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """−max(0, −a·n) n·v."""
+        """Return −max(0, −a·n) n·v."""
         import ufl
 
         normal = ufl.FacetNormal(tagged_mesh.mesh)
@@ -349,11 +353,12 @@ class CosinePressure(SpreadLoad):
 
 
 BOUNDED = (
-    "strict bounds are for tractions and pressures that are linear on each facet, pressures in"
-    " pores that are linear in each cell, and forces per volume that are numbers; give one of"
-    " these, or seek the limit load of the mesh alone (control = 'work', until = 'limit')."
+    "strict bounds accept tractions and pressures that are linear on each facet, pore "
+    "pressures that are linear in each cell, and body forces that are numbers; give one "
+    "of these, or compute only the limit load of the mesh (control = 'work', until = "
+    "'limit')."
 )
-"""The refusal of loads that strict bounds do not accept."""
+"""The end of the message that refuses a load for strict bounds."""
 
 LOADS: dict[str, type[Any]] = {
     "traction": Traction,
@@ -366,46 +371,46 @@ LOADS: dict[str, type[Any]] = {
 """Kinds of loads by their name in case files."""
 
 OTHERS: dict[str, type[Any]] = {"body_force_below": ForceBelow}
-"""Kinds of loads that the program makes itself, by their name in results."""
+"""Kinds of loads that only the program creates, by their name in results."""
 
 ON_SURFACES = (Traction, Pressure, CosinePressure)
-"""Loads whose tractions strict bounds and proofs know, where they are linear on facets."""
+"""Loads whose tractions strict bounds and proofs accept where they are linear on facets."""
 
 
 def load_kinds() -> dict[str, type[Any]]:
-    """Return all kinds of loads by their name in results, those of packages too."""
+    """Return all kinds of loads by their name in results, including those of packages."""
     return {**LOADS, **OTHERS}
 
 
 def kind_of(load: Load) -> str:
-    """Return how files call a load's kind; the name of its class where it is in no file."""
+    """Return the name of a load's kind in files, or the name of its class if files have none."""
     own = PorePressure if isinstance(load, FieldPores) else type(load)
     known = (kind for kind, cls in load_kinds().items() if cls is own)
     return next(known, type(load).__name__)
 
 
 def is_known(load: Load) -> bool:
-    """Return whether a load is of the program's own kinds, and none of a user's."""
+    """Return whether a load is of one of the program's own kinds."""
     return type(load) in (*load_kinds().values(), *ON_SURFACES, FieldPores, EnclosedPores)
 
 
 def is_uniform(load: Load) -> bool:
-    """Return whether a load is given as numbers."""
+    """Return whether the fields of a load are numbers."""
     return np.asarray(load.value).dtype.kind in "fiu"
 
 
 def is_bounded(load: Load) -> bool:
-    """Return whether strict bounds know a load: all but forces per volume that are formulas."""
+    """Return whether strict bounds accept a load: all except body forces that are formulas."""
     return type(load) in (*ON_SURFACES, PorePressure, FieldPores, EnclosedPores, Force) or (
         type(load) in (BodyForce, ForceBelow) and is_uniform(load)
     )
 
 
 def check_bounded(load: Load) -> None:
-    """Refuse a load that strict bounds and proofs do not know.
+    """Refuse a load that strict bounds and proofs do not accept.
 
     Raises:
-        InputError: If it is of another kind, or a force per volume that is a formula.
+        InputError: If it is of another kind, or if it is a body force that is a formula.
     """
     if not is_bounded(load):
         kind = kind_of(load).replace("_", " ")

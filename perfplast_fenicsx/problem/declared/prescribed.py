@@ -1,27 +1,27 @@
-"""The quantity that a level prescribes: the load factor ζ or the work of the loads α."""
+"""Define the quantity that a level prescribes: the load factor ζ or the work of the loads α."""
 
 from enum import Enum
 from typing import Protocol
 
 
 class Loaded(Protocol):
-    """Anything with a load factor and a work: a state, the report of a level, an iteration."""
+    """An object with a load factor and a work: a state, the report of a level, an iteration."""
 
     @property
     def zeta(self) -> float:
-        """Load factor ζ."""
+        """Return the load factor ζ."""
         ...
 
     @property
     def alpha(self) -> float:
-        """Work α."""
+        """Return the work α."""
         ...
 
 
 class Prescribed(Enum):
-    """The prescribed quantity of an algorithm; it finds the other one.
+    """The quantity that an algorithm prescribes; the algorithm computes the other one.
 
-    The values are the names by which results are filed: an attribute of :class:`state.State` and
+    Results use the values as names: an attribute of :class:`state.State` and
     :class:`report.LevelReport`, a column of ``path.csv``, ``prescribed`` in ``summary.json``.
     """
 

@@ -1,4 +1,4 @@
-"""Surfaces that move as rigid bodies, such as the rough base of a footing."""
+"""Declare surfaces that move as rigid bodies, such as the rough base of a footing."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,29 +10,30 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.declared.supports import AXES, Support
 
 Turn = float | Sequence[float]
-"""A rotation or moment: a number in the plane, one an axis in space."""
+"""A rotation or moment: a number in the plane, one for each axis in space."""
 
 
 @dataclass(frozen=True)
 class RigidSurface:
-    """A surface that a rigid plate is glued to: it moves as that does, by small rotations.
+    """A surface glued to a rigid plate: it moves with the plate, by small rotations.
 
-    Without a displacement and a rotation it is free to move, and loaded by a ``Force``, and by
-    tractions as other surfaces are. With one of them its motion is known, as at a support.
+    Without a displacement and a rotation the surface is free to move. A ``Force`` loads it, and
+    tractions load it as they load other surfaces. With one of them its motion is prescribed, as at
+    a support.
 
     Args:
         on: Physical surface.
         point: Centre of the rotation (length; 2 or 3 numbers); by default the origin.
         displacement: Displacement of that point (length; 2 or 3 numbers); by default 0.
-        rotation: A number in the plane, one for each axis in space (rad), 0 if there is a
-            displacement alone.
-        components: Letters of x, y, z that its known motion holds; all by default. A
-            bar that is twisted so by its end may warp there.
+        rotation: A number in the plane, one for each axis in space (rad); 0 if only a displacement
+            is given.
+        components: Letters of x, y, z that the prescribed motion holds; all by default. With only
+            some of them, a bar that is twisted at its end may warp there.
         constant: Whether the motion is the same at any load factor; otherwise ζ multiplies it, or a
             factor of stages.
-        name: Name in results and stages; by default that of its surface.
-        held: Letters of x, y, z along which a free surface cannot move, as at a plane of symmetry;
-            it then does not turn either.
+        name: Name in results and stages; by default the name of its surface.
+        held: Letters of x, y, z along which a free surface cannot move, as at a plane of symmetry.
+            The surface then does not rotate either.
     """
 
     on: str
@@ -46,19 +47,19 @@ class RigidSurface:
 
     @property
     def free(self) -> bool:
-        """Whether its motion is to be found."""
+        """Return whether the motion of the surface is unknown."""
         return not np.size(self.displacement) and not np.size(self.rotation)
 
     @property
     def moves(self) -> bool:
-        """Whether its known motion is anything but none."""
+        """Return whether the prescribed motion differs from zero."""
         return bool(np.any(self.displacement) or np.any(self.rotation))
 
     def axes(self, gdim: int) -> list[int]:
-        """Return indices of the components that it holds, in a mesh of dimension ``gdim``.
+        """Return indices of the components that the surface holds, in a mesh of dimension ``gdim``.
 
         Raises:
-            InputError: If letters do not name its axes.
+            InputError: If letters are not axes of the mesh.
         """
         if self.free and (
             set(self.held) - set(AXES[:gdim]) or len(set(self.held)) < len(self.held)
@@ -79,7 +80,7 @@ class RigidSurface:
         """Return the displacement of points (length), for ζ = 1; both of shape (n, gdim).
 
         Raises:
-            InputError: If what is given does not fit the mesh.
+            InputError: If the declared motion does not fit the mesh.
         """
         gdim = x.shape[1]
         point, shift = (
@@ -91,11 +92,11 @@ class RigidSurface:
 
 
 def turned(turn: Floats, arms: Floats) -> Floats:
-    """Rotation × arms.
+    """Return the cross product of the rotation and the arms.
 
     Args:
-        turn: Shape (1,) in the plane, (3,) in space.
-        arms: Shape (n, gdim).
+        turn: Rotation, shape (1,) in the plane, (3,) in space.
+        arms: Arms, shape (n, gdim).
     """
     if arms.shape[1] == 2:
         return turn[0] * np.column_stack([-arms[:, 1], arms[:, 0]])
@@ -103,10 +104,10 @@ def turned(turn: Floats, arms: Floats) -> Floats:
 
 
 def fitting(what: str, value: Turn, size: int) -> Floats:
-    """So many finite numbers, zeros where none is given.
+    """Return ``size`` finite numbers, zeros if the value is missing.
 
     Raises:
-        InputError: If they are not, with ``what`` in its message.
+        InputError: If the value does not fit, with ``what`` in its message.
     """
     numbers: Floats = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if not numbers.size:

@@ -1,4 +1,4 @@
-"""A load times a factor, as combinations of loads have it."""
+"""Multiply a load by a factor, as combinations of loads do."""
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
@@ -8,12 +8,12 @@ from perfplast_fenicsx.problem.declared.loads import Load
 
 
 def scaled(load: Load, factor: float) -> Load:
-    """Return the load with all that it is given by times a factor.
+    """Return the load with all its values multiplied by a factor.
 
     Args:
         load: A dataclass, as all loads are; numbers are multiplied, and so are formulas.
-        factor: Factor of any sign; the pressure of a pin in its bore is another one if it is
-            negative.
+        factor: Factor of any sign. A negative factor changes where the pressure of a pin in its
+            bore acts.
     """
     given: Any = load
     names = [field.name for field in fields(given) if field.name in load.quantities]

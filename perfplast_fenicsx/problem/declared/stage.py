@@ -1,4 +1,4 @@
-"""Stages of a loading history, and a check of the names in them."""
+"""Declare the stages of a loading history and check the names in them."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -14,23 +14,24 @@ from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.supports import Support
 
 Mover = Support | RigidSurface | Obstacle | Contact
-"""Objects that may move by a given way, such as a contact whose overlap grows."""
+"""Objects with a given motion, such as a contact whose overlap grows."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a loading history, in which factors change linearly with time.
+    """A part of a loading history in which factors change linearly with time.
 
     Args:
-        factors: What multiplies loads, changes of temperature and given motions at the end of the
-            stage, by their names; where they have none by their ``on``. All start at zero, and what
-            a stage does not name keeps its factor. Constant loads and motions, and temperatures
-            that no stage names, act in full all the time. The factor of a bolt times its preload is
-            its force, to which it is tightened, or loosened, beside what acts; it starts at 1, and
-            in stages that do not name it the bolt keeps its length.
-        steps: Levels of the stage, 1 to 1 000 000. Where directions of stress turn, more of them
+        factors: Factors of loads, changes of temperature and given motions at the end of the stage,
+            by their names, or by ``on`` for those without a name. All factors start at zero. A
+            factor that a stage does not name keeps its value. Constant loads and motions, and
+            temperatures that no stage names, act in full all the time. The factor of a bolt times
+            its preload is the force to which the stage tightens or loosens it, together with the
+            other loads. The factor starts at 1; in stages that do not name it the bolt keeps its
+            length.
+        steps: Levels of the stage, 1 to 1 000 000. Where directions of stress rotate, more levels
             make the result more accurate.
-        name: What results call it.
+        name: Name of the stage in results.
 
     Raises:
         InputError: If a number is out of its range.
@@ -42,7 +43,8 @@ class Stage:
 
     def __post_init__(self) -> None:
         whole = isinstance(self.steps, int) and not isinstance(self.steps, bool)
-        # Of a stage. Times nearer to each other could not be distinguished.
+        # Largest number of levels in a stage. With more levels, successive times could not be
+        # distinguished.
         most_steps = 1_000_000
         if not (whole and 1 <= self.steps <= most_steps):
             raise InputError(
@@ -57,12 +59,12 @@ class Stage:
 
 
 def called(given: Load | Temperature | Mover) -> str:
-    """Return the name by which stages know something."""
+    """Return the name by which stages refer to an object."""
     return given.name or given.on
 
 
 def follows(mover: Mover) -> bool:
-    """Return whether ζ, or a factor of stages, multiplies its motion."""
+    """Return whether ζ or a factor of stages multiplies its motion."""
     if isinstance(mover, Support | RigidSurface):
         return mover.moves and not mover.constant
     if isinstance(mover, Contact):
@@ -76,18 +78,18 @@ def check_stages(
     initial: Iterable[Initial],
     movers: Sequence[Mover],
 ) -> None:
-    """Make sure that factors and what they multiply belong together.
+    """Check that factors and the objects that they multiply match.
 
     Args:
-        stages: One after the other.
+        stages: The stages in order.
         loads: The loads.
-        initial: Temperatures and bolts among them.
+        initial: Initial strains, including temperatures and bolts.
         movers: Supports, rigid surfaces, obstacles and contacts.
 
     Raises:
-        InputError: If a stage names something else than loads and motions that are not constant,
-            temperatures and bolts; if such a load or motion is in no stage; if a name is of both;
-            or if a bolt would push.
+        InputError: If a stage names something other than loads and motions that are not constant,
+            temperatures and bolts; if no stage names such a load or motion; if two kinds of objects
+            share a name; or if a bolt would push.
     """
     initial = list(initial)
     loaded = {called(load) for load in loads if not load.constant}
@@ -102,8 +104,8 @@ def check_stages(
     for number, name in named:
         if name in constant:
             raise InputError(
-                f"stage {number} has a factor for '{name}', which is constant; leave the factor"
-                " out, or give it constant = false."
+                f"stage {number} has a factor for '{name}', which is constant; remove the "
+                "factor, or set constant = false."
             )
         if name not in names:
             raise InputError(
@@ -112,24 +114,25 @@ def check_stages(
             )
         if name in bolts and name in loaded | warmed | moved | constant:
             raise InputError(
-                f"stage {number} has a factor for '{name}', which is a bolt as well as something"
-                " else; give one of them another name."
+                f"stage {number} has a factor for '{name}', which is the name of a bolt "
+                "and of another object; rename one of them."
             )
         if name in bolts and not stages[number - 1].factors[name] > 0:
             raise InputError(
-                f"stage {number} has the factor {stages[number - 1].factors[name]:g} for the bolt"
-                f" '{name}', but its force is that times its preload, and pulls; give a number"
-                " above 0."
+                f"stage {number} has the factor {stages[number - 1].factors[name]:g} for "
+                f"the bolt '{name}', but its force is the factor times its preload and "
+                "must pull; give a number above 0."
             )
         if name in moved & (loaded | warmed):
             raise InputError(
-                f"stage {number} has a factor for '{name}', which is a load, or a temperature, as"
-                " well as a motion; give one of them another name."
+                f"stage {number} has a factor for '{name}', which is the name of a load or "
+                "temperature and of a motion; rename one of them."
             )
     missing = (loaded | moved) - {name for _, name in named}
     for name in sorted(missing):
         what, verb = ("load", "act") if name in loaded else ("motion of", "take place")
         raise InputError(
-            f"the {what} '{name}' is in no stage, so that it would never {verb}; give it a factor,"
-            " which may be 0 where just its work or force is wanted, or constant = true."
+            f"the {what} '{name}' is in no stage, so that it would never {verb}; give it a "
+            "factor, which may be 0 if only its work or force is needed, or set constant "
+            "= true."
         )

@@ -1,4 +1,4 @@
-"""Supports, named by physical surface."""
+"""Declare supports, named by physical surface."""
 
 from dataclasses import dataclass
 
@@ -13,18 +13,19 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class Support:
-    """Known displacement of some components on a surface.
+    """Prescribed displacement of some components on a surface.
 
     Args:
         on: Physical surface.
-        components: Any of the letters x, y, z; the default holds all that the mesh has. Or
-            ``"normal"`` for what is normal to a flat surface of any direction, which may slide
-            along itself, as a plane of symmetry does. With a value the surface may be curved.
-        value: Their displacement (length), such as a settlement, or that out of the body along the
-            normal; a number, or a formula in x, y, z. There is none by default.
+        components: Any of the letters x, y, z; the default holds all components of the mesh. Or
+            ``"normal"`` for the component normal to a flat surface of any direction, which may then
+            slide tangentially, as a plane of symmetry does. With a value the surface may be curved.
+        value: Prescribed displacement (length), such as a settlement; with "normal" the
+            displacement out of the body along the normal. A number, or a formula in x, y, z. The
+            default is no displacement.
         constant: Whether it is the same at any load factor; otherwise ζ multiplies it, or a factor
             of stages.
-        name: Name in results and stages; by default that of its surface.
+        name: Name in results and stages; by default the name of its surface.
     """
 
     on: str
@@ -35,42 +36,42 @@ class Support:
 
     @property
     def guides(self) -> bool:
-        """Whether it holds what is normal to its surface, and no components."""
+        """Return whether the support holds the normal of its surface instead of components."""
         return self.components == "normal"
 
     def axes(self, gdim: int) -> list[int]:
         """Return indices of the supported components, in a mesh of dimension ``gdim``.
 
-        None of what is held along a normal.
+        The result is empty for a support along a normal.
         """
         if self.guides:
             return []
         wanted = AXES[:gdim] if self.components == AXES else self.components
         if not wanted or set(wanted) - set(AXES[:gdim]) or len(set(wanted)) < len(wanted):
             raise InputError(
-                f"components = '{self.components}' of the support on '{self.on}' is not a choice of"
-                f" the letters in '{AXES[:gdim]}'; write for instance components = 'x', or 'normal'"
-                " for what is normal to a flat surface."
+                f"components = '{self.components}' of the support on '{self.on}' is not a "
+                f"choice of the letters in '{AXES[:gdim]}'; write for instance components "
+                "= 'x', or 'normal' for the normal of a flat surface."
             )
         return sorted(AXES.index(letter) for letter in wanted)
 
     @property
     def moves(self) -> bool:
-        """Whether the displacement is anything but 0."""
+        """Return whether the displacement differs from 0."""
         return self.value != 0
 
     def motion(self, x: Floats) -> Floats:
         """Return the displacement of points (length) for ζ = 1; both of shape (n, gdim).
 
-        Along a normal each component is the displacement along it.
+        For a support along a normal, each component is the displacement along the normal.
 
         Raises:
-            InputError: If it is not finite, or no formula.
+            InputError: If the value is not finite or not a formula.
         """
         if not isinstance(self.value, str) and not np.isfinite(self.value):
             raise InputError(
-                f"value = {self.value} of the support on '{self.on}' is not finite; give a"
-                " length, or 0 for none."
+                f"value = {self.value} of the support on '{self.on}' is not finite; give a "
+                "length, or 0 for no displacement."
             )
         points = np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
         values = evaluate(self.value, points, f"value of the support on '{self.on}'")

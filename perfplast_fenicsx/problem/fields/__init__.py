@@ -1,1 +1,1 @@
-"""Fields that are evaluated in each step."""
+"""Evaluate the fields that each step needs."""

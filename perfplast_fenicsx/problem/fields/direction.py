@@ -1,4 +1,4 @@
-"""A direction from a displacement, and the integrals along it: of line search and increments."""
+"""Compute the strain of a direction and integrals along it, for line search and increments."""
 
 import ufl
 from dolfinx import default_scalar_type, fem
@@ -13,7 +13,7 @@ from perfplast_fenicsx.profiling import phase
 
 
 class Direction:
-    """δu from the u of some fields.
+    """A direction δu from the displacement u of some fields.
 
     Attributes:
         du: The direction.
@@ -27,7 +27,7 @@ class Direction:
     """
 
     def __init__(self, fields: QuadratureFields) -> None:
-        """Create a direction that is zero, and compile the integrals. Collective."""
+        """Create a direction of zero and compile the integrals. Collective."""
         problem, e, s = fields.problem, fields.e, fields.stress
         S = problem.S
         self._cells = problem.cells
@@ -52,5 +52,5 @@ class Direction:
 
     @phase("return map")
     def update(self) -> None:
-        """Bring ε(δu) to δu. Its ghosts must be up to date."""
+        """Update ε(δu) from δu. The ghosts of δu must be up to date."""
         evaluate(self._strain, self.de, self._cells)

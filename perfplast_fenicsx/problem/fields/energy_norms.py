@@ -1,4 +1,4 @@
-"""The energy norms ‖σ‖² = ∫ σ:C⁻¹σ of stresses and ‖e‖² = ∫ e:Ce of strains, and what is small."""
+"""Compute energy norms ‖σ‖² = ∫ σ:C⁻¹σ of stresses and ‖e‖² = ∫ e:Ce of strains, and thresholds."""
 
 import ufl
 from dolfinx import fem
@@ -9,12 +9,12 @@ from perfplast_fenicsx.problem.assembled.law_on_cells import LawOnCells, OfLaw, 
 from perfplast_fenicsx.problem.problem import Problem
 
 RIGID = 1e-5
-"""Where the norm of strains is below this share of :func:`jagged_norm2` bodies move as if rigid.
-Their strain and stress is next to rounding, and nothing is measured by it."""
+"""Share of :func:`jagged_norm2`; bodies with a smaller norm of strains move as if rigid. Their
+strain and stress consist mainly of rounding errors and serve as no reference."""
 
 
 def stress_norm2(problem: Problem, stress: OfLaw) -> Integral:
-    """‖σ‖² of a stress that each law gives; compiled once. Collective."""
+    """Return ‖σ‖² of a stress that each law gives, as an integral compiled once. Collective."""
 
     def square(on: LawOnCells) -> Expr:
         s = stress(on)
@@ -24,7 +24,7 @@ def stress_norm2(problem: Problem, stress: OfLaw) -> Integral:
 
 
 def strain_norm2(problem: Problem, strain: Expr) -> Integral:
-    """‖e‖² of a strain; compiled once. Collective."""
+    """Return ‖e‖² of a strain, as an integral compiled once. Collective."""
 
     def square(on: LawOnCells) -> Expr:
         return ufl.dot(on.law.elastic.hooke(strain), strain)
@@ -33,16 +33,18 @@ def strain_norm2(problem: Problem, strain: Expr) -> Integral:
 
 
 def stiffness_of_nodes(problem: Problem) -> float:
-    """Return a node's stiffness (force/length) against all others, the mean of them. Collective.
+    """Return the mean stiffness (force/length) of a node while all other nodes are fixed.
 
-    √(stiffness · energy) is the norm of the forces by which the stress of an energy pulls at nodes
-    from all sides, which may balance each other.
+    Collective.
+
+    √(stiffness · energy) is the norm of the forces that the stress of an energy exerts on nodes
+    from all sides, before they balance.
     """
     return stiffness_of_all(problem) / problem.V.dofmap.index_map.size_global
 
 
 def stiffness_of_all(problem: Problem) -> float:
-    """∫ 2μ/h², by which :func:`jagged_norm2` is at most this times the largest |u|². Collective."""
+    """Return ∫ 2μ/h²; this times the largest |u|² bounds :func:`jagged_norm2`. Collective."""
     h2 = abs(ufl.JacobianDeterminant(problem.tagged_mesh.mesh)) ** (
         2 / problem.tagged_mesh.mesh.geometry.dim
     )
@@ -51,9 +53,12 @@ def stiffness_of_all(problem: Problem) -> float:
 
 
 def jagged_norm2(problem: Problem, u: fem.Function) -> Integral:
-    """‖u‖² if neighbouring nodes moved against each other, ∫ 2μ|u|²/h²; compiled once. Collective.
+    """Return the integral ∫ 2μ|u|²/h²: ‖u‖² if neighbouring nodes moved against each other.
 
-    Rounding errors of ε(u) are relative to this norm, however smooth u is.
+    Collective.
+
+    Rounding errors of ε(u) are relative to this norm, however smooth u is. The integral is compiled
+    once.
     """
     mesh = problem.tagged_mesh.mesh
     h2 = abs(ufl.JacobianDeterminant(mesh)) ** (2 / mesh.geometry.dim)

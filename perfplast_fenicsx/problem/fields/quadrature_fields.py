@@ -1,6 +1,6 @@
-"""Strain and stress of a displacement, kept by DOLFINx Expressions, and integrals of them.
+"""Evaluate strain and stress of a displacement with DOLFINx Expressions, and their integrals.
 
-All forms and Expressions are compiled once for a problem. Nothing here loops over cells.
+A problem compiles all forms and Expressions once. No function loops over cells in Python.
 """
 
 from functools import cached_property
@@ -29,23 +29,24 @@ from perfplast_fenicsx.profiling import phase
 
 
 class QuadratureFields:
-    """Strain and stress at u.
+    """Strain and stress at the displacement u.
 
     Attributes:
-        problem: Whose they are.
+        problem: The problem of the fields.
         u: Displacement.
-        e: ε(u) − e₀, Mandel vectors at the quadrature points, as all strains and stresses.
+        e: ε(u) − e₀ as Mandel vectors at the quadrature points, as are all strains and stresses.
         stress: Σ(e).
-        force: Of :meth:`assemble_force`.
-        bolt_forces: Returns the present force of each bolt's shank, by its name; collective.
+        force: The vector of :meth:`assemble_force`.
+        bolt_forces: Function that returns the present force of each bolt's shank, by its name;
+            collective.
         potential: Ψ(ε(u)).
-        conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩; that of the step after a history.
+        conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩; with a history, that of the step.
         stress_norm2: ‖σ‖² in the energy norm, ∫ σ:C⁻¹σ.
         u_norm2: ‖u‖² in the energy norm, ∫ ε(u):Cε(u).
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Create fields of zeros, and compile the expressions that evaluate them. Collective."""
+        """Create fields of zeros and compile the expressions that evaluate them. Collective."""
         self.problem, laws, comm = problem, problem.laws, problem.comm
         mesh, V, S, Q = problem.tagged_mesh.mesh, problem.V, problem.S, problem.Q
         self.u = fem.Function(V, name="displacement")
@@ -88,15 +89,15 @@ class QuadratureFields:
 
     @phase("return map")
     def update(self) -> None:
-        """Bring strain and stress to u. Its ghosts must be up to date."""
+        """Update strain and stress from u. The ghosts of u must be up to date."""
         evaluate(self._strain, self.e, self.problem.cells)
         self._stress.interpolate(self.stress)
 
     def take_elastic_stress(self, before: tuple[Floats, Floats] | None = None) -> None:
-        """Let the stress be Ce until the next update. Collective.
+        """Set the stress to Ce until the next update. Collective.
 
         Args:
-            before: Strain e' and stress σ' to start from, where bodies remember plastic flow; the
+            before: Strain e' and stress σ' to start from, if bodies remember plastic flow. The
                 stress is then σ' + C(e − e').
         """
         strain, stress = before or (0.0, 0.0)
@@ -110,9 +111,9 @@ class QuadratureFields:
         self.stress.x.array[:] += stress
 
     def updated_history(self) -> dict[str, fem.Function]:
-        """Return the internal variables by name after a level that ends here; {} for Hencky's laws.
+        """Return the internal variables by name at the end of the level; {} for Hencky's laws.
 
-        Strain and stress must be up to date. The problem's history stays as it was before.
+        Strain and stress must be up to date. The problem's own history does not change.
         """
         after = {}
         for name, expression in self._history.items():
@@ -121,7 +122,7 @@ class QuadratureFields:
         return after
 
     def largest_overstress(self) -> float:
-        """Largest yield ratio of Ce, the stress without yielding, of all points. Collective."""
+        """Return the largest yield ratio of the elastic stress Ce at all points. Collective."""
         self._overstress.interpolate(self._at_points)
         largest = float(self._at_points.x.array.max(initial=0))
         return self.problem.comm.allreduce(largest, MPI.MAX)
@@ -137,61 +138,64 @@ class QuadratureFields:
         return self._plastic_volume() / self._volume
 
     def initial_work(self) -> float:
-        """⟨σ, e₀⟩. Collective."""
+        """Return ⟨σ, e₀⟩. Collective."""
         return 0.0 if self._initial is None else self._initial()
 
     def size(self) -> float:
         """|Ψ| + ½‖σ‖² (energy), which duality gaps are relative to. Collective.
 
-        After plastic flow stress is a difference of two strains, so that rounding errors of ψ + ψ*
-        are larger. They are relative to at least 1e-4 of the energy that the strain would have.
+        After plastic flow, stress is a difference of two strains, so that rounding errors of ψ + ψ*
+        are larger. They are relative to at least 1e-4 of the elastic energy of the strain.
         """
         energy = abs(self.potential()) + self.stress_norm2() / 2
-        # Share of the energy of the strain, were it elastic, that
-        # measures gaps after plastic flow.
+        # Share of the elastic energy of the strain that scales gaps after plastic flow.
         share = 1e-4
         return max(energy, share * self.u_norm2() / 2) if self._remembers else energy
 
     def inner_force(self) -> float:
-        """Norm of the forces by which stress alone, without any load, pulls at nodes. Collective.
+        """Return the norm of the nodal forces of the stress without any load. Collective.
 
-        0 where stress comes of loads and supports, whose forces are known.
+        The norm is 0 if the stress results from loads and supports, whose forces are known.
         """
         return (self._stiffness * self.size()) ** 0.5 if self._stiffness else 0.0
 
     @phase("assembly")
     def assemble_force(self) -> PETSc.Vec:
-        """⟨Σ(e), ε(v)⟩ as a vector, zero at supports. Collective."""
+        """Return ⟨Σ(e), ε(v)⟩ as a vector, zero at supports. Collective."""
         assemble_force(self.force, self._force_form, self.problem.bcs)
         return self.force
 
     @phase("assembly")
     def assemble_all_forces(self) -> PETSc.Vec:
-        """⟨Σ(e), ε(v)⟩ as a vector, at supports too; ``force`` as well. Collective."""
+        """Return ⟨Σ(e), ε(v)⟩ as a vector, at supports too; also update ``force``. Collective."""
         assemble_force(self.force, self._force_form, [])
         return self.force
 
     def leave(self) -> None:
-        """Remember the size of u at the start of a level. Collective.
+        """Store the size of u at the start of a level. Collective.
 
-        Rounding errors of later strains are judged against the larger of this and that of the
-        current u, which is needed where bodies are unloaded to nearly nothing.
+        The scale for rounding errors of later strains is the larger of this size and that of the
+        current u. The stored size matters where bodies are unloaded almost completely.
         """
         self._left = (0.0, 0.0)
         self._left = (self.jagged_norm2(), self.gross_force())
 
     def jagged_norm2(self) -> float:
-        """Return the reference of rounding of ``u_norm2`` (:mod:`energy_norms`). Collective."""
+        """Return the reference for rounding errors of ``u_norm2`` (:mod:`energy_norms`).
+
+        Collective.
+        """
         return max(self._jagged_norm2(), self._left[0])
 
     def at_least(self, share: float, norm: float) -> float:
-        """Return the larger one of a norm of strains and a share of the root of that. Collective.
+        """Return the larger of a norm of strains and a share of √``jagged_norm2``. Collective.
 
-        The latter's integral is formed if a bound by the largest displacement does not decide.
+        The function forms the integral ``jagged_norm2`` only if a bound by the largest displacement
+        does not decide.
         """
         largest = float(np.abs(self.u.x.array).max(initial=0.0))
         largest = self.problem.comm.allreduce(largest, MPI.MAX)
-        beyond = 4.0  # by no more |u| between nodes exceeds the largest component at one
+        beyond = 4.0  # because |u| between nodes is at most the largest nodal value
         bound = max(self._stiffness_of_all * (beyond * largest) ** 2, self._left[0])
         return (
             norm if share**2 * bound <= norm**2 else max(norm, share * self.jagged_norm2() ** 0.5)
@@ -202,12 +206,15 @@ class QuadratureFields:
         return stiffness_of_all(self.problem)
 
     def gross_force(self) -> float:
-        """Norm (force) that rounding errors of all nodal forces are relative to. Collective."""
-        size = float(la.norm(self.u.x))  # PETSc would return that of an earlier u
+        """Return the norm (force) that scales the rounding errors of all nodal forces.
+
+        Collective.
+        """
+        size = float(la.norm(self.u.x))  # PETSc would return the cached norm of an earlier u
         return max(self._jagged_norm2() / size if size > 0 else 0.0, self._left[1])
 
     def _updated(self, name: str) -> LawExpression:
-        """Return the expression of a history variable after the step."""
+        """Return the expression that updates a history variable."""
         space, e = self.problem.history[name].function_space, self.e
         laws = [on for on in self.problem.laws if name in on.old]
         return LawExpression(laws, space, lambda on: on.law.updated(e, on.old)[name])

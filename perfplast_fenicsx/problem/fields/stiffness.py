@@ -1,4 +1,4 @@
-"""The tangent stiffness as a matrix in blocks, with room for what contact adds in its basis."""
+"""Assemble the tangent stiffness as a blocked matrix, with the pattern that contact needs."""
 
 from petsc4py import PETSc
 
@@ -13,15 +13,15 @@ from perfplast_fenicsx.profiling import phase
 
 
 class Stiffness:
-    """Σ^{o,ρ}(ε(u)) of some fields.
+    """The stiffness Σ^{o,ρ}(ε(u)) of some fields.
 
     Attributes:
-        matrix: K in nodal unknowns, in blocks, which are assembled twice as fast as single entries;
-            zero before it is assembled.
+        matrix: K in nodal unknowns, in blocks, which assemble twice as fast as single entries; zero
+            before the first assembly.
     """
 
     def __init__(self, fields: QuadratureFields) -> None:
-        """Compile the form, and find the pattern. Collective."""
+        """Compile the form and create the sparsity pattern. Collective."""
         problem = fields.problem
         self._problem = problem
         self._tangent = TangentForm(fields, problem.V)
@@ -30,9 +30,10 @@ class Stiffness:
 
     @phase("assembly")
     def assemble(self, rho: float) -> PETSc.Mat:
-        """Bring the matrix to the strains, with this ρ.
+        """Assemble the matrix at the present strains, with this ρ.
 
-        Supported unknowns keep a diagonal of its mean, and free motions get springs. Collective.
+        The diagonal of supported unknowns is the mean diagonal, and free motions get springs.
+        Collective.
         """
         self._tangent.update(rho)
         self.matrix.zeroEntries()
@@ -43,7 +44,7 @@ class Stiffness:
         return self.matrix
 
     def _scale_supports(self) -> None:
-        """Give supported unknowns the weight of the others, lest Krylov solvers overlook them."""
+        """Scale supported unknowns as the others, so that Krylov solvers do not neglect them."""
         diagonal = self.matrix.getDiagonal()
         values = diagonal.array
         sums = np.array([values[~self._fixed].sum(), (~self._fixed).sum()])
@@ -54,7 +55,7 @@ class Stiffness:
 
 
 def create_stiffness(problem: Problem) -> PETSc.Mat:
-    """Return a matrix of zeros in blocks that has room for K and for A = TᵀKT. Collective."""
+    """Return a blocked matrix of zeros with the pattern of K and of A = TᵀKT. Collective."""
     V, T = problem.V, problem.basis.T
     topology = V.mesh.topology
     index_map, bs = V.dofmap.index_map, V.dofmap.index_map_bs
@@ -88,10 +89,10 @@ def create_stiffness(problem: Problem) -> PETSc.Mat:
 
 
 def _closed(T: PETSc.Mat) -> PETSc.Mat:
-    """Return nodes that follow others by any number of steps, of nodes that follow others by one.
+    """Return the transitive closure of T: which nodes follow others in any number of steps.
 
-    Single unknowns need one step, but a node's other component may follow further nodes: where a
-    rigid surface is in contact, say. Collective; the given matrix is destroyed.
+    Single unknowns need one step. But another component of a node may follow further nodes, as
+    where a rigid surface is in contact. Collective. The function destroys the given matrix.
     """
     closed = T.copy()
     while True:

@@ -1,4 +1,4 @@
-"""The tangent as a bilinear form, on the displacements or on others of the same cells."""
+"""Define the tangent as a bilinear form on displacements or on another space of the same cells."""
 
 from typing import Any
 
@@ -11,17 +11,17 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 class TangentForm:
-    """⟨Σ^{o,ρ}(ε(u)) ε(·), ε(·)⟩ of some fields.
+    """The form ⟨Σ^{o,ρ}(ε(u)) ε(·), ε(·)⟩ of some fields.
 
     Attributes:
-        form: Compiled.
+        form: The compiled form.
     """
 
     def __init__(self, fields: QuadratureFields, space: fem.FunctionSpace) -> None:
-        """Compile. Collective.
+        """Compile the form. Collective.
 
         Args:
-            fields: Whose strain the tangent is taken at.
+            fields: Fields at whose strain the tangent is taken.
             space: Space of trial and test functions.
         """
         self._problem: Problem = fields.problem
@@ -36,7 +36,7 @@ class TangentForm:
         self.form: Any = fem.form(sum(terms[1:], start=terms[0]))
 
     def update(self, rho: float) -> None:
-        """Bring the form to the strains, with this ρ."""
+        """Update the form to the present strains, with this ρ."""
         self._rho.value = rho
         for function, expression in self._stored:
             expression.interpolate(function)

@@ -1,1 +1,1 @@
-"""Histories of loads and motions."""
+"""Apply histories of loads and motions."""

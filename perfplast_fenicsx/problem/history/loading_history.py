@@ -1,12 +1,12 @@
-"""A loading history on a problem: what its stages make of loads, motions and e₀ at a time.
+"""Apply the stages of a loading history to a problem: loads, motions and e₀ at a time.
 
-ζ is the time: it grows by 1 in each stage. In the stage from ζ = k on, factors f_i go from a_i to
-b_i, and with the loads ℓ_i of factor 1, and L_c of constant ones,
+ζ is the time: it grows by 1 in each stage. In the stage that starts at ζ = k, factors f_i go
+linearly from a_i to b_i. With the loads ℓ_i of factor 1 and the constant loads L_c,
 
     L₀ + ζL₁ = L_c + Σ (a_i + (ζ − k)(b_i − a_i)) ℓ_i,    L₁ = Σ (b_i − a_i) ℓ_i,
 
-so that a level is one of (P)_ζ like any other. So are u_D and the gaps
-of what moves. α = L₁(u) is the work of what the stage changes.
+so that a level solves (P)_ζ as any other level does. The same holds for u_D and the gaps of moving
+objects. α = L₁(u) is the work of the changes in the stage.
 """
 
 import math
@@ -32,15 +32,15 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 class LoadingHistory:
-    """Takes a problem through stages; the problem's loads, motion and e₀ are then its own.
+    """Leads a problem through stages; it then sets the problem's loads, motion and e₀.
 
     Attributes:
         problem: The problem that is loaded.
-        stages: One after the other.
+        stages: The stages in order.
     """
 
     def __init__(self, problem: Problem, stages: Sequence[Stage]) -> None:
-        """Make the vector and the initial strain of each name. Collective.
+        """Assemble the vector and the initial strain of each name. Collective.
 
         Raises:
             InputError: If the stages do not fit loads and motions.
@@ -79,7 +79,10 @@ class LoadingHistory:
                 yield k + step / stage.steps
 
     def rests_first(self) -> bool:
-        """Return whether something loads the bodies before the first stage. Collective."""
+        """Return whether any load or strain acts on the bodies before the first stage.
+
+        Collective.
+        """
         problem = self.problem
         strained = self._first_strain is not None
         settled = bool(self._at_rest.displacement[0].any())
@@ -87,33 +90,33 @@ class LoadingHistory:
         return moved or float(self._constant.norm()) > 0
 
     def number(self, time: float) -> int:
-        """Return the number of the stage of a time, from 0; the end of a stage belongs to it."""
+        """Return the number of the stage at a time, from 0; the end of a stage belongs to it."""
         return min(max(math.ceil(time - ROUNDING) - 1, 0), len(self.stages) - 1)
 
     def label(self, time: float) -> str:
-        """Return the name of the stage of a time in results; empty at rest."""
+        """Return the name of the stage at a time in results; empty at rest."""
         k = self.number(time)
         return (self.stages[k].name or f"stage {k + 1}") if time > 0 else ""
 
     def factors(self, time: float) -> dict[str, float]:
-        """At a time, by name."""
+        """Return the factors at a time, by name."""
         k = self.number(time)
         before, after = self._at_end(k - 1), self._at_end(k)
         share = time - k
         return {name: (1 - share) * before[name] + share * after[name] for name in after}
 
     def tightened(self, time: float) -> dict[str, float]:
-        """Return forces to which the stage of a time tightens bolts at it, by name."""
+        """Return the forces to which the stage at a time tightens bolts, by name."""
         factors, stage = self.factors(time), self.stages[self.number(time)]
         named = [name for name in self._preloads if name in stage.factors and time > 0]
         return {name: factors[name] * self._preloads[name] for name in named}
 
     def check_start(self, time: float) -> None:
-        """Refuse to go on from a time at which bolts have been tightened again.
+        """Refuse to continue from a time at which bolts have been tightened again.
 
         Raises:
-            InputError: If a stage has begun that does so: how far shanks are shortened is not with
-                the results.
+            InputError: If an earlier stage tightened a bolt, since results do not store how far
+                shanks are shortened.
         """
         begun = self.stages[: self.number(time) + 1] if time > 0 else ()
         for name in self._preloads:
@@ -124,11 +127,14 @@ class LoadingHistory:
                 )
 
     def works(self, u: PETSc.Vec) -> dict[str, float]:
-        """ℓ_i(u) of each load by name. Collective."""
+        """Return the work ℓ_i(u) of each load by name. Collective."""
         return {name: float(vector.dot(u)) for name, vector in self._vectors.items()}
 
     def go_to(self, time: float) -> None:
-        """Give the problem loads and motion of the stage, and e₀ of the time. Collective."""
+        """Set the problem's loads and motion to those of the stage, and e₀ to that of the time.
+
+        Collective.
+        """
         problem, k = self.problem, self.number(time)
         if k not in self._cases:
             self._cases[k] = self._case(k)
@@ -153,13 +159,13 @@ class LoadingHistory:
         return LoadCase.of(dead, live, self.problem.bcs)
 
     def _lines(self, k: int) -> tuple[dict[str, float], dict[str, float]]:
-        """Factors in a stage, by name: what they would be at ζ = 0, and their growth with ζ."""
+        """Return factors in a stage, by name: values extrapolated to ζ = 0, and growth."""
         before, after = self._at_end(k - 1), self._at_end(k)
         rate = {name: after[name] - before[name] for name in after}
         return {name: before[name] - k * rate[name] for name in after}, rate
 
     def _at_end(self, k: int) -> Mapping[str, float]:
-        """Return factors at the end of a stage; zero before the first one, and 1 of bolts."""
+        """Return factors at the end of a stage; before the first stage 0, and 1 for bolts."""
         factors = dict.fromkeys((name for a in self.stages for name in a.factors), 0.0)
         factors |= dict.fromkeys(self._preloads, 1.0)
         for stage in self.stages[: k + 1]:
@@ -167,7 +173,7 @@ class LoadingHistory:
         return factors
 
     def _strain(self, given: Sequence[Initial]) -> Floats:
-        """Return the initial strain of some of them at the points."""
+        """Return the initial strain of some declarations at the points."""
         problem = self.problem
         spaces = Spaces(problem.degree, problem.V, problem.S, problem.Q, problem.dx)
         materials = problem.given.materials

@@ -1,4 +1,4 @@
-"""Motions in stages: supports, rigid surfaces, obstacles, overlaps, each by its name's factor."""
+"""Move supports, rigid surfaces, obstacles and overlaps in stages, by factors of names."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -28,8 +28,9 @@ def named_motions(problem: Problem) -> dict[str, GivenMotion]:
     for support in supports:
         if isinstance(support, Support) and support.guides and follows(support):
             raise InputError(
-                f"the support on '{support.on}' moves along its normal, which stages do not know;"
-                " give control = 'displacement', constant = true, or letters as components."
+                f"the support on '{support.on}' moves along its normal, which stages do "
+                "not support; give control = 'displacement', constant = true, or letters "
+                "as components."
             )
     _, values, holder = known_displacements(V, problem.tagged_mesh, supports)
     _check_parted(problem, supports, values[1] != 0, holder)
@@ -39,7 +40,7 @@ def named_motions(problem: Problem) -> dict[str, GivenMotion]:
     rows = (problem.constraints, problem.sliding, problem.friction)
     parts = {}
     for name in dict.fromkeys(name for name in names if name is not None):
-        mine = np.array([*(follower == name for follower in followers), False])  # -1: nobody's
+        mine = np.array([*(follower == name for follower in followers), False])  # -1: no holder
         moved = np.where(mine[holder], values[1], 0.0)
         sources = [
             one if one.called == name else replace(one, move=(), grows=False)
@@ -56,13 +57,13 @@ def in_stage(
     first: Mapping[str, float],
     rate: Mapping[str, float],
 ) -> GivenMotion:
-    """Return the motion in a stage, in which the factor of a name is first + ζ · rate.
+    """Return the motion in a stage, in which each name has the factor first + ζ · rate.
 
     Args:
-        constant: The problem's, of which the part without ζ counts.
+        constant: The problem's motion, of which only the part without ζ counts.
         parts: See :func:`named_motions`.
-        first: By name.
-        rate: By name.
+        first: Factors extrapolated to ζ = 0, by name.
+        rate: Growth of the factors with ζ, by name.
     """
     displacement = np.stack([constant.displacement[0], np.zeros_like(constant.displacement[0])])
     gap = np.stack([constant.gap[0], np.zeros_like(constant.gap[0])])
@@ -104,8 +105,8 @@ def _check_parted(
             others = {called(supports[i]) for i in np.unique(theirs)}
             for other in sorted(others - {called(support)}):
                 message = (
-                    f"the supports '{other}' and '{called(support)}' hold the same nodes along"
-                    f" {AXES[axis]}, which stages could move apart; give both one name, or part"
-                    " their surfaces."
+                    f"the supports '{other}' and '{called(support)}' hold the same nodes "
+                    f"along {AXES[axis]}, but stages could move them differently; give "
+                    "both one name, or separate their surfaces."
                 )
     raise_together(problem.comm, message)

@@ -1,1 +1,1 @@
-"""States, resultants and their checks."""
+"""Evaluate states and resultants, and check them."""

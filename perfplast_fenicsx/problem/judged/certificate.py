@@ -1,4 +1,7 @@
-"""How good is a state? Duality gap, equilibrium, penetration, contact forces, complementarity."""
+"""Measure the accuracy of a state: the certificate.
+
+It contains the duality gap, equilibrium, penetration, contact forces and complementarity.
+"""
 
 import math
 from dataclasses import dataclass
@@ -20,8 +23,8 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import TINY
 
 LEAST_PUSH = 1e-6
-"""Surfaces that push and rub by less than this share of the forces that stress leaves at nodes are
-judged as if they did by so much. So rounding decides nothing."""
+"""Smallest contact or friction force that serves as a reference, as a share of the forces that
+stress exerts on nodes. So rounding errors do not decide."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +32,13 @@ class Rubbed:
     """Friction at a state.
 
     Attributes:
-        forces: μ of the places hosted by this rank, shape (num_places, gdim − 1).
-        jumps: The slip there (length), same shape.
-        energy: Σ c‖slip‖, which it has dissipated.
-        excess: Largest ‖μ‖ − c, relative to the largest c; 0 where none is larger.
-        unbalanced: The same relative to the largest force of contact or friction, or to
-            ``LEAST_PUSH`` of those that stress leaves at nodes.
-        slipping: Places that slip.
+        forces: Friction forces μ at the places hosted by this rank, shape (num_places, gdim − 1).
+        jumps: The slip at these places (length), same shape.
+        energy: Σ c‖slip‖, the energy that friction has dissipated.
+        excess: Largest ‖μ‖ − c, relative to the largest c; 0 if no force exceeds c.
+        unbalanced: The same excess relative to the largest contact or friction force, or to
+            ``LEAST_PUSH`` of the forces that stress exerts on nodes.
+        slipping: Number of places that slip.
     """
 
     forces: Floats
@@ -48,7 +51,9 @@ class Rubbed:
 
 @dataclass(frozen=True)
 class Certificate:
-    """The optimality conditions of (P)_ζ at a state; see :class:`report.LevelReport` for meanings.
+    """The optimality conditions of (P)_ζ at a state.
+
+    :class:`report.LevelReport` explains the numbers.
 
     ``forces`` are the contact forces of the pairs hosted by this rank, shape (num_pairs,), positive
     where the bodies push each other.
@@ -65,12 +70,12 @@ class Certificate:
 
 
 def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certificate:
-    """Judge the state that ``fields`` is at. Collective.
+    """Return the certificate of the state in ``fields``. Collective.
 
-    The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap + Σ μ·s₀ − ⟨reactions, u_D⟩, and inf J_ζ
-    is minus that at the solution, so the sum of both is the duality gap. It vanishes only for the
-    solution, and is relative to |Ψ| + ½‖σ‖². Gaps are those of the basis, which what u_D closes is
-    taken from.
+    The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap + Σ μ·s₀ − ⟨reactions, u_D⟩. At the
+    solution it equals −inf J_ζ, so the sum of both functionals is the duality gap. The gap vanishes
+    only at the solution, and is relative to |Ψ| + ½‖σ‖². The gaps are those of the basis, reduced
+    by what u_D closes.
     """
     comm, basis = problem.comm, problem.basis
     internal = fields.assemble_all_forces()
@@ -119,16 +124,18 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
 def contact_forces(
     problem: Problem, stress: fem.Function, zeta: float, times: float = 1.0
 ) -> Floats:
-    """Contact forces that balance a stress and the loads, as a certificate has them. Collective.
+    """Return the contact forces that balance a stress and the loads, as in a certificate.
+
+    Collective.
 
     Args:
         problem: The bodies.
         stress: Mandel vectors at the points.
-        zeta: ζ of the loads that grow.
-        times: Factor of those that stay.
+        zeta: Load factor ζ of the live loads.
+        times: Factor of the permanent loads.
 
     Returns:
-        Shape (num_pairs,), those of the pairs hosted by this rank.
+        Forces of the pairs hosted by this rank, shape (num_pairs,).
     """
     r = _left(problem, stress, zeta, times)
     forces = -r.array_r[problem.basis.index]
@@ -137,7 +144,10 @@ def contact_forces(
 
 
 def friction_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floats:
-    """Return the same of friction, shape (num_places, gdim − 1). Collective."""
+    """Return the friction forces that balance a stress and the loads, shape (num_places, gdim − 1).
+
+    Collective.
+    """
     r = _left(problem, stress, zeta)
     forces = -problem.friction.jumps(r)
     r.destroy()
@@ -145,7 +155,7 @@ def friction_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floa
 
 
 def _left(problem: Problem, stress: fem.Function, zeta: float, times: float = 1.0) -> PETSc.Vec:
-    """Return the forces that stress and loads leave to contact, in the jump basis. Collective."""
+    """Return the forces that contact must balance, in the jump basis. Collective."""
     residual, r = problem.create_vector(), problem.create_vector()
     assemble_force(residual, fem.form(problem.internal_form(stress)), problem.bcs)
     problem.loads.subtract_from(residual, zeta, times)
@@ -155,21 +165,21 @@ def _left(problem: Problem, stress: fem.Function, zeta: float, times: float = 1.
 
 
 def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats, least: float) -> Rubbed:
-    """Friction at y, with the forces that the gradient r leaves to it. Collective.
+    """Return friction at y, with the forces that the gradient r leaves to it. Collective.
 
     Args:
-        problem: Whose friction is meant.
+        problem: Problem with the friction.
         y: Displacement in the jump basis.
-        r: Gradient there.
+        r: Gradient in the jump basis.
         pushes: Contact forces, shape (num_pairs,).
-        least: Force that counts as one.
+        least: Smallest force that counts.
     """
     friction, comm = problem.friction, problem.comm
     jumps, forces = friction.slip(y), -friction.jumps(r)
     if not friction.count:
         return Rubbed(forces, jumps, 0.0, 0.0, 0.0, 0)
     sizes = norms(jumps)
-    rounding = 1e-13  # slip below this share of the largest displacement is zero
+    rounding = 1e-13  # slip below this share of the largest displacement counts as zero
     slips = sizes > rounding * y.norm(PETSc.NormType.NORM_INFINITY)
     energy = comm.allreduce(friction.energy(np.where(slips[:, None], jumps, 0.0)))
     excess = float((norms(forces) - friction.bound).max(initial=0))
@@ -183,14 +193,17 @@ def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats, least:
 
 @dataclass(frozen=True)
 class _Moved:
-    """Motion of supports: its work on u_D, and the norm of all nodal forces."""
+    """Motion of supports: the work of reactions on u_D, and the norm of all nodal forces."""
 
     work: float
     norm: float
 
 
 def _moved(problem: Problem, internal: PETSc.Vec) -> _Moved:
-    """⟨σ, ε(ũ_D)⟩ with ũ_D zero at all other unknowns, and so no work of loads. Collective."""
+    """Return ⟨σ, ε(ũ_D)⟩; ũ_D is zero at all other unknowns, so that loads do no work on it.
+
+    Collective.
+    """
     if not (problem.motion.moves_supports or problem.motion.driven):
         return _Moved(0.0, 0.0)
     u = problem.prescribed.ravel()[: internal.getLocalSize()]

@@ -20,17 +20,17 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 
 STILL = 1e-6
-"""Share of a motion of all bodies below which one of them is at rest."""
+"""Share of a motion of all bodies below which a body counts as at rest."""
 
 
 def left_motions(problem: Problem) -> tuple[list[list[str]], list[str]]:
-    """Return what supports leave, without what contacts hold. Collective.
+    """Return the rigid motions that supports leave free, without regard to contact. Collective.
 
     Returns:
-        For each of ``problem.given.holding`` the motions that it leaves by itself to the bodies
-        that it touches, such as "translation in x and rotation", with their names where they
-        differ. And the same of all together, with the names of the bodies that still move: bodies
-        that ties glue together move as one.
+        The first list has an entry for each of ``problem.given.holding``: the motions that it alone
+        leaves free in the bodies that it touches, such as "translation in x and rotation", with the
+        bodies' names if they differ. The second list is the same for all supports together, with
+        the names of the bodies that still move. Bodies glued by ties move as one.
     """
     count, modes = problem.bodies.count, problem.bodies.num_modes
     holding = problem.given.holding
@@ -48,7 +48,7 @@ def left_motions(problem: Problem) -> tuple[list[list[str]], list[str]]:
 
 
 def _together(problem: Problem, grams: Floats) -> Floats:
-    """Return grams whose null spaces are the motions of bodies that ties leave as well. Collective.
+    """Return Gram matrices whose null spaces are the motions that ties also leave free. Collective.
 
     Args:
         problem: The bodies with their ties.
@@ -71,10 +71,10 @@ def _together(problem: Problem, grams: Floats) -> Floats:
 
 
 def _rows(problem: Problem, support: Support | RigidSurface) -> tuple[Ints, Floats]:
-    """Return what a support holds as functionals of rigid motions of the body of each node.
+    """Return the rows of a support as functionals of rigid motions of the body of each node.
 
     Returns:
-        The bodies, shape (n,), and the functionals, shape (n, num_modes), of this rank.
+        The bodies, shape (n,), and the functionals, shape (n, num_modes), on this rank.
     """
     V, bodies, gdim = problem.V, problem.bodies, problem.bodies.gdim
     nodes = fem.locate_dofs_topological(V, gdim - 1, problem.tagged_mesh.facets(support.on))
@@ -90,13 +90,13 @@ def _rows(problem: Problem, support: Support | RigidSurface) -> tuple[Ints, Floa
 
 
 def _in_words(problem: Problem, grams: Floats, some: Ints, alone: bool) -> list[str]:
-    """Return the motions that rows leave to some bodies, those with the same motions together.
+    """Return the motions that rows leave to some bodies, grouping bodies with the same motions.
 
     Args:
-        problem: Whose bodies they are.
+        problem: Problem of the bodies.
         grams: Rᵀ R of the rows of each body, shape (count, num_modes, num_modes).
         some: Numbers of bodies.
-        alone: Leave their names out where they all have the same motions.
+        alone: Whether to omit the names of the bodies if all have the same motions.
     """
     names, by_words = problem.free.names, dict[str, list[str]]()
     for body in some:
@@ -107,7 +107,7 @@ def _in_words(problem: Problem, grams: Floats, some: Ints, alone: bool) -> list[
         if left.shape[1] == problem.bodies.num_modes:
             words = "any rigid motion"
         by_words.setdefault(words, []).append(names[body])
-    most = 6  # so many bodies are named
+    most = 6  # largest number of bodies that are named
     told = []
     for words, moving in by_words.items():
         shown = moving if len(moving) <= most else [*moving[:most], f"{len(moving) - most} more"]
@@ -117,7 +117,7 @@ def _in_words(problem: Problem, grams: Floats, some: Ints, alone: bool) -> list[
 
 
 def _motions(problem: Problem, left: Floats) -> str:
-    """Return rigid motions of a body in words, along few axes each."""
+    """Return rigid motions of a body in words, along as few axes as possible."""
     projector = left @ left.T
     told = []
     for _ in range(left.shape[1]):
@@ -137,13 +137,13 @@ def _motions(problem: Problem, left: Floats) -> str:
 
 @dataclass(frozen=True)
 class HeldAgainst:
-    """A contact surface of which supports hold some nodes along the normal, and not the other one.
+    """A contact surface with some nodes held along the normal, unlike the opposite side.
 
     Attributes:
-        surface: Its name.
-        other: The name of the surface that lies opposite.
-        held: How many of its nodes are held so.
-        nodes: How many nodes it has.
+        surface: Name of the surface.
+        other: Name of the opposite surface.
+        held: Number of its nodes that are held.
+        nodes: Number of its nodes.
         by: The names of the supports.
     """
 
@@ -157,13 +157,13 @@ class HeldAgainst:
 def held_against(problem: Problem, stiff: Collection[str]) -> list[HeldAgainst]:
     """Return where supports hold a part of a surface that a stiff body may push on. Collective.
 
-    A stiff body cannot move into such a surface: a wall that is driven into ground whose base is
-    held as far as the wall, for instance. Places at which both sides are held along the normal are
-    left out, and so are surfaces that are held everywhere.
+    A stiff body cannot move into such a surface. An example is a wall driven into ground whose base
+    is fixed under the wall too. The function ignores places where both sides are held along the
+    normal, and surfaces that are held everywhere.
 
     Args:
         problem: The bodies.
-        stiff: Names of volumes that keep their shape at collapse.
+        stiff: Names of volumes that remain undeformed at collapse.
     """
     near = ROUNDING * problem.bodies.size
     found = []
@@ -185,7 +185,7 @@ def held_against(problem: Problem, stiff: Collection[str]) -> list[HeldAgainst]:
 
 
 def _lies_on(problem: Problem, surface: str, volumes: Collection[str]) -> bool:
-    """Return whether all cells at a surface are of some volumes, on every rank alike."""
+    """Return whether all cells at a surface belong to some volumes; the same on every rank."""
     tagged_mesh = problem.tagged_mesh
     topology = tagged_mesh.mesh.topology
     to_cell = topology.connectivity(topology.dim - 1, topology.dim)
@@ -196,15 +196,15 @@ def _lies_on(problem: Problem, surface: str, volumes: Collection[str]) -> bool:
 
 
 def _held_nodes(problem: Problem, surface: str) -> tuple[Floats, Ints, int]:
-    """Return the nodes of a surface that supports hold along its normal, of all ranks.
+    """Return the nodes of a surface that supports hold along its normal, on all ranks.
 
     Returns:
-        Their places, shape (n, 3), the number of the support that holds each, shape (n,), and how
-        many nodes the surface has.
+        Coordinates of these nodes, shape (n, 3), the number of the support that holds each, shape
+        (n,), and the number of nodes of the surface.
     """
     faces = face_nodes(problem.V, problem.tagged_mesh, surface)
     taken = np.abs(faces.normal) * (problem.held_by[faces.node] >= 0)
-    mostly = 0.7  # share of a normal along axes that are held
+    mostly = 0.7  # smallest share of a normal along held axes
     held = np.flatnonzero(np.linalg.norm(taken, axis=1) > mostly)
     nodes, first = np.unique(faces.node[held], return_index=True)
     by = problem.held_by[nodes, np.argmax(taken[held[first]], axis=1)]

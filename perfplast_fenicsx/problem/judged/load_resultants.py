@@ -1,4 +1,4 @@
-"""Resultants of each load: its force and moment at ζ = 1, at supported nodes too."""
+"""Compute resultants of each load: its force and moment at ζ = 1, including supported nodes."""
 
 from dataclasses import dataclass
 
@@ -16,14 +16,14 @@ class LoadResultant:
     """A load as a force and a moment.
 
     Attributes:
-        name: As messages call it, or where it acts.
+        name: Its name in messages, or the surface or volume where it acts.
         on: Its surface or volume.
-        kind: As case files call it.
+        kind: Its kind in case files.
         constant: Whether it acts in full at any load factor.
-        force: One number a direction (force; in the plane for each unit of depth, in axisymmetry of
-            the full turn).
-        moment: About the origin (force × length): three numbers in space, one in the plane, none of
-            bodies of revolution.
+        force: One number for each direction (force; in the plane per unit of depth, in axisymmetry
+            of the full turn).
+        moment: Moment about the origin (force × length): three numbers in space, one in the plane,
+            an empty array for bodies of revolution.
     """
 
     name: str
@@ -35,13 +35,16 @@ class LoadResultant:
 
 
 def load_resultants(problem: Problem) -> list[LoadResultant]:
-    """The resultant of each declared load, at ζ = 1, in the order of the loads. Collective."""
+    """Return the resultant of each declared load at ζ = 1, in the order of the loads.
+
+    Collective.
+    """
     return [found for found, _ in sized_resultants(problem)]
 
 
 @once_a_problem
 def sized_resultants(problem: Problem) -> list[tuple[LoadResultant, float]]:
-    """Return each resultant with the sum of the sizes of its nodal forces. Collective."""
+    """Return each resultant with the sum of the magnitudes of its nodal forces. Collective."""
     found = []
     for load in problem.given.loads:
         work = work_vector(problem.V, problem.tagged_mesh, [load])

@@ -1,4 +1,4 @@
-"""Moments of nodal forces about the origin."""
+"""Compute moments of nodal forces about the origin."""
 
 import numpy as np
 
@@ -7,15 +7,15 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def moment(problem: Problem, forces: Floats) -> Floats:
-    """Return the sum of the moments of forces at the nodes of this rank. Not collective.
+    """Return the sum of the moments of nodal forces on this rank. Not collective.
 
     Args:
-        problem: At whose nodes they are.
+        problem: Problem with the nodes.
         forces: Forces of the nodes that this rank owns, shape (num_nodes, gdim).
 
     Returns:
-        About x, y and z in space, about z in the plane (for each unit of depth), shape (3,) or
-        (1,); shape (0,) of bodies of revolution, whose forces have none.
+        Moment about x, y and z in space, shape (3,); about z in the plane per unit of depth, shape
+        (1,); empty for bodies of revolution, shape (0,).
     """
     gdim = problem.bodies.gdim
     if problem.tagged_mesh.axisymmetric:

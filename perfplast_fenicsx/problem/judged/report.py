@@ -1,6 +1,6 @@
-"""Reports of a level and of its iterations: numbers and words, no fields.
+"""Report a level and its iterations in numbers and words, without fields.
 
-Whoever reads results needs no more than this, so that nothing of DOLFINx or MPI is imported here.
+Code that reads results needs only this module, so that it imports neither DOLFINx nor MPI.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ class Iteration:
     """One Newton step, or one iteration of ALG2.
 
     Attributes:
-        number: From 1.
+        number: Number of the iteration, from 1.
         zeta: Load parameter.
         alpha: L₁(u) after the step.
         energy: J_ζ(u) after the step.
@@ -20,11 +20,11 @@ class Iteration:
         beta: Step length.
         rho: Regularisation ρ of the tangent.
         plastic_fraction: Share of the volume that is plastic after the step.
-        active_contacts: Closed pairs.
+        active_contacts: Number of closed pairs.
         active_set_iterations: Linear solves of the contact quadratic program.
-        linear_iterations: Krylov iterations.
+        linear_iterations: Number of Krylov iterations.
         seconds: Wall time since the level began.
-        extra: What an algorithm has besides, by name: ALG2 the relative "primal" and "dual"
+        extra: Further values of an algorithm, by name. ALG2 stores the relative "primal" and "dual"
             residual and the "penalty" r.
     """
 
@@ -51,55 +51,56 @@ class Iteration:
 
 @dataclass(frozen=True)
 class LevelReport:
-    """The report of a load level; a step of ``summary.json``.
+    """The report of a load level; one step in ``summary.json``.
 
     Attributes:
         zeta: Load parameter ζ.
         alpha: Work of the live loads α = L₁(u).
         converged: Whether the level was solved.
         reason: Why the iteration ended.
-        newton_iterations: Newton steps.
+        newton_iterations: Number of Newton steps.
         active_set_iterations: Linear solves of the contact quadratic programs.
-        linear_iterations: Krylov iterations.
-        linear_solves: Linear systems solved.
-        setups: Factorisations or multigrid set-ups.
+        linear_iterations: Number of Krylov iterations.
+        linear_solves: Number of linear systems solved.
+        setups: Number of factorisations or multigrid set-ups.
         damping_min: Smallest step length β.
         plastic_fraction: Share of the volume that is plastic.
-        plastic_cells: Cells that are plastic, at one quadrature point at least.
-        active_contacts: Pairs that push.
-        contact_pairs: All pairs.
+        plastic_cells: Number of cells with at least one plastic quadrature point.
+        active_contacts: Number of pairs with a contact force.
+        contact_pairs: Number of all pairs.
         max_penetration: Largest (u_a − u_b)·n − g, at least 0 (length).
-        smallest_contact_force: Smallest contact force of all pairs (force); negative means an
-            adhesive one. 0 without any.
+        smallest_contact_force: Smallest contact force of all pairs (force); a negative value means
+            adhesion. The value is 0 without pairs.
         complementarity: Σ force × remaining gap, relative to |Ψ| + ½‖σ‖², as the duality gap.
-        equilibrium: Norm of the forces that nothing balances (contact forces apart, which the three
-            numbers above judge), relative to the largest of these: the loads, the contact forces,
-            all nodal forces where supports move, and those that stress exerts on nodes from all
-            sides where bodies are strained at first or remember plastic flow.
+        equilibrium: Norm of the unbalanced forces without contact forces, relative to the largest
+            of these norms: the loads; the contact forces; all nodal forces if supports move; and
+            the forces that stress exerts on nodes from all sides, if bodies have initial strain or
+            remember plastic flow.
         duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to
             |Ψ(ε(u))| + ½‖σ‖².
         max_displacement: Largest nodal displacement (length).
         seconds: Wall time of the level.
-        reactions: Forces on the bodies (:class:`resultants.Resultants`), one number a direction.
-        balance: Their sum or moment, relative to all nodal forces.
-        slipping: Places with friction that slip; in stages since the level before.
-        friction_dissipation: What this slip has dissipated, Σ c × slip (energy).
-        rounds: Rounds of the fixed point of Coulomb's friction; 1 without it.
-        friction_excess: Largest force of friction beyond c, relative to the largest c, at least 0.
-        driving_force: Where ζ moves supports and obstacles, the work that they do on the bodies for
-            a growth of ζ by 1: the force along what moves, times how far it moves for ζ = 1.
-        stage: The stage of a loading history; empty where there are none, and at rest before them.
-            ζ is then the time, which grows by 1 in each stage.
-        factors: What multiplies loads, temperatures and motions, by their names in stages.
-        works: Work that each of these loads, with the factor 1, does on u (energy).
-        driving_forces: Work that what each of these motions moves does on the bodies for a growth
-            of its factor by 1.
+        reactions: Forces on the bodies (:class:`resultants.Resultants`), one number for each
+            direction.
+        balance: Their sum or the sum of their moments, relative to all nodal forces.
+        slipping: Places with friction that slip; in stages, since the previous level.
+        friction_dissipation: Energy that this slip has dissipated, Σ c × slip.
+        rounds: Iterations of the fixed point of Coulomb's friction; 1 without it.
+        friction_excess: Largest friction force beyond the limit c, relative to the largest c, at
+            least 0.
+        driving_force: Where ζ moves supports and obstacles, their work on the bodies per unit of ζ:
+            the force along each motion, times the motion for ζ = 1.
+        stage: Stage of a loading history; empty without stages, and at rest before them. ζ is then
+            the time, which grows by 1 in each stage.
+        factors: Factors of loads, temperatures and motions, by their names in stages.
+        works: Work of each load with the factor 1 on u (energy).
+        driving_forces: Work of each motion on the bodies per unit of its factor.
         bolts: Force in the shank of each bolt (force), tension positive.
-        contact_programs: Contact quadratic programs solved; 0 without contact.
-        snes_vi_programs: Those that PETSc's SNES-VI solved by itself. It solved none with Total
-            FETI, nor those in which active sets went in circles, so that the condensed program
-            chose the set.
-        snes_vi_iterations: Iterations of SNES-VI, an active set each.
+        contact_programs: Number of contact quadratic programs solved; 0 without contact.
+        snes_vi_programs: Number of those that PETSc's SNES-VI solved by itself. It is 0 with Total
+            FETI. It excludes programs whose active sets cycled, so that the condensed program chose
+            the set.
+        snes_vi_iterations: Iterations of SNES-VI, one active set for each.
     """
 
     zeta: float
@@ -143,7 +144,7 @@ class LevelReport:
         return f"LevelReport({self.summary()})"
 
     def summary(self) -> str:
-        """Return the level in a few words."""
+        """Return a one-line summary of the level."""
         if not self.converged:
             return f"zeta={self.zeta:.6g}, no solution: {self.reason}"
         return (

@@ -1,7 +1,7 @@
-"""Forces on the bodies as resultants: of the loads, each support, obstacle and contact.
+"""Compute the forces on the bodies as resultants: of the loads, each support, obstacle and contact.
 
-They balance. Internal forces do no work on rigid motions, so that the sum of all resultants is what
-the residual at unknowns without supports adds up to, and so for moments.
+The resultants balance. Internal forces do no work on rigid motions. The sum of all resultants
+therefore equals the sum of the residual at free unknowns, and the same holds for moments.
 """
 
 from collections.abc import Mapping
@@ -21,23 +21,24 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class Resultants:
-    """Resultants by what exerts them, and how well they balance.
+    """Resultants by their source, and their imbalance.
 
     Attributes:
-        forces: One number a direction (force; in plane strain for each unit of depth; in
-            axisymmetry of the full turn, the radial one being what pushes outwards all around, and
-            no resultant of vectors), of ``loads``, ``support NAME``, ``rigid surface NAME`` if that
-            is moved, ``obstacle NAME`` and ``contact PRIMARY SECONDARY``: that on the primary
-            surface's body, and none on both together. What two supports both hold is counted for
-            the first one.
-        moments: Of ``loads`` and of each ``support NAME`` and ``rigid surface NAME`` about the
-            origin (:func:`moments.moment`).
-        balance: Sum of the forces on the bodies, or moment about the middle of the bodies over
-            their size, whichever is larger, relative to the sum of all nodal forces. In
-            axisymmetry it is that of the axial forces.
-        driving: Work that supports and obstacles do on the bodies for a growth of ζ by 1: the force
-            along what moves, times how far it moves for ζ = 1.
-        driving_by_name: The same of each name in stages, for a growth of its factor by 1.
+        forces: Force of each source, one number for each direction (force; in plane strain per unit
+            of depth; in axisymmetry of the full turn, where the radial number is the sum of outward
+            forces around the axis, not a vector resultant). The sources are ``loads``, ``support
+            NAME``, ``rigid surface NAME`` if it is moved, ``obstacle NAME`` and ``contact PRIMARY
+            SECONDARY``. The force of a contact acts on the body of the primary surface; its sum
+            over both bodies is zero. The force of a component that two supports hold counts for the
+            first one.
+        moments: Moments of ``loads``, ``support NAME`` and ``rigid surface NAME`` about the origin
+            (:func:`moments.moment`).
+        balance: The larger of two sums: of the forces on the bodies, and of the moments about the
+            middle of the bodies over their size. Both are relative to the sum of all nodal forces.
+            In axisymmetry it uses the axial forces only.
+        driving: Work of supports and obstacles on the bodies per unit of ζ: the force along each
+            motion, times the motion for ζ = 1.
+        driving_by_name: Work of each name in stages per unit of its factor.
     """
 
     forces: Mapping[str, list[float]]
@@ -58,12 +59,12 @@ def resultants(
     """Return the resultants at a state. Collective.
 
     Args:
-        problem: The bodies, their loads and what holds them.
+        problem: The bodies, their loads and their supports.
         internal: ⟨σ, ε(·)⟩ in nodal unknowns, at supports too.
         contact: Forces of the pairs hosted by this rank, shape (num_pairs,).
-        friction: Those of friction, shape (num_places, gdim − 1).
+        friction: Friction forces, shape (num_places, gdim − 1).
         zeta: Load factor.
-        least: Nodal forces (force) that add up to less are next to rounding.
+        least: Nodal forces (force) with a smaller sum count as rounding.
     """
     comm, gdim = problem.comm, problem.bodies.gdim
     loads, pushes = problem.create_vector(), problem.create_vector()
@@ -139,10 +140,10 @@ def resultants(
 
 
 def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> Floats:
-    """Add what glued surfaces exert on each other, at supports too. Collective.
+    """Add the forces that glued surfaces exert on each other, at supports too. Collective.
 
     Returns:
-        What guides exert, a force for each of their rows.
+        The forces of guides, one for each of their rows.
     """
     left, glued = internal.copy(), problem.ties.B.createVecLeft()
     fem_petsc.set_bc(left, problem.bcs)
@@ -162,7 +163,8 @@ def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.
 def _missing(problem: Problem, total: Floats, forces: Floats) -> float:
     """Return the larger of the unbalanced force and moment.
 
-    The moment is about the middle of the nodes, over the distance of the farthest. Collective.
+    The moment is about the middle of the nodes, divided by the distance of the farthest node.
+    Collective.
     """
     comm, kinematics = problem.comm, problem.kinematics
     x = problem.V.tabulate_dof_coordinates()[: len(forces)]

@@ -1,4 +1,4 @@
-"""Sides of bodies: outer facets grouped by body and plane, and how much of them a name covers."""
+"""Find sides of bodies: outer facets by body and plane, and the share that a name covers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,16 +18,16 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 @dataclass(frozen=True)
 class OuterFacets:
-    """The outer facets of the bodies of all ranks.
+    """The outer facets of the bodies on all ranks.
 
     Attributes:
         x: Their vertices, shape (n, gdim, gdim).
-        vertex: Global numbers of these, shape (n, gdim).
+        vertex: Global numbers of these vertices, shape (n, gdim).
         normal: Outward unit normals, shape (n, gdim).
-        area: Their areas (length², in the plane length, of bodies of revolution that of the full
-            turn), shape (n,).
+        area: Their areas, shape (n,): length², in the plane length, for bodies of revolution of the
+            full turn.
         body: Number of the connected body, shape (n,).
-        tag: Tag of the named surface, −1 for none, shape (n,).
+        tag: Tag of the named surface, −1 without a name, shape (n,).
     """
 
     x: Floats
@@ -40,13 +40,13 @@ class OuterFacets:
 
 @dataclass(frozen=True)
 class Side:
-    """A straight or a smooth part of the outside of a connected body.
+    """A flat or a smoothly curved part of the outside of a connected body.
 
     Attributes:
         body: Number of the body.
         words: Such as ``side z = 5``, ``side with normal (0.6, 0.8)`` or ``curved side``.
-        area: All of it.
-        pieces: How many parts it has that do not touch each other.
+        area: The whole area of the side.
+        pieces: Number of connected parts of the side.
     """
 
     body: int
@@ -62,8 +62,9 @@ class Cover:
     Attributes:
         side: The side.
         area: The covered part.
-        pieces: How many of the side's parts are covered as a whole.
-        rest: Names of the other surfaces on it, with their areas; "" is what has no name.
+        pieces: Number of the side's parts that are covered completely.
+        rest: Names of the other surfaces on the side, with their areas; "" is the area without a
+            name.
     """
 
     side: Side
@@ -73,7 +74,7 @@ class Cover:
 
     @property
     def whole(self) -> bool:
-        """Whether all of the side is covered."""
+        """Return whether the surface covers all of the side."""
         return not self.rest
 
 
@@ -82,10 +83,10 @@ class Sides:
     """The sides of all bodies.
 
     Attributes:
-        facets: The outer facets, of all ranks.
+        facets: The outer facets on all ranks.
         sides: All sides.
         side: The side of each facet, shape (n,).
-        piece: The connected part of a side that each facet is in, shape (n,).
+        piece: The connected part of a side that contains each facet, shape (n,).
         surfaces: The tag of each name, or its tags.
     """
 
@@ -100,17 +101,17 @@ class Sides:
         return float(self.facets.area[self.on(name)].sum())
 
     def on(self, name: str) -> npt.NDArray[np.bool_]:
-        """Return which facets a surface has, shape (n,)."""
+        """Return which facets belong to a surface, shape (n,)."""
         return np.isin(self.facets.tag, self.surfaces[name])
 
     def area_of_tags(self) -> dict[int, float]:
-        """Return the area of all facets with each tag that any has."""
+        """Return the total area of the facets with each tag."""
         tags, place = np.unique(self.facets.tag, return_inverse=True)
         areas = np.bincount(place, weights=self.facets.area, minlength=len(tags))
         return {int(tag): float(area) for tag, area in zip(tags, areas, strict=True)}
 
     def names_of_tags(self) -> dict[int, str]:
-        """Return a name of each tag: of the surfaces that have it, the one with the fewest tags."""
+        """Return a name for each tag: of its surfaces, the one with the fewest tags."""
         widest_first = sorted(self.surfaces, key=lambda name: -np.size(self.surfaces[name]))
         return {int(tag): name for name in widest_first for tag in np.ravel(self.surfaces[name])}
 
@@ -133,13 +134,13 @@ class Sides:
         return sorted(found, key=lambda cover: (-round(cover.area, 9), cover.side.words))
 
     def rest(self, name: str) -> npt.NDArray[np.bool_]:
-        """Return which facets are beside a surface on a side that it covers in part, shape (n,)."""
+        """Return which facets of partly covered sides lie outside a surface, shape (n,)."""
         own = self.on(name)
         return np.isin(self.side, self.side[own]) & ~own
 
 
 def find_sides(problem: Problem) -> Sides | None:
-    """Return the sides of a problem's bodies on rank 0, None on the others. Collective."""
+    """Return the sides of a problem's bodies on rank 0, None on the other ranks. Collective."""
     found = gathered_facets(problem)
     if found is None:
         return None
@@ -149,7 +150,7 @@ def find_sides(problem: Problem) -> Sides | None:
 
 
 def gathered_facets(problem: Problem) -> OuterFacets | None:
-    """Return the outer facets of all ranks on rank 0, None on the others. Collective."""
+    """Return the outer facets of all ranks on rank 0, None on the other ranks. Collective."""
     V, tagged_mesh, gdim = problem.V, problem.tagged_mesh, problem.bodies.gdim
     chosen = exterior_facets(tagged_mesh)
     own = outer_facets(V, tagged_mesh, chosen)
@@ -177,10 +178,10 @@ def gathered_facets(problem: Problem) -> OuterFacets | None:
 def sides_of(
     facets: OuterFacets, axes: str, size: float, surfaces: Mapping[str, int | tuple[int, ...]]
 ) -> Sides:
-    """Put facets together to sides.
+    """Return the facets grouped into sides.
 
-    Facets in one plane, of one body and of one direction, are a side, whether they touch or not.
-    Facets that turn little by little are a curved side.
+    Facets in one plane, of one body and of one direction, form a side, even if they do not touch.
+    Facets whose direction changes in small angles form a curved side.
 
     Args:
         facets: All outer facets.
@@ -191,18 +192,21 @@ def sides_of(
     count, gdim = len(facets.area), facets.x.shape[2]
     pairs = _neighbours(facets.vertex)
     turn = np.einsum("pi,pi->p", facets.normal[pairs[:, 0]], facets.normal[pairs[:, 1]])
-    in_plane = np.cos(1e-3)  # rad: facets of one plane, as of coordinates of few digits
+    in_plane = np.cos(
+        1e-3
+    )  # angle (rad) between facets of one plane, for coordinates with few digits
     flat = turn >= in_plane
     _, patch = _joined(count, pairs[flat])
     bends = pairs[~flat & (turn >= SHARP)]
     curved, smooth = _curved(patch, bends, gdim)
-    # Direction and place of each patch: that of its largest facet, so that nothing adds up.
+    # Direction and place of each patch are those of its largest facet, so that errors do not
+    # accumulate.
     largest = np.lexsort((facets.area, patch))
     ends = np.searchsorted(patch[largest], np.arange(patch.max(initial=-1) + 1), side="right") - 1
     of_patch = largest[ends]
     normal, centre = facets.normal[of_patch], facets.x[of_patch].mean(axis=1)
     offset = np.einsum("pi,pi->p", normal, centre)
-    # Planes that differ by less than these are one: directions (rad) and places over the size.
+    # Planes that differ by less are equal: in direction (rad) and in place relative to the size.
     body_apart = 10.0
     place = np.column_stack([normal / 1e-3, offset[:, None] / (1e-6 * size)])
     place = np.column_stack([place, facets.body[of_patch] * body_apart])
@@ -241,7 +245,7 @@ def _neighbours(vertex: Longs) -> Longs:
 
 
 def _joined(count: int, pairs: npt.NDArray[np.integer]) -> tuple[int, Longs]:
-    """Return how many groups pairs make of things, and the group of each."""
+    """Return the number of connected groups of things, and the group of each."""
     ones = np.ones(len(pairs), dtype=np.int8)
     graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     number, group = connected_components(graph, directed=False)
@@ -249,13 +253,14 @@ def _joined(count: int, pairs: npt.NDArray[np.integer]) -> tuple[int, Longs]:
 
 
 def _curved(patch: Longs, bends: Longs, gdim: int) -> tuple[Longs, npt.NDArray[np.bool_]]:
-    """Return the curved side of each patch, and whether it is a part of any.
+    """Return the curved side of each patch, and whether the patch is part of a curved side.
 
-    A patch is a strip of a curved side if it is one facet wide: at least half of its facets, in
-    the plane all, are next to a patch of a slightly other direction. Three strips are a side.
+    A patch belongs to a curved side if it is a strip of one facet's width: at least half of its
+    facets, in the plane all, have a neighbour in a patch of a slightly different direction. At
+    least three strips form a curved side.
 
     Args:
-        patch: The patch of facets in one plane that each facet is in, shape (n,).
+        patch: The patch (facets in one plane) of each facet, shape (n,).
         bends: Pairs of neighbours that differ a little in direction, shape (m, 2).
         gdim: Dimension of space.
     """
@@ -274,7 +279,7 @@ def _curved(patch: Longs, bends: Longs, gdim: int) -> tuple[Longs, npt.NDArray[n
 def _plane(normal: Floats, offset: float, axes: str, size: float) -> str:
     """Return a plane in words."""
     along = int(np.argmax(np.abs(normal)))
-    straight = 1e-6  # components of a normal along an axis that count as zero
+    straight = 1e-6  # components of a normal below this value count as zero
     if np.delete(np.abs(normal), along).max() <= straight:
         place = offset * np.sign(normal[along])
         place = 0.0 if abs(place) <= ROUNDING * size else place

@@ -1,4 +1,4 @@
-"""A state of the bodies, and the load level that ends with it."""
+"""Store a state of the bodies, and the load level that ends with it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 
 @dataclass(frozen=True)
 class State:
-    """Displacement at a load, with what the next solve starts from.
+    """Displacement at a load, with the data from which the next solve starts.
 
     Attributes:
         u: Displacement (length).
@@ -20,7 +20,7 @@ class State:
         alpha: Work of the live loads α = L₁(u).
         active: Closed contact pairs hosted by this rank, shape (num_pairs,).
         history: Internal variables of the laws by name, functions of the quadrature points; empty
-            where no law has any.
+            without such variables.
     """
 
     u: fem.Function
@@ -38,14 +38,14 @@ class Level:
     """A load level.
 
     Attributes:
-        state: What it ended with.
+        state: State at the end of the level.
         stress: σ = Σ(ε(u)), Mandel vectors (:mod:`mandel`) at the quadrature points.
         contact_forces: Contact forces of the pairs hosted by this rank (force), positive where the
             bodies push each other, shape (num_pairs,).
-        report: What is known of it.
-        iterations: Each step.
-        refuted: Whether it ended with a verdict that no equilibrium exists, with the bounds that
-            friction had, and not for want of convergence.
+        report: Report of the level.
+        iterations: Report of each step.
+        refuted: Whether the level ended with the verdict that no equilibrium exists with the
+            friction limits of the iteration, rather than without convergence.
     """
 
     state: State

@@ -1,1 +1,1 @@
-"""Quadratic programs with contact bounds."""
+"""Solve quadratic programs with contact bounds."""

@@ -1,11 +1,11 @@
-"""Which pairs are closed and which places slip, and whither, in the plane: a dense program.
+"""Decide which pairs are closed and which places slip, in the plane: a dense program.
 
     minimise ½ zᵀSz − gᵀz  over z ≥ 0
 
-With everything closed and stuck, z are the openings of pairs and the slips to either side of
-places, S is what resists them, and g is what the force of a pair or place gains by one, less the
-bound c for a slip. Its solution is exact, where one linearisation after the other may run in
-circles, as for a pin that rolls in its hole.
+If all pairs are closed and all places stick, z are the openings of pairs and the slips of places in
+both directions. S is their stiffness, and g is the energy gained per unit of each, minus the bound
+c for a slip. Its solution is exact, where successive linearisations may cycle, as for a pin that
+rolls in its hole.
 """
 
 from dataclasses import replace
@@ -25,7 +25,7 @@ from perfplast_fenicsx.solvers.active_set.slip import Slip
 
 def condensable(program: EqualityProgram, friction: Friction) -> bool:
     """Return whether slip has two directions, and pairs and places are few. Collective."""
-    most_unknowns = 300  # so many pairs and places are condensed at most
+    most_unknowns = 300  # largest number of condensed pairs and places
     few = program.comm.allreduce(len(program.index) + len(friction.index)) <= most_unknowns
     return few and friction.index.shape[1] == 1
 
@@ -35,16 +35,16 @@ def condense_friction(
 ) -> tuple[Slip, PairFlags, int]:
     """Solve the contact QP with friction for all pairs and places at once. Collective.
 
-    One solve for each of them, with one set-up.
+    This takes one linear solve for each of them, with one set-up.
 
     Args:
         program: Equality-constrained QPs of the operator without springs.
-        model: What is minimised, with ``jumps`` the room of each pair.
-        friction: The places.
+        model: The function to be minimised, with ``jumps`` the room of each pair.
+        friction: The places of friction.
         jumps: Tangential jumps at δ = 0, shape (num_places, 1).
 
     Returns:
-        The linearisation and the closed pairs of the solution; and how many systems were solved.
+        The linearisation and the closed pairs of the solution; and the number of solved systems.
 
     Raises:
         LinearFailure: If a linear system cannot be solved.
@@ -88,13 +88,13 @@ def condense_friction(
 
 
 def moves_of(S: Floats, G: Floats, bound: Floats, is_place: np.ndarray) -> Floats:
-    """Return how far pairs open (negative) and places slip; shape (n,).
+    """Return how far pairs open (negative) and places slip, shape (n,).
 
     Args:
         S: Force on each for a unit jump of each, shape (n, n).
-        G: Gradient where everything is closed and stuck.
-        bound: c of places.
-        is_place: Which of them are places.
+        G: Gradient with everything closed and sticking.
+        bound: Bounds c of places.
+        is_place: Which entries are places.
     """
     pairs, places = np.flatnonzero(~is_place), np.flatnonzero(is_place & np.isfinite(bound))
     which = np.concatenate([pairs, places, places])

@@ -1,4 +1,4 @@
-"""Which of a few pairs are closed, everything else given: a dense quadratic program with bounds."""
+"""Decide which of a few pairs are closed, for given other pairs: a dense quadratic program."""
 
 from dataclasses import dataclass, replace
 
@@ -12,16 +12,16 @@ from perfplast_fenicsx.solvers.active_set.equality_qp import (
 )
 
 TOLERANCE = 1e-6
-"""Relative tolerance of the linear solves that condense."""
+"""Relative tolerance of the linear solves for the condensation."""
 
 
 @dataclass(frozen=True)
 class Condensed:
-    """Solution of a contact QP for a few pairs alone.
+    """Solution of a contact QP for only a few pairs.
 
     Attributes:
-        closed: Which of them stay closed, False elsewhere, shape (num_pairs,).
-        solves: Systems solved for it.
+        closed: Which of these pairs remain closed, False elsewhere, shape (num_pairs,).
+        solves: Number of systems solved for it.
     """
 
     closed: PairFlags
@@ -31,15 +31,15 @@ class Condensed:
 def condense(
     program: EqualityProgram, model: QuadraticModel, *, held: PairFlags, undecided: PairFlags
 ) -> Condensed:
-    """Solve the contact QP for the undecided pairs alone. Collective.
+    """Solve the contact QP for only the undecided pairs. Collective.
 
-    With all of them held, each gets a unit jump in turn: one solve a pair, with one set-up.
+    With all of them held, each gets a unit jump in turn: one solve per pair, with one set-up.
 
     Args:
         program: Equality-constrained QPs of the operator.
-        model: What is minimised, with ``jumps`` the room of each pair.
+        model: The function to be minimised, with ``jumps`` the room of each pair.
         held: Other pairs that are held closed, shape (num_pairs,).
-        undecided: The few pairs to decide on, shape (num_pairs,).
+        undecided: The few undecided pairs, shape (num_pairs,).
 
     Raises:
         LinearFailure: If a linear system cannot be solved.
@@ -79,13 +79,13 @@ def condense(
 
 
 def closed_pairs(stiffness: Floats, forces: Floats) -> PairFlags:
-    """Return pairs that stay closed, of :func:`openings`; shape (n,)."""
+    """Return the pairs that remain closed, from :func:`openings`; shape (n,)."""
     closed: PairFlags = openings(stiffness, forces) <= 0
     return closed
 
 
 def openings(stiffness: Floats, forces: Floats) -> Floats:
-    """Return the z ≥ 0 that minimises ½ zᵀSz − gᵀz, scaled: what counts is where it is zero.
+    """Return the scaled z ≥ 0 that minimises ½ zᵀSz − gᵀz; only its zeros matter.
 
     With S = R Rᵀ this is the least-squares problem min ‖Rᵀz − R⁻¹g‖ over z ≥ 0, which the method of
     Lawson and Hanson solves exactly (Solving Least Squares Problems, SIAM 1995, chapter 23).
@@ -93,18 +93,20 @@ def openings(stiffness: Floats, forces: Floats) -> Floats:
     Args:
         stiffness: S, symmetric positive definite up to rounding: force on each pair for a unit
             opening of each, shape (n, n).
-        forces: g, energy gained by opening each pair a little, shape (n,).
+        forces: g, the energy gained per small opening of each pair, shape (n,).
 
     Returns:
         z times the roots of the diagonal of S, shape (n,).
     """
-    from scipy.optimize import nnls  # a tenth of a second, which few programs ask for
+    from scipy.optimize import (
+        nnls,
+    )  # importing it takes a tenth of a second, and few programs need it
 
     S = (stiffness + stiffness.T) / 2
     largest = float(np.diag(S).max(initial=1e-300))
     scale = np.sqrt(np.maximum(np.diag(S), 1e-30 * largest))
     values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
-    # Smallest eigenvalue of the scaled matrix, lest rounding make it indefinite.
+    # Smallest eigenvalue of the scaled matrix, so that rounding does not make it indefinite.
     regularisation = 1e-13
     roots = np.sqrt(np.maximum(values, regularisation))
     found, _ = nnls(roots[:, None] * vectors.T, (vectors.T @ (forces / scale)) / roots)

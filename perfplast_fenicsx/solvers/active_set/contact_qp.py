@@ -1,16 +1,16 @@
-"""The contact QP of one Newton step.
+"""Solve the contact QP of one Newton step.
 
     minimise ½ δᵀAδ + rᵀδ  subject to  δ_s ≤ room at the bounded unknowns of the jump basis
     and, where asked,  ℓᵀδ = work
 
-PETSc's SNES-VI solves it (:mod:`variational_inequality`), from the active set that the last step
-ended with. Each of its iterations solves the equality-constrained QP of one active set; then held
-pairs that pull are released and open ones that penetrate are held, all at once. Without contact
-the first QP is the solution.
+PETSc's SNES-VI solves it (:mod:`variational_inequality`), starting from the active set of the last
+step. Each of its iterations solves the equality-constrained QP of one active set. Then all held
+pairs that pull are released and all open pairs that penetrate are held. Without contact the first
+QP is the solution.
 
-The operator is no M-matrix. Near collapse and with quadratic elements the active sets may go in
-circles. Then the pairs that change are condensed to a small dense program of their own
-(:mod:`condensed_qp`), which has an exact solution, and SNES-VI starts from the set of that.
+The operator is not an M-matrix. Near collapse and with quadratic elements the active sets may
+cycle. Then the changing pairs are condensed to a small dense program (:mod:`condensed_qp`), which
+has an exact solution, and SNES-VI starts from its active set.
 """
 
 from dataclasses import dataclass
@@ -43,13 +43,13 @@ class ContactStep:
 
     Attributes:
         delta: δ in the jump basis; valid until the next solve.
-        active: Which pairs hosted here are closed with a pushing force, shape (num_pairs,).
-        settled: Whether the active set is that of the solution; if not, δ is feasible, but no
-            solution, and no iteration may end with it.
-        iterations: Sets of held pairs solved with.
+        active: Which pairs hosted by this rank are closed with a compressive force, shape
+            (num_pairs,).
+        settled: Whether the active set is that of the solution. Otherwise δ is feasible but not the
+            solution, and the Newton iteration must not end with it.
+        iterations: Number of solved active sets.
         multiplier: Multiplier of the work equality; 0 without it.
-        held_forces: Support forces of the unknowns that were given, what holds them, shape
-            (num_held,).
+        held_forces: Support forces of the given unknowns, shape (num_held,).
     """
 
     delta: PETSc.Vec
@@ -61,10 +61,10 @@ class ContactStep:
 
 
 class ContactProgram:
-    """Solver of the contact QPs of a problem.
+    """A solver of the contact QPs of a problem.
 
     Attributes:
-        equality: Solver of those with equalities alone.
+        equality: Solver of the equality-constrained programs.
     """
 
     def __init__(self, problem: Problem, linear: LinearSolver) -> None:
@@ -78,7 +78,7 @@ class ContactProgram:
         self._programs = self._condensed = 0
 
     def set_operator(self, A: ContactOperator) -> None:
-        """Take a new operator A in the jump basis, or the same with new values. Collective."""
+        """Take a new operator A in the jump basis, or the same one with new values. Collective."""
         self.equality.set_operator(A)
 
     def solve(
@@ -96,13 +96,13 @@ class ContactProgram:
 
         Args:
             r: Gradient at δ = 0.
-            room: How far each pair hosted here may still close, shape (num_pairs,).
-            active: Active set to begin with.
+            room: How far each pair hosted by this rank may still close, shape (num_pairs,).
+            active: Initial active set.
             rtol: Relative tolerance of the linear solves.
-            most_sets: Solve with no more sets of held pairs; None to go on until one is right.
-            work: ℓᵀδ if it is prescribed, where ℓ are the loads.
-            given: Unknowns that are held at values.
-            first: Largest force where the level began.
+            most_sets: Largest number of active sets to solve; None to continue to the right one.
+            work: ℓᵀδ with the loads ℓ, if it is prescribed.
+            given: Unknowns that are held at given values.
+            first: Largest force at the beginning of the level.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
@@ -132,22 +132,24 @@ class ContactProgram:
         )
 
     def counts(self) -> tuple[int, int, int]:
-        """Contact QPs so far, those that SNES-VI solved alone, and SNES-VI's iterations."""
+        """Return the counts of contact QPs, of those solved by SNES-VI, and of its iterations."""
         return self._programs, self._programs - self._condensed, self._inequality.iterations
 
     def response(
         self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
     ) -> PETSc.Vec:
-        """δ with Aδ = load where these pairs keep their jumps and all others are free. Collective.
+        """Return δ with Aδ = load, where these pairs keep their jumps and all others are free.
+
+        Collective.
 
         Args:
-            load: In nodal unknowns.
-            held: Shape (num_pairs,).
+            load: Load in nodal unknowns.
+            held: Pairs that keep their jumps, shape (num_pairs,).
             rtol: Relative tolerance of the linear solve.
-            given: Other unknowns that are held at values.
+            given: Further unknowns that are held at given values.
 
         Returns:
-            In the jump basis; valid until the next solve.
+            δ in the jump basis; valid until the next solve.
 
         Raises:
             LinearFailure: If the linear system cannot be solved.
@@ -158,7 +160,7 @@ class ContactProgram:
         return self.equality.minimise(model, held, self._delta).delta
 
     def _given_forces(self, solution: Solution) -> Floats:
-        """Return the forces that hold the given unknowns, shape (num_held,). Collective."""
+        """Return the forces on the given unknowns, shape (num_held,). Collective."""
         if solution.model.given is NOTHING_HELD:
             return np.zeros(0)
         self.equality.gradient(solution, self._gradient)
@@ -166,14 +168,14 @@ class ContactProgram:
         return forces
 
     def _condense(self, found: Found, circling: PairFlags) -> tuple[Found, int]:
-        """Find the active set among the pairs that go in circles. Collective.
+        """Find the active set among the pairs that cycle. Collective.
 
         Returns:
-            What SNES-VI has come to from there, and how many systems were solved in all.
+            The result of SNES-VI from this set, and the number of solved systems.
         """
         solution, iterations = found.solution, found.solution.solves
         model, held = solution.model, solution.held & ~circling
-        # So many pairs are condensed at most; beyond, the step is used as it is.
+        # Largest number of condensed pairs; with more, the step is used as it is.
         most_condensed = 300
         while 0 < self._comm.allreduce(int(circling.sum())) <= most_condensed:
             condensed = condense(self.equality, model, held=held, undecided=circling)

@@ -1,13 +1,13 @@
-"""The equality-constrained QP: some jumps given, the others free, with or without a given work.
+"""Solve the equality-constrained QP: some jumps are given, with or without a given work.
 
     minimise ½ δᵀAδ + rᵀδ  where δ_s = given at held pairs and, where asked,  ℓᵀδ = work
 
-The work equality borders the system: with A v = b and A w = ℓ on the same free unknowns, the
-solution is v + ζ w, where ζ, the multiplier, makes the work right (ALG4 of the paper; on a fixed
-active set it solves the quadratic program of ALG3 too). Both solves share one set-up.
+The work equality borders the system. With A v = b and A w = ℓ on the same free unknowns, the
+solution is v + ζ w, where the multiplier ζ gives the required work (ALG4 of the paper; on a fixed
+active set it also solves the quadratic program of ALG3). Both solves share one set-up.
 
-Where nothing but the held pairs change, the solution with the last ones is corrected. A few pairs
-disturb it little, so that a rough solve is enough.
+If only the held pairs change, the previous solution is corrected. A few pairs change the solution
+little, so that an inaccurate solve is enough.
 """
 
 from dataclasses import dataclass
@@ -22,12 +22,13 @@ from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 
 ROUNDING = 1e-12
-"""Contact forces below this share of the largest force decide nothing, and so for lengths."""
+"""Contact forces below this share of the largest force count as zero; the same holds for lengths.
+"""
 
 
 @dataclass(frozen=True)
 class Held:
-    """Unknowns that are given beside the jumps of pairs.
+    """Unknowns that are given in addition to the jumps of pairs.
 
     Attributes:
         index: Local (owned) unknowns, shape (num_held,).
@@ -43,15 +44,15 @@ NOTHING_HELD = Held(np.zeros(0, dtype=np.int32), np.zeros(0))
 
 @dataclass(frozen=True)
 class QuadraticModel:
-    """The quadratic function apart from A, and the right-hand sides of the equalities.
+    """The quadratic function without A, and the right-hand sides of the equalities.
 
     Attributes:
         r: Gradient at δ = 0, in the jump basis.
-        jumps: Jump of each pair hosted here where it is held (length), shape (num_pairs,).
-        work: ℓᵀδ (energy) if it is prescribed, where ℓ are the loads.
+        jumps: Jump of each held pair on this rank (length), shape (num_pairs,).
+        work: ℓᵀδ (energy) with the loads ℓ, if it is prescribed.
         rtol: Relative tolerance of the linear solves.
-        given: Other unknowns that are held, whatever pairs are.
-        first: Largest force where the level began, beside which rounding decides nothing either.
+        given: Further held unknowns, independent of the pairs.
+        first: Largest force at the beginning of the level, as a scale of rounding errors.
     """
 
     r: PETSc.Vec
@@ -67,14 +68,14 @@ class Solution:
     """Solution of an equality-constrained QP.
 
     Attributes:
-        model: What it minimises.
-        delta: δ in the jump basis. A correction turns it into the corrected one.
-        held: Pairs hosted here that are held, shape (num_pairs,).
+        model: The function that it minimises.
+        delta: δ in the jump basis. A correction overwrites it.
+        held: Held pairs on this rank, shape (num_pairs,).
         multiplier: ζ of the work equality; 0 without it.
-        accuracy: Euclidean norm of the residual that was allowed; corrections keep to it.
-        force_tolerance: Contact forces that are no larger are what the linear solver leaves, or
-            rounding, and decide nothing.
-        solves: Sets of held pairs solved with, from the last minimisation on.
+        accuracy: Allowed Euclidean norm of the residual, which corrections satisfy too.
+        force_tolerance: Contact forces up to this size are solver errors or rounding, and do not
+            affect the active set.
+        solves: Number of solved active sets since the last minimisation.
     """
 
     model: QuadraticModel
@@ -87,7 +88,7 @@ class Solution:
 
 
 class EqualityProgram:
-    """The equality-constrained QPs of one operator, whatever pairs are held.
+    """The equality-constrained QPs of one operator, for any held pairs.
 
     Attributes:
         comm: The ranks.
@@ -113,7 +114,7 @@ class EqualityProgram:
 
     @property
     def operator(self) -> ContactOperator:
-        """The operator A."""
+        """Return the operator A."""
         assert self._A is not None
         return self._A
 
@@ -122,8 +123,8 @@ class EqualityProgram:
 
         Args:
             model: The quadratic model that is minimised.
-            held: Pairs hosted here that are held, shape (num_pairs,).
-            delta: Takes δ.
+            held: Held pairs on this rank, shape (num_pairs,).
+            delta: Vector for δ.
 
         Raises:
             LinearFailure: If the system cannot be solved.
@@ -135,8 +136,8 @@ class EqualityProgram:
 
         Args:
             model: The quadratic model that is minimised.
-            held: Pairs hosted here that are held, shape (num_pairs,).
-            delta: Takes δ, which is zero but at held unknowns.
+            held: Held pairs on this rank, shape (num_pairs,).
+            delta: Vector for δ, which becomes zero except at held unknowns.
         """
         delta.set(0)
         self._set_rhs(model, held, delta, 0.0)
@@ -152,7 +153,7 @@ class EqualityProgram:
         f.scale(-1)
 
     def complete(self, begun: Solution) -> Solution:
-        """Solve what was begun last. Collective.
+        """Solve the program of the last :meth:`begin`. Collective.
 
         Raises:
             LinearFailure: If the system cannot be solved.
@@ -160,13 +161,13 @@ class EqualityProgram:
         return self._solve(begun, begun.held, False)
 
     def correct(self, previous: Solution, held: PairFlags) -> Solution:
-        """Solve with other pairs held, from a solution that becomes the new one. Collective.
+        """Solve with other held pairs, from a solution that is overwritten. Collective.
 
-        It is corrected until the residual is what was allowed in the first place.
+        The function corrects it until the residual is as small as for the first solution.
 
         Args:
             previous: Solution with other pairs held; its δ is overwritten.
-            held: Pairs hosted here that are held, shape (num_pairs,).
+            held: Held pairs on this rank, shape (num_pairs,).
 
         Raises:
             LinearFailure: If the system cannot be solved; δ is then not a solution.
@@ -187,7 +188,7 @@ class EqualityProgram:
     def _set_rhs(
         self, model: QuadraticModel, held: PairFlags, delta: PETSc.Vec, multiplier: float
     ) -> None:
-        """Set held unknowns in δ, and the right-hand side that then remains."""
+        """Set held unknowns in δ, and compute the remaining right-hand side."""
         delta.array[self.index[held]] = model.jumps[held]
         delta.array[model.given.index] = model.given.values
         self._set_gradient(model, delta, multiplier, self._rhs)
@@ -199,7 +200,7 @@ class EqualityProgram:
         return np.concatenate([self.index[held], model.given.index])
 
     def _solve(self, start: Solution, held: PairFlags, correction: bool) -> Solution:
-        """Change δ by what the right-hand side asks, and by what makes the work right."""
+        """Change δ to satisfy the right-hand side and the work equality."""
         if self._linear.hold(self._closed(start.model, held)):
             self._response_is_new = False
         self._reduce(self._rhs, start.accuracy, self._change, correction)
@@ -220,7 +221,7 @@ class EqualityProgram:
         )
 
     def _reduce(self, rhs: PETSc.Vec, atol: float, x: PETSc.Vec, correction: bool) -> None:
-        """Solve A x = rhs until no more than ``atol`` is left; less than that is left as it is."""
+        """Solve A x = rhs to the residual ``atol``; a smaller right-hand side is left unchanged."""
         size = rhs.norm()
         if size > atol:
             self._linear.solve(rhs, x, atol / size, correction=correction)
@@ -228,7 +229,10 @@ class EqualityProgram:
             x.set(0)
 
     def _shift(self, delta: PETSc.Vec, closed: Ints, work: float, rtol: float) -> float:
-        """Add the multiple of A⁻¹ℓ that makes the work right, and return it. Collective."""
+        """Add the multiple of A⁻¹ℓ that gives the required work, and return the factor.
+
+        Collective.
+        """
         missing = work - self._border.dot(delta)
         if not self._response_is_new:
             self._respond(closed, rtol)
@@ -239,7 +243,7 @@ class EqualityProgram:
         return float(missing / compliance)
 
     def _respond(self, closed: Ints, rtol: float) -> None:
-        """Solve A w = ℓ for the response w, or correct that with other pairs held."""
+        """Solve A w = ℓ for the response w, or correct w for other held pairs."""
         correction = self._responded
         if not correction:
             self._response.set(0)

@@ -1,11 +1,12 @@
-"""The contact QP of one Newton step with friction.
+"""Solve the contact QP of one Newton step with friction.
 
     minimise ½ δᵀAδ + rᵀδ + Σ c‖s + δ_t‖  subject to  δ_s ≤ room
 
-Each linearisation of friction (:mod:`slip`) leaves a contact QP in which tangential jumps are held
-where surfaces stick, and have forces and springs where they slip. Where one leads to the next
-without end, a dense program decides (:mod:`condensed_friction`), or, in space and with many places,
-splitting (:mod:`friction_splitting`) comes nearer; they go on from there.
+Each linearisation of friction (:mod:`slip`) leaves a contact QP, in which tangential jumps are held
+at sticking places and have forces and springs at slipping ones. If the linearisations do not
+converge, a dense program decides (:mod:`condensed_friction`). In space and with many places,
+splitting (:mod:`friction_splitting`) approaches the solution instead. The linearisations then
+continue from there.
 """
 
 from dataclasses import dataclass, replace
@@ -41,9 +42,9 @@ class FrictionStep:
     """Solution of one contact QP with friction.
 
     Attributes:
-        step: That of the last linearisation; not settled where the next one differs.
+        step: Solution of the last linearisation; not settled if the next one differs.
         slip: The next linearisation.
-        turns: Whether places stick or slip in it that did not in the last one.
+        turns: Whether some places change between stick and slip in the next linearisation.
     """
 
     step: ContactStep
@@ -64,7 +65,7 @@ class _Asked:
 
 
 class FrictionProgram:
-    """Solver of the contact QPs of a problem with friction."""
+    """A solver of the contact QPs of a problem with friction."""
 
     def __init__(self, problem: Problem, program: ContactProgram) -> None:
         """Store the data that all steps share. Collective."""
@@ -76,11 +77,11 @@ class FrictionProgram:
         self._drag = DRAG
 
     def begin(self) -> None:
-        """Begin a level, with all the drag."""
+        """Begin a level with the full drag."""
         self._drag = DRAG
 
     def set_operator(self, A: ContactOperator) -> None:
-        """Take a new operator A in the jump basis, or the same with new values. Collective."""
+        """Take a new operator A in the jump basis, or the same one with new values. Collective."""
         self._operator = A
         if self._stiffness is None:
             self._stiffness = self._problem.friction.gather(A.diagonal()).max(axis=1)
@@ -100,16 +101,16 @@ class FrictionProgram:
         """Solve the contact QP with friction. Collective.
 
         Args:
-            r: Gradient at δ = 0 of all but friction.
-            room: How far each pair hosted here may still close, shape (num_pairs,).
-            active: Active set to begin with.
+            r: Gradient at δ = 0 without friction.
+            room: How far each pair hosted by this rank may still close, shape (num_pairs,).
+            active: Initial active set.
             jumps: Tangential jumps s at δ = 0, shape (num_places, gdim − 1).
-            slip: Linearisation to begin with.
+            slip: Initial linearisation.
             rtol: Relative tolerance of the linear solves.
-            most_sets: Solve with one linearisation, and no more sets of held pairs; None to go on
-                until both are right.
-            work: ℓᵀδ if it is prescribed, where ℓ are the loads.
-            first: Largest force where the level began.
+            most_sets: Solve one linearisation with at most this number of active sets; None to
+                continue until both are right.
+            work: ℓᵀδ with the loads ℓ, if it is prescribed.
+            first: Largest force at the beginning of the level.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
@@ -117,7 +118,7 @@ class FrictionProgram:
         asked = _Asked(r, room, jumps, rtol, work, first)
         found = self._linearise(asked, active, slip, most_sets)
         condenses = condensable(self._program.equality, self._problem.friction)
-        # So many steps of splitting each time that places still stick and slip in turn.
+        # Number of splitting steps each time that places alternate between stick and slip.
         splittings = (20, 80, 320)
         ways = () if most_sets is not None else (0,) if condenses else splittings
         for steps in ways:
@@ -136,7 +137,7 @@ class FrictionProgram:
     def _linearise(
         self, asked: _Asked, active: PairFlags, slip: Slip, most_sets: int | None
     ) -> FrictionStep:
-        """Solve for one linearisation after the other until they end, or one. Collective."""
+        """Solve successive linearisations until they converge, or only one. Collective."""
         assert self._operator is not None and self._stiffness is not None
         friction, k, comm, jumps = (
             self._problem.friction,
@@ -146,7 +147,7 @@ class FrictionProgram:
         )
         iterations = 0
         most_linearisations = 20
-        # Distance from the law of friction, relative to the largest force, that counts as zero.
+        # Distance from the friction law, relative to the largest force, that counts as zero.
         least_distance = 1e-9
         for _ in range(most_linearisations):
             asked.r.copy(self._r)
@@ -179,24 +180,25 @@ class FrictionProgram:
         )
 
     def _loosen(self, slip: Slip, change: Floats, delta: PETSc.Vec) -> None:
-        """Drag less in the next step where little else has resisted this one. Collective."""
+        """Reduce the drag in the next step if little else resisted this step. Collective."""
         assert self._operator is not None and self._stiffness is not None
         self._r.set(0)
         self._operator.mult_add(delta, self._r, self._image)
         resisted = self._image.dot(delta)
         along = np.einsum("ni,ni->n", slip.along, change)
         dragged = float(self._problem.comm.allreduce(self._stiffness @ along**2)) * self._drag
-        # Shares of what resists a step between which drag is too strong: below it hardly matters,
-        # and above nothing else resists, so that with less of it a body would be thrown about.
+        # Range of the drag's share in the resistance to a step in which it is too strong. Below the
+        # range it hardly matters; above it nothing else resists, and less drag would let a body
+        # move too far.
         low, high = 0.1, 0.9
         if low * resisted < dragged < high * resisted:
-            # Drag is weakened to so much of itself, and down to so much of the bodies' stiffness,
-            # where linear systems still have some digits.
+            # Factor by which drag is weakened, and its lower limit relative to the bodies'
+            # stiffness, at which linear systems still have some digits.
             looser, least_drag = 0.1, 1e-11
             self._drag = max(looser * self._drag, least_drag)
 
     def _condense(self, asked: _Asked) -> tuple[Slip, PairFlags, int]:
-        """Solve for pairs and places alone; see :func:`condense_friction`. Collective."""
+        """Solve for only pairs and places; see :func:`condense_friction`. Collective."""
         assert self._operator is not None
         self._operator.add_springs(None)
         self._program.set_operator(self._operator)
@@ -206,11 +208,10 @@ class FrictionProgram:
         return condense_friction(self._program.equality, model, friction, asked.jumps)
 
     def _split(self, asked: _Asked, last: ContactStep, steps: int) -> tuple[Slip, PairFlags, int]:
-        """Take steps of splitting from the last solution. Collective.
+        """Take splitting steps from the last solution. Collective.
 
         Returns:
-            The linearisation and the active set that they lead to; and how many systems were
-            solved.
+            The resulting linearisation and active set; and the number of solved systems.
         """
         assert self._operator is not None and self._stiffness is not None
         friction, active, iterations = self._problem.friction, last.active, 0
@@ -228,5 +229,5 @@ class FrictionProgram:
         return splitting.slip(), active, iterations
 
     def _there(self, slip: Slip) -> np.ndarray:
-        """Jumps, of the shape of ``index``, that are held."""
+        """Return the held jumps, shape of ``index``."""
         return slip.sticks[:, None] & (self._problem.friction.index >= 0)

@@ -1,13 +1,14 @@
-"""Friction by splitting: a slip q of its own, which the jumps s of u follow, as strains do in ALG2.
+"""Split friction: a separate slip q follows the jumps s of u, as strains do in ALG2.
 
-With μ the multiplier of s = q and r k the penalty of a place with the stiffness k:
+With the multiplier μ of s = q, and the penalty r k of a place with the stiffness k:
 
-1.  u minimises with ½ r k ‖s − q + μ/(r k)‖² added,
+1. u minimises the energy with ½ r k ‖s − q + μ/(r k)‖² added,
 2.  q = shrink(s + μ/(r k)) by c/(r k),
-3.  μ ← μ + r k (s − q), which is in the ball ‖μ‖ ≤ c.
+3. μ ← μ + r k (s − q), which lies in the ball ‖μ‖ ≤ c.
 
-Nothing is held or released, so that it goes to the solution however many places are undecided, if
-slowly. It is the friction of ALG2, and where Newton's methods go when they run in circles.
+No place is held or released, so that the method converges to the solution, if slowly, however many
+places are undecided. It is the friction method of ALG2, and the fallback of Newton's methods when
+they cycle.
 """
 
 from petsc4py import PETSc
@@ -22,15 +23,15 @@ from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
 
 class FrictionSplitting:
-    """q and μ of the places of friction hosted by this rank."""
+    """q and μ at the places of friction hosted by this rank."""
 
     def __init__(self, problem: Problem, operator: ContactOperator, stiffness: Floats) -> None:
         """Add the springs to an operator. Collective.
 
         Args:
-            problem: Whose places they are at.
-            operator: Operator of the bodies, as it stays.
-            stiffness: k, shape (num_places,).
+            problem: Problem with the places.
+            operator: Operator of the bodies, without the springs.
+            stiffness: Stiffness k, shape (num_places,).
         """
         self._problem, self._k, friction = problem, stiffness, problem.friction
         each = self._k[:, None, None] * np.eye(friction.index.shape[1])
@@ -38,7 +39,7 @@ class FrictionSplitting:
         self._q, self._mu = np.zeros(friction.index.shape), np.zeros(friction.index.shape)
 
     def begin(self, jumps: Floats) -> None:
-        """Start from a slip, with the forces that go with it."""
+        """Start from a slip and its forces."""
         sizes, bound = norms(jumps), self._problem.friction.bound
         self._q = jumps.copy()
         slips = (sizes > 0) & np.isfinite(bound)
@@ -46,7 +47,7 @@ class FrictionSplitting:
         self._mu = share[:, None] * jumps
 
     def slip(self) -> Slip:
-        """Linearise where it has come to; the last trial μ + r k s has r = 1."""
+        """Return the linearisation at the present values; the last trial μ + r k s has r = 1."""
         z = self._mu + self._k[:, None] * self._q
         nothing = stuck(z.shape)
         return judge(nothing, self._problem.friction.bound, self._k, z, np.zeros_like(z))
@@ -57,7 +58,7 @@ class FrictionSplitting:
         self._problem.friction.add(force, gradient.array)
 
     def follow(self, jumps: Floats, r: float) -> Floats:
-        """Do steps 2 and 3. Collective.
+        """Do steps 2 and 3, and return the squared residuals. Collective.
 
         Returns:
             Squares of the primal and the dual residual, Σ k‖s − q‖² and Σ k‖Δq‖².

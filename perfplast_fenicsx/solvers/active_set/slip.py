@@ -1,12 +1,12 @@
-"""Which places of friction stick and which slip: the linearisation of ‖μ‖ ≤ c, μ = c s/‖s‖.
+"""Linearise the friction law ‖μ‖ ≤ c, μ = c s/‖s‖: which places stick and which slip.
 
-Both conditions are μ = c z/max(c, ‖z‖) with z = μ + k s for any stiffness k > 0. Where ‖z‖ ≤ c, the
-place sticks, s = 0. Elsewhere Newton's method for this equation (S. Hüeber, G. Stadler, B. I.
-Wohlmuth, SIAM J. Sci. Comput. 30 (2008), 572) asks for
+Both conditions are equivalent to μ = c z/max(c, ‖z‖) with z = μ + k s for any stiffness k > 0.
+Where ‖z‖ ≤ c, the place sticks, s = 0. Elsewhere Newton's method for this equation (S. Hüeber, G.
+Stadler, B. I. Wohlmuth, SIAM J. Sci. Comput. 30 (2008), 572) requires
 
     μ = c ẑ + c k/(‖z‖ − c) (I − ẑẑᵀ) s,   ẑ = z/‖z‖,
 
-a force and springs across it. No direction of the surface is preferred.
+a force and springs perpendicular to it. No tangential direction is preferred.
 """
 
 from dataclasses import dataclass
@@ -18,18 +18,18 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.rows.friction import norms, shrunk
 
 DRAG = 1e-8
-"""Springs along the slip, relative to the bodies' stiffness, that resist changes of it in a step:
-they hold a body that slips everywhere, and vanish with the last step."""
+"""Stiffness of springs along the slip, relative to the bodies' stiffness, that resist changes of
+the slip in a step. They hold a body that slips everywhere, and vanish with the last step."""
 
 
 @dataclass(frozen=True)
 class Slip:
-    """Where and whither surfaces slip; of the places of friction hosted by this rank.
+    """Which places hosted by this rank slip, and in which direction.
 
     Attributes:
         sticks: Places whose jump is zero, shape (num_places,).
-        along: ẑ at the others, zero where they stick, shape (num_places, gdim − 1).
-        across: Stiffness of the springs across ẑ (force/length), shape (num_places,).
+        along: ẑ at slipping places, zero at sticking ones, shape (num_places, gdim − 1).
+        across: Stiffness of the springs perpendicular to ẑ (force/length), shape (num_places,).
     """
 
     sticks: npt.NDArray[np.bool_]
@@ -38,7 +38,7 @@ class Slip:
 
 
 def stuck(shape: tuple[int, ...]) -> Slip:
-    """Nothing slips.
+    """Return the linearisation without slip.
 
     Args:
         shape: Shape of the jumps.
@@ -47,12 +47,12 @@ def stuck(shape: tuple[int, ...]) -> Slip:
 
 
 def slipping(jumps: Floats, bound: Floats, slips: npt.NDArray[np.bool_]) -> Slip:
-    """Linearise at jumps.
+    """Return the linearisation at jumps.
 
     Args:
-        jumps: s, shape (num_places, gdim − 1).
-        bound: c, shape (num_places,).
-        slips: Where they are not zero; what has no friction slips too.
+        jumps: Jumps s, shape (num_places, gdim − 1).
+        bound: Bounds c, shape (num_places,).
+        slips: Which places with nonzero jumps slip; places without friction slip too.
     """
     sizes = norms(jumps)
     along = np.divide(jumps, sizes[:, None], out=np.zeros_like(jumps), where=slips[:, None])
@@ -61,17 +61,17 @@ def slipping(jumps: Floats, bound: Floats, slips: npt.NDArray[np.bool_]) -> Slip
 
 
 def judge(slip: Slip, bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Slip:
-    """Linearise at forces and jumps, which the last linearisation has led to.
+    """Return the linearisation at forces and jumps that the last linearisation gave.
 
-    What slips the wrong way sticks first: were it to slip the other way at once, a body that slips
-    everywhere would be thrown back and forth.
+    A place that slips in the wrong direction sticks first. Otherwise a body that slips everywhere
+    would oscillate.
 
     Args:
         slip: The last linearisation.
-        bound: c, shape (num_places,).
-        stiffness: k > 0, shape (num_places,).
-        forces: μ, shape (num_places, gdim − 1).
-        jumps: s, same shape.
+        bound: Bounds c, shape (num_places,).
+        stiffness: Stiffness k > 0, shape (num_places,).
+        forces: Forces μ, shape (num_places, gdim − 1).
+        jumps: Jumps s, same shape.
     """
     z = forces + stiffness[:, None] * jumps
     sizes = norms(z)
@@ -87,12 +87,12 @@ def judge(slip: Slip, bound: Floats, stiffness: Floats, forces: Floats, jumps: F
 
 
 def distance(bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Floats:
-    """‖μ − c z/max(c, ‖z‖)‖, zero where the law of friction holds, shape (num_places,)."""
+    """Return ‖μ − c z/max(c, ‖z‖)‖, zero where the friction law holds, shape (num_places,)."""
     return norms(forces - shrunk(forces + stiffness[:, None] * jumps, bound))
 
 
 def springs(slip: Slip, stiffness: Floats, drag: float = DRAG) -> Floats:
-    """Stiffness of each place, shape (num_places, gdim − 1, gdim − 1), zero where it sticks."""
+    """Return spring stiffnesses, shape (num_places, gdim − 1, gdim − 1), 0 at sticking places."""
     along = np.einsum("ni,nj->nij", slip.along, slip.along)
     every = np.eye(along.shape[1])
     dragged = np.where(slip.sticks, 0.0, drag * stiffness)
@@ -100,7 +100,7 @@ def springs(slip: Slip, stiffness: Floats, drag: float = DRAG) -> Floats:
 
 
 def forces_of(slip: Slip, bound: Floats, jumps: Floats) -> Floats:
-    """Forces μ where surfaces slip by these jumps, as linearised, shape of the jumps."""
+    """Return forces μ of slipping places at these jumps, as linearised, same shape."""
     off = jumps - np.einsum("ni,ni->n", slip.along, jumps)[:, None] * slip.along
     slips = ~slip.sticks
     finite = np.where(slips, bound, 0.0)

@@ -1,19 +1,19 @@
-"""The contact QP as a variational inequality, solved by PETSc's SNES-VI.
+"""Solve the contact QP as a variational inequality with PETSc's SNES-VI.
 
     find δ ≤ room  with  F_i(δ) = 0 where δ_i < room_i,  F_i(δ) ≤ 0 where δ_i = room_i,
     F(δ) = Aδ + r − ζℓ
 
-``vinewtonrsls`` takes these steps, again and again: it evaluates F, reads the active set from it
-(at the bound, and F_i < 0), solves the Newton equation on the other unknowns. Then it takes the
-full step and projects onto the bounds. Two things are given to it.
+``vinewtonrsls`` repeats these steps. It evaluates F, reads the active set from F (at the bound with
+F_i < 0), and solves the Newton equation on the other unknowns. Then it takes the full step and
+projects onto the bounds. This module supplies two components.
 
-*F at pairs.* Projected pairs that penetrated carry no force yet, so that F at the projection would
-count them as open, and SNES-VI would go in circles. So F is that of the solution before the
-projection, with the sign at pairs that the primal–dual active set strategy gives (M. Hintermüller,
-K. Ito, K. Kunisch, SIAM J. Optim. 13 (2003) 865): negative where a closed pair pushes or an open
-one penetrates. That strategy is a semismooth Newton method for the same program.
+*F at pairs.* Projected pairs that penetrated carry no force yet. F at the projection would count
+them as open, and SNES-VI would cycle. So F is that of the solution before the projection. At pairs
+it has the sign of the primal–dual active set strategy (M. Hintermüller, K. Ito, K. Kunisch, SIAM J.
+Optim. 13 (2003) 865): negative where a closed pair pushes or an open pair penetrates. That strategy
+is a semismooth Newton method for the same program.
 
-*The linear solves.* SNES-VI's own reduced matrices lose block size and near-nullspace. Its
+*The linear solves.* SNES-VI's own reduced matrices lose the block size and the near-nullspace. Its
 preconditioner is therefore an equality-constrained QP of the full space (:class:`ReducedSolve`).
 """
 
@@ -38,12 +38,12 @@ from perfplast_fenicsx.solvers.linear.option_trial import check_snes_vi
 from perfplast_fenicsx.solvers.linear.petsc_options import ACTIVE_SET, own_prefix
 
 MOST_ACTIVE_SETS = 50
-"""An active set that has not settled by then counts as one that goes in circles."""
+"""An active set iteration that has not converged by then counts as cycling."""
 
 PRESET = {
     "snes_type": "vinewtonrsls",
     "snes_linesearch_type": "basic",
-    "snes_vi_zero_tolerance": 0.0,  # the default, 1e-8, is a length; closed pairs are exactly so
+    "snes_vi_zero_tolerance": 0.0,  # the default 1e-8 is a length
     "snes_max_it": MOST_ACTIVE_SETS,
     "snes_atol": 0.0,  # the active set ends the iteration, unless the user gives tolerances
     "snes_rtol": 0.0,
@@ -51,7 +51,7 @@ PRESET = {
 }
 
 LEAST = np.finfo(np.float64).tiny
-"""The least force that has a sign."""
+"""The least force with a sign."""
 
 Reason = PETSc.SNES.ConvergedReason
 
@@ -61,12 +61,12 @@ class Found:
     """The result of SNES-VI.
 
     Attributes:
-        solution: The last equality-constrained solution, before it was projected.
+        solution: The last equality-constrained solution, before its projection.
         delta: SNES-VI's δ, which is feasible; valid until the next solve.
-        wrong: Pairs that the next active set would have otherwise, shape (num_pairs,).
+        wrong: Pairs whose state differs in the next active set, shape (num_pairs,).
         settled: Whether no pair is wrong, on all ranks.
-        circling: Pairs whose states the last active sets change to and fro, shape (num_pairs,);
-            None if the sets do not go in circles, or were not followed so far.
+        circling: Pairs whose states alternate in the last active sets, shape (num_pairs,); None if
+            the sets do not cycle, or if the iteration ended before.
         given_forces: −F at the unknowns of ``model.given``, shape (num_held,).
     """
 
@@ -79,10 +79,10 @@ class Found:
 
 
 class ReducedSolve:
-    """SNES-VI's preconditioner: its Newton step on the unknowns that are inactive."""
+    """SNES-VI's preconditioner: its Newton step on the inactive unknowns."""
 
     def __init__(self, inequality: "VariationalInequality") -> None:
-        """Refer to the solver weakly, or PETSc would keep it for ever."""
+        """Store a weak reference to the solver, so that PETSc does not keep it alive."""
         self._inequality = weakref.proxy(inequality)
 
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, y: PETSc.Vec) -> None:
@@ -91,36 +91,36 @@ class ReducedSolve:
 
 
 class _Jacobian:
-    """A as SNES-VI sees it, whose submatrices :class:`ReducedSolve` makes unnecessary."""
+    """The operator A for SNES-VI; :class:`ReducedSolve` replaces its submatrices."""
 
     def __init__(self, inequality: "VariationalInequality") -> None:
-        """Refer to the solver weakly, or PETSc would keep it for ever."""
+        """Store a weak reference to the solver, so that PETSc does not keep it alive."""
         self._inequality = weakref.proxy(inequality)
 
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y to A x (called by PETSc, for line searches that ask for slopes). Collective."""
+        """Set y to A x (called by PETSc for line searches that need slopes). Collective."""
         self._inequality.multiply(x, y)
 
     def createSubMatrix(
         self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS, out: PETSc.Mat | None
     ) -> PETSc.Mat:
-        """Return the identity in place of a submatrix (called by PETSc). Collective."""
+        """Return the identity instead of a submatrix (called by PETSc). Collective."""
         sizes = (rows.getLocalSize(), PETSc.DETERMINE)
         return PETSc.Mat().createConstantDiagonal((sizes, sizes), 1.0, comm=matrix.comm)
 
 
 class VariationalInequality:
-    """SNES-VI for the contact QPs of a problem.
+    """A SNES-VI solver for the contact QPs of a problem.
 
     Attributes:
         iterations: SNES-VI's iterations so far.
     """
 
     def __init__(self, problem: Problem, program: EqualityProgram) -> None:
-        """Create the SNES, which is kept. Collective.
+        """Create the SNES, which is reused. Collective.
 
         Raises:
-            InputError: If the user's options ask for another solver.
+            InputError: If the user's options select another solver.
         """
         self.iterations = 0
         self._program = program
@@ -171,10 +171,10 @@ class VariationalInequality:
         """Solve the contact QP, or take a few steps towards its solution. Collective.
 
         Args:
-            model: What is minimised, with ``jumps`` the room of each pair.
-            active: Active set to begin with, shape (num_pairs,).
-            most_sets: Most iterations; None to go on until the active set is right or goes in
-                circles.
+            model: The function to be minimised, with ``jumps`` the room of each pair.
+            active: Initial active set, shape (num_pairs,).
+            most_sets: Largest number of iterations; None to continue until the active set is right
+                or cycles.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
@@ -201,7 +201,7 @@ class VariationalInequality:
         )
 
     def _begin(self, model: QuadraticModel, active: PairFlags) -> None:
-        """Begin with the closed pairs of an active set at their bounds, all else at zero."""
+        """Start with the closed pairs of an active set at their bounds, and all else at zero."""
         program, given = self._program, model.given
         upper, lower, before = self._upper.array, self._lower.array, self._given
         upper[before], lower[before] = PETSc.INFINITY, PETSc.NINFINITY
@@ -212,7 +212,7 @@ class VariationalInequality:
         self._delta.copy(self._x)
 
     def evaluate(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """Set f to F as SNES-VI is to see it (called by PETSc). Collective."""
+        """Set f to F in the form for SNES-VI (called by PETSc). Collective."""
         program, solution = self._program, self._solution
         model, index, held = solution.model, program.index, solution.held
         self._elsewhere = False
@@ -236,7 +236,7 @@ class VariationalInequality:
         f.array[index] = np.where(wanted, -size, size)
 
     def _is_elsewhere(self, x: PETSc.Vec) -> bool:
-        """Return whether a line search of the user's has not taken the full step. Collective."""
+        """Return whether a user's line search did not take the full step. Collective."""
         index, delta = self._program.index, self._delta
         off = self._off
         off.waxpy(-1.0, x, delta)
@@ -245,7 +245,7 @@ class VariationalInequality:
         return bool(off.norm(PETSc.NormType.NORM_INFINITY) > rounding)
 
     def _judge(self, pull: Floats) -> PairFlags:
-        """Pairs that ought not to be as they are: held ones that pull, others that penetrate."""
+        """Return pairs in the wrong state: held ones that pull, and open ones that penetrate."""
         solution, index = self._solution, self._program.index
         excess = self._delta.array_r[index] - solution.model.jumps
         least = ROUNDING * self._delta.norm(PETSc.NormType.NORM_INFINITY)
@@ -258,10 +258,10 @@ class VariationalInequality:
         self._program.operator.mult_add(x, self._off, y)
 
     def newton_step(self, y: PETSc.Vec) -> None:
-        """Set y to δ − δ' at the inactive unknowns, with δ' the solution with the active ones held.
+        """Set y to δ − δ' at the inactive unknowns; δ' is the solution with the active ones held.
 
-        SNES-VI's δ is its last iterate; what cannot be solved is kept for :meth:`solve` to raise,
-        and y is then zero. Called by PETSc; collective.
+        Here δ is SNES-VI's last iterate. A linear failure is stored for :meth:`solve` to raise, and
+        y is then zero. Called by PETSc; collective.
         """
         program, solution, x = self._program, self._solution, self._x
         index_set = self._snes.getVIInactiveSet()
@@ -282,7 +282,7 @@ class VariationalInequality:
         y.array[:] = (x.array_r - self._delta.array_r)[inactive]
 
     def test(self, iteration: int, norm: float) -> int | None:
-        """Return whether to stop, and why (called by PETSc). Collective."""
+        """Return the reason to stop, or None (called by PETSc). Collective."""
         if self._failure is not None:
             return int(Reason.DIVERGED_LINEAR_SOLVE)
         if iteration == 0:
@@ -302,7 +302,7 @@ class VariationalInequality:
         return None
 
     def _repeats(self, held: PairFlags) -> bool:
-        """Note an active set, and whether it was there before. Collective."""
+        """Store an active set, and return whether it occurred before. Collective."""
         again = np.array([(earlier == held).all() for earlier in self._seen], dtype=np.int32)
         self._seen.append(held)
         if again.size:
@@ -313,7 +313,7 @@ class VariationalInequality:
         return True
 
     def _changing(self, circle: list[PairFlags]) -> PairFlags:
-        """Pairs that are held in one of these sets and not in the last one, or wrong there."""
+        """Return pairs whose state differs between these sets, or is wrong in the last one."""
         held = self._solution.held
         changing: PairFlags = np.any([other != held for other in circle], axis=0) | self._wrong
         return changing

@@ -1,1 +1,1 @@
-"""Linear systems in the jump basis."""
+"""Solve linear systems in the jump basis."""

@@ -1,8 +1,8 @@
-"""Aggregates of nodes on each level of multigrid, and the motions that each of them is capable of.
+"""Store aggregates of nodes on each level of multigrid, and the motions of each.
 
-The columns of a tentative interpolation Q are motions of one aggregate each, orthonormal, and at
-rest elsewhere. PETSc's GAMG makes the aggregates for the stiffness in nodal unknowns, where bodies
-do not see each other, with the rigid motions. One more motion may be given to all of them.
+The columns of a tentative interpolation Q are orthonormal motions of one aggregate each, zero
+elsewhere. PETSc's GAMG creates the aggregates for the stiffness in nodal unknowns, where bodies are
+not coupled, with the rigid motions. One more motion may be added to all of them.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ AGGREGATION = {
     "pc_gamg_threshold": 0.01,
     "pc_gamg_aggressive_coarsening": 10,
     "pc_gamg_coarse_eq_limit": 1000,
-    # nothing is solved with it, and bodies that contact alone holds have a singular K
+    # no system is solved with it, and bodies that only contact holds have a singular K
     "mg_levels_ksp_type": "richardson",
     "mg_levels_pc_type": "none",
     "mg_coarse_ksp_type": "preonly",
@@ -32,13 +32,13 @@ AGGREGATION = {
 
 @dataclass(frozen=True)
 class Aggregates:
-    """Aggregates of the nodes of one level; they are the nodes of the next one.
+    """Aggregates of the nodes of one level, which are the nodes of the next level.
 
     Attributes:
-        members: For each owned node its aggregate's number among those of all ranks, or -1.
-        count: Owned aggregates.
-        motions: Shape (nodes, unknowns a node, motions an aggregate): what each motion of a node's
-            aggregate does to its unknowns.
+        members: Global number of the aggregate of each owned node, or -1.
+        count: Number of owned aggregates.
+        motions: Motions of a node's aggregate in its unknowns, shape (nodes, unknowns per node,
+            motions per aggregate).
     """
 
     members: Longs
@@ -59,7 +59,7 @@ class Aggregates:
         return cls(members, tentative.getLocalSize()[1] // columns, motions)
 
     def interpolation(self, comm: PETSc.Comm) -> PETSc.Mat:
-        """Q as a matrix. Collective."""
+        """Return Q as a matrix. Collective."""
         nodes, rows, columns = self.motions.shape
         belongs = self.members >= 0
         pointer = np.zeros(nodes * rows + 1, dtype=PETSc.IntType)
@@ -74,16 +74,16 @@ class Aggregates:
         )
 
     def with_motion(self, motion: Floats, comm: PETSc.Comm) -> tuple["Aggregates", Floats]:
-        """Let each aggregate move as a whole body does, besides what it is capable of. Collective.
+        """Add a motion to each aggregate. Collective.
 
         Args:
-            motion: Shape (nodes, unknowns a node). A node may have one unknown more than
-                ``motions`` say: that of the motion made possible on the finer level.
+            motion: Motion of the whole body, shape (nodes, unknowns per node). A node may have one
+                unknown more than ``motions`` has: that of the motion added on the finer level.
             comm: The problem's communicator.
 
         Returns:
-            Aggregates with one more motion each, and the motion itself in the unknowns of the next
-            level, shape (aggregates, motions an aggregate).
+            Aggregates with one more motion each, and the motion in the unknowns of the next level,
+            shape (aggregates, motions per aggregate).
         """
         more = motion.shape[1] - self.motions.shape[1]
         motions = np.pad(self.motions, ((0, 0), (0, more), (0, 0)))
@@ -94,8 +94,7 @@ class Aggregates:
         ones = Aggregates(self.members, self.count, np.ones((len(motion), 1, 1)))
         sums = ones.interpolation(comm)
         whole, size = (np.sqrt(_restrict(sums, (m**2).sum(axis=1))) for m in (motion, left))
-        # A motion that differs less from rigid ones, relative to
-        # itself, adds nothing to an aggregate.
+        # Least relative difference from rigid motions at which a motion is added to an aggregate.
         rigid = 1e-8
         size[size <= rigid * whole] = 0.0
         inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
@@ -107,7 +106,7 @@ class Aggregates:
 
 
 def _restrict(Q: PETSc.Mat, fine: Floats) -> Floats:
-    """Qᵀ times the owned part of a vector. Collective."""
+    """Return Qᵀ times the owned part of a vector. Collective."""
     coarse, image = Q.createVecs()
     image.array[:] = fine.ravel()
     Q.multTranspose(image, coarse)
@@ -118,7 +117,7 @@ def _restrict(Q: PETSc.Mat, fine: Floats) -> Floats:
 
 
 def _prolong(Q: PETSc.Mat, coarse: Floats) -> Floats:
-    """Q times the owned part of a vector. Collective."""
+    """Return Q times the owned part of a vector. Collective."""
     unknowns, image = Q.createVecs()
     unknowns.array[:] = coarse
     Q.mult(unknowns, image)
@@ -129,21 +128,24 @@ def _prolong(Q: PETSc.Mat, coarse: Floats) -> Floats:
 
 
 def aggregate(nodes: Floats, stiffness: PETSc.Mat) -> list[Aggregates]:
-    """Aggregate nodes, with rigid motions. Collective.
+    """Return aggregates of nodes, with rigid motions. Collective.
 
     Args:
-        nodes: Where the owned ones are, shape (num_nodes, gdim).
-        stiffness: K in nodal unknowns, in blocks; only its pattern and strengths matter.
+        nodes: Coordinates of the owned nodes, shape (num_nodes, gdim).
+        stiffness: K in nodal unknowns, in blocks; only its pattern and the strength of its entries
+            matter.
 
     Returns:
-        The aggregates of each level, finest first; none for a small problem.
+        The aggregates of each level, finest first; an empty list for a small problem.
     """
     modes = _rigid_motions(nodes, stiffness)
     stiffness.setNearNullSpace(modes)
     modes.destroy()
     ksp = PETSc.KSP().create(stiffness.comm)
     prefix = own_prefix(ksp, COARSE, AGGREGATION)
-    PETSc.Options()[prefix + "pc_gamg_agg_nsmooths"] = 0  # Q itself, whatever a user says
+    PETSc.Options()[prefix + "pc_gamg_agg_nsmooths"] = (
+        0  # Q itself, whatever options the user gives
+    )
     ksp.setOptionsPrefix(prefix)
     pc = ksp.getPC()
     try:
@@ -156,12 +158,15 @@ def aggregate(nodes: Floats, stiffness: PETSc.Mat) -> list[Aggregates]:
         ]
     finally:
         stiffness.setNearNullSpace(PETSc.NullSpace())
-        for thing in (pc, ksp):  # at once: what Python only lets go waits for a collective clean-up
+        for thing in (
+            pc,
+            ksp,
+        ):  # immediately: Python's garbage collection would wait for a collective clean-up
             thing.destroy()
 
 
 def _rigid_motions(nodes: Floats, stiffness: PETSc.Mat) -> PETSc.NullSpace:
-    """Rigid motions of all bodies together."""
+    """Return rigid motions of all bodies together."""
     x = stiffness.createVecRight()
     x.array[:] = nodes.ravel()
     modes = PETSc.NullSpace().createRigidBody(x)

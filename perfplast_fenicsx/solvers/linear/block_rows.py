@@ -1,4 +1,4 @@
-"""Blocks of the compressed rows of a matrix, for kernels in C that multiply with them."""
+"""Store blocks of the compressed rows of a matrix, for kernels in C."""
 
 from typing import Any
 
@@ -14,12 +14,12 @@ from perfplast_fenicsx.solvers.linear.csr_arrays import Rows
 
 
 class BlockRows:
-    """Blocks row by row, their entries in an order and a precision of their own.
+    """Blocks row by row, with their own order and precision.
 
     Attributes:
-        rows: Rows of blocks; ``columns``: the same.
-        matrix: What kernels take of it: where the blocks of each row begin, which columns they
-            have, and their entries, row by row.
+        rows: Number of block rows; ``columns`` is that of block columns.
+        matrix: Data for kernels: beginnings of the rows, columns of the blocks, and their entries,
+            row by row.
     """
 
     def __init__(
@@ -36,12 +36,12 @@ class BlockRows:
 
         Args:
             comm: Communicator of the matrix.
-            precision: Precision of what is kept, float32 or float64.
-            both: Rows and columns of a block, each of a size that kernels have.
-            rows: This rank's.
-            columns: How many there are at least.
-            upper: Whether the matrix is symmetric, and blocks of its upper triangle are kept, the
-                one on the diagonal first in each row.
+            precision: Precision of the stored entries, float32 or float64.
+            both: Rows and columns of a block, each of a supported size.
+            rows: This rank's rows.
+            columns: Least number of columns.
+            upper: Whether the matrix is symmetric, and only blocks of its upper triangle are
+                stored, with the diagonal block first in each row.
         """
         assert set(both) <= set(sizes()), f"no kernel for blocks of {both}"
         self._kernels, self._ffi = compiled(comm, source(precision))
@@ -56,41 +56,43 @@ class BlockRows:
         blocks: Ints = np.zeros(int(first[-1]), dtype=np.int32)
         found = self._of("int32_t[]", blocks)
         self._kernels.pattern(*self._told(rows), self._places, begin, 1, found)
-        kept = self.reals(len(blocks) * both[0] * both[1] + room_of(both[1]))  # for the last load
+        kept = self.reals(
+            len(blocks) * both[0] * both[1] + room_of(both[1])
+        )  # padding for the last load
         self.matrix = begin, found, kept
 
     def fill(self, rows: Rows) -> None:
-        """Take entries, where the first rows had some."""
+        """Set the entries, within the pattern of the first rows."""
         values = self._of("double[]", rows.values)
         astray = self._kernels.fill(*self._told(rows), values, self._places, *self.matrix)
-        assert astray == 0, f"{astray} entries are where the matrix had none at first"
+        assert astray == 0, f"{astray} entries are outside the first pattern of the matrix"
 
     def _of(self, kind: str, array: npt.NDArray) -> Any:
-        """Return an array as kernels take it, which keeps it alive."""
+        """Return an array as a kernel argument, which keeps it alive."""
         return self._ffi.from_buffer(kind, array)
 
     def reals(self, count: int) -> Any:
-        """Room for so many numbers of the precision."""
+        """Return an array for numbers of the precision."""
         kind = "float[]" if self._precision is np.float32 else "double[]"
         return self._of(kind, np.zeros(count, dtype=self._precision))
 
     def vector(self, array: Floats) -> Any:
-        """Return numbers of double precision as kernels take them."""
+        """Return double-precision numbers as a kernel argument."""
         return self._of("double[]", array)
 
     def _told(self, rows: Rows) -> tuple[Any, ...]:
-        """Return the arguments of kernels for rows."""
+        """Return the kernel arguments for rows."""
         of = f"int{8 * rows.pointer.itemsize}_t[]"
         arrays = (self._of(of, array) for array in (rows.pointer, rows.columns))
         return *self._both, self.rows, self.columns, int(self._upper), *arrays
 
 
 def whole(entries: int, size: int) -> int:
-    """Return how many blocks it takes for so many entries."""
+    """Return the number of blocks for a number of entries."""
     return -(-entries // size)
 
 
 def room_of(size: int) -> int:
-    """Places of a vector for a block of so many entries, as many as are worked on at once."""
+    """Return the padded length of a block in a vector, a multiple of the vector width."""
     few, many = 4, 8
     return few if size <= few else many

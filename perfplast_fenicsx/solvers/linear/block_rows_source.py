@@ -1,4 +1,4 @@
-"""C source of blocks of compressed rows (:mod:`block_rows`), in single or double precision."""
+"""Generate the C source of blocks of compressed rows (:mod:`block_rows`), in either precision."""
 
 from petsc4py import PETSc
 
@@ -6,12 +6,12 @@ import numpy as np
 
 
 def sizes() -> tuple[int, ...]:
-    """Return the block sizes that kernels know: unknowns of a node, motions of an aggregate."""
+    """Return the supported block sizes: unknowns of a node, motions of an aggregate."""
     return 2, 3, 4, 6, 7
 
 
 def for_size(of: str) -> str:
-    """A macro that calls a function for the size that a variable has, which is a constant there.
+    """Return a macro that calls a function with the size in a variable as a constant.
 
     Args:
         of: The variable.
@@ -21,7 +21,7 @@ def for_size(of: str) -> str:
 
 
 def own_types(text: str, precision: type[np.floating]) -> str:
-    """Return a source with PETSc's integers for INDEX, and REAL for what is kept."""
+    """Return a source with PETSc's integers for INDEX, and REAL for the stored precision."""
     whole = f"int{8 * np.dtype(PETSc.IntType).itemsize}_t"
     real = {np.float32: "float", np.float64: "double"}[precision]
     head = r"""
@@ -34,7 +34,7 @@ def own_types(text: str, precision: type[np.floating]) -> str:
 
 
 def source(precision: type[np.floating]) -> str:
-    """Functions ``pattern`` and ``fill``; blocks have n rows and m columns.
+    """Return functions ``pattern`` and ``fill`` for blocks with n rows and m columns.
 
     Args:
         precision: Precision of what is kept, float32 or float64.

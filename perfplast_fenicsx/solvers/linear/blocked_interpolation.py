@@ -1,4 +1,4 @@
-"""Interpolations between levels of multigrid in single precision, by blocks of nodes, in C."""
+"""Interpolate between levels of multigrid in single precision, by blocks of nodes, in C."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,17 +17,17 @@ from perfplast_fenicsx.solvers.linear.interpolation_source import source
 
 
 class BlockedInterpolation:
-    """P x, and Pᵀ x.
+    """Products P x and Pᵀ x.
 
     Attributes:
-        matrix: PETSc's object that multiplies.
+        matrix: PETSc's matrix that multiplies.
     """
 
     def __init__(self, P: PETSc.Mat) -> None:
-        """Make room. Collective.
+        """Allocate memory. Collective.
 
         Args:
-            P: Of type "aij", with blocks of sizes that kernels have.
+            P: Interpolation of type "aij", with blocks of supported sizes.
         """
         both = P.getBlockSizes()
         comm = P.comm.tompi4py()
@@ -44,7 +44,7 @@ class BlockedInterpolation:
         self.matrix.setUp()
 
     def fill(self, P: PETSc.Mat) -> None:
-        """Take the entries of a matrix with the pattern of the first one. Collective."""
+        """Copy the entries of a matrix with the pattern of the first one. Collective."""
         here, there, _ = own_rows(P)
         self._here.fill(here)
         if self._there is not None and there is not None:
@@ -70,7 +70,7 @@ class BlockedInterpolation:
         self._scatter.scatter(self._ghosts, y, addv=add, mode=back)
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Release PETSc's memory. Collective."""
         for thing in (self.matrix, self._ghosts, self._scatter):
             thing.destroy()
 
@@ -106,7 +106,7 @@ class _Interpolation:
         self._room = of.reals(room_of(both[1]) * of.columns)
 
     def fill(self, rows: Rows) -> None:
-        """Take entries."""
+        """Set the entries."""
         self._of.fill(rows)
 
     def interpolate(self, x: Floats, y: Floats) -> None:

@@ -1,8 +1,9 @@
-"""Products with a symmetric matrix that keep the blocks of its upper triangle, in C.
+"""Multiply with a symmetric matrix by the blocks of its upper triangle, in C.
 
-They are bound by what comes from memory, of which this is half; in single precision a quarter. That
-is for the smoothers of multigrid, which multiply six times for each product of CG. It changes a
-preconditioner by about 1e-7. CG itself, coarse spaces and factors keep to double precision.
+The products are limited by memory traffic, which this halves; in single precision it is a quarter.
+Single precision is for the smoothers of multigrid, which multiply six times for each product of CG.
+It changes the preconditioner by about 1e-7. CG itself, coarse spaces and factors use double
+precision.
 """
 
 from collections.abc import Callable
@@ -22,18 +23,18 @@ from perfplast_fenicsx.solvers.linear.csr_arrays import Rows, own_rows
 
 
 class BlockedProducts:
-    """Products with a symmetric matrix; of its blocks those of the upper triangle are kept.
+    """Products with a symmetric matrix, of which only the blocks of the upper triangle are stored.
 
     Attributes:
-        matrix: PETSc's object that multiplies.
+        matrix: PETSc's matrix that multiplies.
     """
 
     def __init__(self, A: PETSc.Mat, precision: type[np.floating] = np.float64) -> None:
-        """Make room. Collective.
+        """Allocate memory. Collective.
 
         Args:
-            A: Symmetric, of type "aij", with blocks of one of the sizes that kernels have.
-            precision: Precision of what is kept and multiplied, float32 or float64.
+            A: Symmetric matrix of type "aij", with blocks of a supported size.
+            precision: Precision of storage and products, float32 or float64.
         """
         size = A.getBlockSize()
         comm = A.comm.tompi4py()
@@ -50,7 +51,7 @@ class BlockedProducts:
         self.matrix.setUp()
 
     def fill(self, A: PETSc.Mat) -> None:
-        """Take the entries of a matrix with the pattern of the first one. Collective."""
+        """Copy the entries of a matrix with the pattern of the first one. Collective."""
         here, there, _ = own_rows(A)
         self._here.fill(here)
         if self._there is not None and there is not None:
@@ -70,7 +71,7 @@ class BlockedProducts:
         self._here.give(y.array_w)
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Release PETSc's memory. Collective."""
         for thing in (self.matrix, self._ghosts, self._scatter):
             thing.destroy()
 
@@ -87,7 +88,7 @@ class _Called:
 
 
 class _Products:
-    """Products with blocks of rows, and room for their vectors."""
+    """Products with blocks of rows, and memory for their vectors."""
 
     def __init__(self, kernels: Any, of: BlockRows, size: int) -> None:
         self._kernels, self._of, self._size = kernels, of, size
@@ -95,35 +96,35 @@ class _Products:
         self._x, self._y = of.reals(width * of.columns), of.reals(width * of.rows)
 
     def fill(self, rows: Rows) -> None:
-        """Take entries."""
+        """Set the entries."""
         self._of.fill(rows)
 
     def take(self, x: Floats) -> None:
-        """Take what is multiplied."""
+        """Copy the vector to be multiplied."""
         self._kernels.take(self._size, self._of.columns, self._of.vector(x), self._x)
 
     def product(self) -> None:
-        """Multiply, with the blocks' transposes too."""
+        """Multiply, including the blocks' transposes."""
         self._kernels.product(self._size, self._of.rows, *self._of.matrix, self._x, self._y)
 
     def add_to(self, other: "_Products") -> None:
-        """Add a product to another one."""
+        """Add the product to another one."""
         self._kernels.add(self._size, self._of.rows, *self._of.matrix, self._x, other._y)
 
     def give(self, y: Floats) -> None:
-        """Give the product."""
+        """Copy the product to a vector."""
         self._kernels.give(self._size, self._of.rows, self._y, self._of.vector(y))
 
 
 def ghosts_of(A: PETSc.Mat, columns: npt.NDArray[np.integer]) -> tuple[PETSc.Vec, PETSc.Scatter]:
-    """Room for what other ranks have of a vector, and what brings it. Collective.
+    """Return a vector for other ranks' entries, and the scatter that fills it. Collective.
 
     Args:
-        A: Which multiplies the vector.
-        columns: Global numbers of columns of A that are of other ranks.
+        A: Matrix that multiplies the vector.
+        columns: Global column numbers of A on other ranks.
 
     Returns:
-        Room for whole blocks of columns; what brings them there.
+        Vector for whole blocks of columns; and the scatter.
     """
     size = A.getBlockSizes()[1]
     ghosts = PETSc.Vec().createSeq(size * whole(len(columns), size), comm=PETSc.COMM_SELF)

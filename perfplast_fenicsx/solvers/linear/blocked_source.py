@@ -1,8 +1,8 @@
-"""C source of products with blocks (:mod:`blocked_products`), in single or double precision.
+"""Generate the C source of products with blocks (:mod:`blocked_products`), in either precision.
 
-Vectors have room for as many entries of a block as are worked on at once. What is loaded beyond a
-row is multiplied with zeros or put where nobody looks. Of a symmetric matrix they are the blocks of
-the upper triangle, the one on the diagonal first in each row of them.
+Vectors are padded to the vector width. Entries loaded beyond a row are multiplied with zeros or
+stored in the padding. A symmetric matrix is stored as the blocks of its upper triangle, with the
+diagonal block first in each row.
 """
 
 import numpy as np
@@ -11,10 +11,10 @@ from perfplast_fenicsx.solvers.linear.block_rows_source import for_size, own_typ
 
 
 def source(precision: type[np.floating]) -> str:
-    """Functions product, add, take and give.
+    """Return the functions product, add, take and give.
 
     Args:
-        precision: Precision of what is kept and multiplied, float32 or float64.
+        precision: Precision of storage and products, float32 or float64.
     """
     products = "".join(
         _products().replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)

@@ -1,7 +1,7 @@
-"""Generalised conjugate residuals: of directions that are known, the step that leaves least.
+"""Minimise residuals over known directions by generalised conjugate residuals.
 
-S. Eisenstat, H. Elman and M. Schultz, SIAM Journal on Numerical Analysis 20, 1983. How directions
-are found is up to the caller, roughly or not at all: what is left never grows.
+S. Eisenstat, H. Elman and M. Schultz, SIAM Journal on Numerical Analysis 20, 1983. The caller
+computes the directions, accurately or not; the residual never grows.
 """
 
 from collections import deque
@@ -13,33 +13,34 @@ from perfplast_fenicsx.arrays import Floats
 
 
 class ConjugateResiduals:
-    """Motions whose effects are orthonormal, each one conjugate to the last of those before it.
+    """Directions with orthonormal effects, each one conjugate to the last ones before it.
 
     Attributes:
-        count: Directions so far.
+        count: Number of directions so far.
     """
 
     def __init__(self, total: Callable[[float], float]) -> None:
-        """Start without any.
+        """Start without directions.
 
         Args:
-            total: The sum over all ranks. Collective.
+            total: Function that sums over all ranks. Collective.
         """
-        most = 50  # directions that are kept: where effects are symmetric, two would do
+        most = 50  # number of stored directions; for symmetric effects two would suffice
         self._total = total
         self._before: deque[tuple[Floats, Floats]] = deque(maxlen=most)
         self.count = 0
 
     def step(self, motion: Floats, effect: Floats, left: Floats) -> Floats | None:
-        """Return the step along one more direction that leaves least. Collective.
+        """Return the step along one more direction with the smallest residual. Collective.
 
         Args:
             motion: This rank's part of the direction, shape (num_owned,).
-            effect: What a step of it takes off, shape (num_effects,); linear in the motion.
-            left: What there is to be taken off, of the same shape.
+            effect: Effect of the direction on the residual, shape (num_effects,); linear in the
+                motion.
+            left: Present residual, same shape.
 
         Returns:
-            Shape (num_owned,); None where the direction is one of those before it, or has no
+            The step, shape (num_owned,); None if the direction is linearly dependent or has no
             effect.
         """
         motion, effect = motion.copy(), effect.copy()

@@ -1,8 +1,7 @@
-"""The operator of a step in the jump basis, A = TᵀKT, with unknowns held where it is a matrix.
+"""Define the operator of a step in the jump basis, A = TᵀKT, with held unknowns in its matrix.
 
-Its products with vectors are made of those with K and T, so that one matrix is enough. It is the
-one that is solved with, in which rows and columns of held unknowns are those of the identity times
-a scale.
+Products with vectors use K and T, so that only one matrix is stored. This matrix is for linear
+solves; its rows and columns of held unknowns are those of a scaled identity.
 """
 
 from petsc4py import PETSc
@@ -16,26 +15,26 @@ from perfplast_fenicsx.solvers.linear.contact_rows import ContactRows
 
 
 class ContactOperator:
-    """A = TᵀKT for the present values of K.
+    """The operator A = TᵀKT for the present values of K.
 
     Attributes:
-        stiffness: K, in nodal unknowns and in blocks.
-        matrix: A with the unknowns held that :meth:`hold` was last called with.
+        stiffness: K in nodal unknowns, in blocks.
+        matrix: A with the held unknowns of the last :meth:`hold`.
     """
 
     def __init__(self, problem: Problem, stiffness: PETSc.Mat) -> None:
         self.stiffness, self.matrix = stiffness, PETSc.Mat()
         self._T, self._tied = problem.basis.T, problem.basis.tied
-        changed = problem.num_pairs or problem.num_tied  # A is another matrix than K
+        changed = problem.num_pairs or problem.num_tied  # A is a separate matrix
         self._rows = ContactRows(problem) if changed else None
         self._u, self._image, self._y = (problem.create_vector() for _ in range(3))
         self._springs: tuple[Ints, Floats] | None = None
 
     def add_springs(self, springs: tuple[Ints, Floats] | None) -> None:
-        """Let A have springs at a few unknowns, or none, from the next :meth:`hold` on.
+        """Add springs at some unknowns, or remove them, from the next :meth:`hold` on.
 
         Args:
-            springs: Local (owned) unknowns of one node each, −1 for none, shape (n, k), and their
+            springs: Local owned unknowns of one node each, −1 for none, shape (n, k), and their
                 stiffness, shape (n, k, k).
         """
         self._springs = springs
@@ -57,10 +56,12 @@ class ContactOperator:
 
     @phase("basis change")
     def hold(self, held: Ints) -> None:
-        """Form the matrix with the local (owned) unknowns ``held`` taken out. Collective."""
+        """Form the matrix with the local owned unknowns ``held`` eliminated. Collective."""
         self.stiffness.convert("aij", self.matrix)
         if self._rows is not None:
-            self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)  # copies forget it
+            self.matrix.setOption(
+                PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True
+            )  # copies lose this option
             self._rows.transform(self.matrix)
         if self._springs is not None:
             self._stiffen(*self._springs)
@@ -83,7 +84,7 @@ class ContactOperator:
         self.matrix.assemble()
 
     def _take_out(self, held: Ints) -> None:
-        """Make rows and columns of held unknowns those of the identity times a scale."""
+        """Replace rows and columns of held unknowns by those of a scaled identity."""
         diagonal = self.matrix.getDiagonal()
         scale = diagonal.sum() / diagonal.getSize()
         diagonal.destroy()
@@ -91,7 +92,7 @@ class ContactOperator:
         self.matrix.zeroRowsColumns((held + first).astype(PETSc.IntType), diag=scale)
 
     def diagonal(self) -> Floats:
-        """Entries A_ii of this rank's unknowns, with nothing held but ties. Collective."""
+        """Return the diagonal A_ii of this rank's unknowns, with only ties held. Collective."""
         self.hold(np.zeros(0, dtype=np.int32))
         diagonal = self.matrix.getDiagonal()
         entries = np.array(diagonal.array_r)
@@ -99,5 +100,5 @@ class ContactOperator:
         return entries
 
     def nodal(self) -> PETSc.Mat:
-        """K of type "aij", for whoever asks to destroy. Collective."""
+        """Return K of type "aij", which the caller destroys. Collective."""
         return self.stiffness.convert("aij", PETSc.Mat())

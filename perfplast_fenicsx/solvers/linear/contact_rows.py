@@ -1,7 +1,7 @@
-"""Rows of A = TᵀKT that are not those of K: at contact nodes and their neighbours.
+"""Compute the rows of A = TᵀKT that differ from those of K: contact nodes and neighbours.
 
-T is the identity elsewhere. So the products are formed of these few rows alone, and A is K with
-other rows, if K has room for their entries.
+Elsewhere T is the identity. So only these few rows are multiplied, and A is K with these rows
+replaced, if K has space for their entries.
 """
 
 from petsc4py import PETSc
@@ -14,7 +14,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 class ContactRows:
-    """The rows of A that are not those of K."""
+    """The rows of A that differ from those of K."""
 
     def __init__(self, problem: Problem) -> None:
         """Find the rows. Collective."""
@@ -30,10 +30,10 @@ class ContactRows:
         self._part, self._right, self._both = PETSc.Mat(), PETSc.Mat(), PETSc.Mat()
 
     def transform(self, K: PETSc.Mat) -> None:
-        """Make A of K, which has room for it. Collective.
+        """Transform K to A in place; K must have space for the entries. Collective.
 
         Args:
-            K: In nodal unknowns, of type "aij"; always with the same pattern.
+            K: Stiffness in nodal unknowns, of type "aij"; always with the same pattern.
         """
         if self._part:
             K.createSubMatrix(self._chosen, self._whole, self._part)
@@ -49,14 +49,14 @@ class ContactRows:
 
 
 def every_column(A: PETSc.Mat) -> PETSc.IS:
-    """Return all columns of a matrix, as they are distributed, to choose rows of it with."""
+    """Return all columns of a matrix, as distributed, for the selection of rows."""
     return PETSc.IS().createStride(
         A.getLocalSize()[1], first=A.getOwnershipRangeColumn()[0], step=1, comm=A.comm
     )
 
 
 def _moved(T: PETSc.Mat) -> npt.NDArray[np.bool_]:
-    """Owned unknowns whose row or column of T is not that of the identity. Collective."""
+    """Return owned unknowns whose row or column of T is not that of the identity. Collective."""
     pointer, columns, values = T.getValuesCSR()
     first, last = T.getOwnershipRange()
     row = np.repeat(np.arange(first, last), np.diff(pointer))
@@ -74,7 +74,10 @@ def _moved(T: PETSc.Mat) -> npt.NDArray[np.bool_]:
 
 
 def _near(V: fem.FunctionSpace, unknowns: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Owned nodes that share a cell with a node of these owned unknowns, or are one. Collective."""
+    """Return owned nodes that share a cell with the node of one of these unknowns, or are its node.
+
+    Collective.
+    """
     index_map = V.dofmap.index_map
     nodes = la.vector(index_map, 1, dtype=np.int64)
     owned = index_map.size_local

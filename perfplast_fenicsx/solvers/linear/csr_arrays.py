@@ -1,4 +1,4 @@
-"""PETSc's arrays of a rank's rows of a matrix, without a copy."""
+"""Access PETSc's arrays of a rank's matrix rows, without a copy."""
 
 import ctypes
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ class Rows:
     """Compressed rows.
 
     Attributes:
-        pointer: Where each row's entries begin, shape (num_rows + 1,).
+        pointer: Beginning of each row's entries, shape (num_rows + 1,).
         columns: Columns of the entries, local numbers.
-        values: The entries, in PETSc's memory: they are of no use once the matrix changes.
+        values: The entries in PETSc's memory: invalid after the matrix changes.
     """
 
     pointer: Indices
@@ -34,11 +34,11 @@ def own_rows(A: PETSc.Mat) -> tuple[Rows, Rows | None, Indices]:
     """Return the rows of this rank.
 
     Args:
-        A: Of type "aij".
+        A: Matrix of type "aij".
 
     Returns:
-        Their columns of this rank; those of other ranks, None on a single rank; which global
-        columns those are.
+        The rows in columns of this rank; those in columns of other ranks, None on a single rank;
+        and the global numbers of these columns.
     """
     handle, none = ctypes.c_void_p(A.handle), np.zeros(0, dtype=PETSc.IntType)
     if A.comm.getSize() == 1:
@@ -47,7 +47,7 @@ def own_rows(A: PETSc.Mat) -> tuple[Rows, Rows | None, Indices]:
     call("MatMPIAIJGetSeqAIJ", handle, *map(ctypes.byref, (here, there, columns)))
     count = A.getLocalSize()[0]
     beyond = _rows(there, count)
-    size = int(beyond.columns.max(initial=-1)) + 1  # PETSc numbers no column that has no entry
+    size = int(beyond.columns.max(initial=-1)) + 1  # PETSc numbers only columns with entries
     return _rows(here, count), beyond, _array(columns, size, PETSc.IntType)
 
 
@@ -61,7 +61,7 @@ def _rows(sequential: ctypes.c_void_p, count: int) -> Rows:
 
 
 def _array(start: ctypes.c_void_p, size: int, of: type[np.generic]) -> npt.NDArray:
-    """Memory as an array."""
+    """Return memory as an array."""
     if not size or not start.value:
         return np.zeros(0, dtype=of)
     memory = (ctypes.c_char * (size * np.dtype(of).itemsize)).from_address(start.value)

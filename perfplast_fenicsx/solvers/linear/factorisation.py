@@ -1,7 +1,7 @@
-"""Systems solved by a factorisation: MUMPS Cholesky, unless users ask for another one.
+"""Solve systems by a factorisation: MUMPS Cholesky, unless the user selects another one.
 
-Where a few other unknowns are held than before, the matrix has changed by one of low rank, and CG
-with the old factors takes a few iterations.
+If only a few held unknowns change, the change of the matrix has low rank, and CG with the old
+factors takes a few iterations.
 """
 
 from collections.abc import Mapping
@@ -27,19 +27,19 @@ DIRECT = {
     "ksp_type": "preonly",
     "pc_type": "cholesky",
     "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_14": 100,  # more room to work in (%): pivoting in parallel may need it
+    "mat_mumps_icntl_14": 100,  # additional working space (%), which parallel pivoting may need
 }
 
 
 USELESS = 0.1
-"""A solution that leaves more of the right-hand side is not accepted."""
+"""A solution with a larger relative residual is not accepted."""
 
 
 class Factorisation:
     """A factorisation of the operator with its held unknowns.
 
     Attributes:
-        name: Name of the solver, for people.
+        name: Name of the solver in messages.
     """
 
     def __init__(
@@ -49,8 +49,8 @@ class Factorisation:
 
         Args:
             comm: The ranks.
-            preset: Options that hold where the user says nothing.
-            heed: Whether the user's options count.
+            preset: Default options.
+            heed: Whether the user's options apply.
         """
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setOptionsPrefix(own_prefix(self, LINEAR, preset, heed))
@@ -58,7 +58,7 @@ class Factorisation:
         self.name = solver_name(self._ksp.getType(), self._ksp.getPC().getType())
         self._matrix: PETSc.Mat | None = None
         self._cg = PETSc.KSP().create(comm)
-        # How systems are solved with the factors of another matrix.
+        # Options for solves with the factors of another matrix.
         kept = {"ksp_type": "cg", "ksp_norm_type": "unpreconditioned"}
         self._cg.setOptionsPrefix(own_prefix(self, LINEAR, kept, heed=False))
         self._cg.setFromOptions()
@@ -67,32 +67,32 @@ class Factorisation:
 
     @property
     def worth(self) -> int:
-        """Iterations with old factors that cost as much as new ones do, by MUMPS's counts; or 0."""
+        """Return the number of iterations with old factors that cost as much as new ones, or 0."""
         pc = self._ksp.getPC()
         if pc.getFactorSolverType() != "mumps":
             return 0
         factors = pc.getFactorMatrix()
         entries = entries_of(factors, ENTRIES)
-        # An entry of the factors costs CG as much time as so many operations cost a
-        # factorisation, which works in cache.
+        # Time of CG per entry of the factors, in operations of a factorisation, which works in
+        # cache.
         balance = 40.0
         iterations = int(factors.getMumpsRinfog(OPERATIONS) / (balance * max(entries, 1)))
-        # Factorisations that cost less than so many iterations are always repeated.
+        # Factorisations that cost less than this number of iterations are always repeated.
         least_worth = 5
         return iterations if iterations >= least_worth else 0
 
     def price(self) -> Price:
-        """Return the cost of a factorisation; leaves nothing set up. Collective."""
+        """Return the cost of a factorisation, without a set-up. Collective."""
         assert self._matrix is not None
         return price(self._ksp, self._matrix)
 
     def prepare(self, operator: ContactOperator) -> bool:
-        """Nothing is to be made of K alone; it always suits."""
+        """Do nothing and return True: this method suits any operator."""
         return True
 
     @phase("linear set-up")
     def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
-        """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
+        """Take the matrix of an operator in which ``held`` is eliminated. Collective."""
         self._matrix = operator.matrix
         self._ksp.setOperators(self._matrix)
         self._cg.setOperators(self._matrix)
@@ -106,12 +106,15 @@ class Factorisation:
         self._kept = False
 
     def keep(self) -> None:
-        """Solve by CG with the factors there are, as long as new ones would take at most."""
+        """Solve by CG with the present factors, as long as this costs less than new ones."""
         self._ksp.getPC().setReusePreconditioner(True)
         self._kept = True
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
-        """Solve for x; with new factors as well as they allow, whatever ``rtol``. Collective."""
+        """Solve for x; with new factors as accurately as they allow, whatever ``rtol``.
+
+        Collective.
+        """
         if self._kept:
             self._cg.setTolerances(rtol=rtol, max_it=max(self.worth, 1))
             return run(self._cg, b, x)
@@ -122,7 +125,7 @@ class Factorisation:
         return outcome
 
     def _left(self, b: PETSc.Vec, x: PETSc.Vec) -> float:
-        """Share of b that A x misses: a factorisation of a singular matrix may go unnoticed."""
+        """Return the relative residual of A x = b, which reveals a singular matrix."""
         assert self._matrix is not None
         image = b.duplicate()
         self._matrix.mult(x, image)
@@ -132,6 +135,6 @@ class Factorisation:
         return float(left)
 
     def destroy(self) -> None:
-        """Give back memory at once. Collective."""
+        """Release memory immediately. Collective."""
         self._cg.destroy()
         self._ksp.destroy()

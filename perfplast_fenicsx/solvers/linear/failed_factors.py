@@ -1,4 +1,4 @@
-"""Removal of a failed factorisation before the next one."""
+"""Remove a failed factorisation before the next one."""
 
 from petsc4py import PETSc
 
@@ -6,12 +6,12 @@ from petsc4py import PETSc
 def forget_factors(ksp: PETSc.KSP) -> None:
     """Let a solver analyse and factorise its matrix again. Collective.
 
-    Where MUMPS has met a zero pivot, PETSc takes that for a failure of the analysis when it is to
-    factorise again. It then does nothing, reports no failure, and solves with factors that are not
-    there, which is a fault (INFOG(1) = −3) on all ranks (``MatFactorNumeric_MUMPS``).
+    After a zero pivot of MUMPS, PETSc treats the next factorisation as a failed analysis. PETSc
+    then does nothing, reports no failure, and solves with missing factors, which is an error
+    (INFOG(1) = −3) on all ranks (``MatFactorNumeric_MUMPS``).
 
     Args:
-        ksp: With its operators; it keeps them and its options.
+        ksp: Solver with its operators, which it keeps with its options.
     """
     operators = ksp.getOperators()
     ksp.reset()

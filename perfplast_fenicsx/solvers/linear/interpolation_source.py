@@ -1,7 +1,7 @@
-"""C source of interpolations in single precision (:mod:`blocked_interpolation`).
+"""Generate the C source of interpolations in single precision (:mod:`blocked_interpolation`).
 
-Coarse vectors have room for as many entries of a block as are worked on at once. What is loaded
-beyond a row is multiplied with zeros or put where nobody looks.
+Coarse vectors are padded to the vector width. Entries loaded beyond a row are multiplied with zeros
+or stored in the padding.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from perfplast_fenicsx.solvers.linear.block_rows_source import for_size, own_typ
 
 
 def source() -> str:
-    """Functions ``interpolate`` and ``restrict_``."""
+    """Return the functions ``interpolate`` and ``restrict_``."""
     products = "".join(
         _products().replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)
     )

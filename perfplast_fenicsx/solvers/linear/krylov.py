@@ -1,7 +1,7 @@
-"""Systems solved by a Krylov method with any preconditioner that PETSc has.
+"""Solve systems by a Krylov method with any of PETSc's preconditioners.
 
 The method multiplies with blocks of the upper triangle (:class:`BlockedProducts`), more than twice
-as fast; preconditioners are made of the matrix itself.
+as fast; preconditioners use the matrix itself.
 """
 
 from collections.abc import Mapping
@@ -18,11 +18,11 @@ from perfplast_fenicsx.solvers.linear.petsc_options import LINEAR, own_prefix, s
 
 
 class Krylov:
-    """A Krylov method, and a preconditioner that may be older than the matrix.
+    """A Krylov method with a preconditioner that may be older than the matrix.
 
     Attributes:
-        name: Name of the solver, for people.
-        worth: Krylov iterations that a set-up costs about as much as.
+        name: Name of the solver in messages.
+        worth: Number of Krylov iterations that cost about as much as a set-up.
     """
 
     worth = 12
@@ -34,8 +34,8 @@ class Krylov:
 
         Args:
             comm: The ranks.
-            preset: Options that users' come before.
-            parts: Whether all parts of the preconditioner are given matrices of their own.
+            preset: Default options, which the user's options override.
+            parts: Whether each part of the preconditioner gets its own matrices.
         """
         prefix = own_prefix(self, LINEAR, preset)
         self._ksp = PETSc.KSP().create(comm)
@@ -50,16 +50,16 @@ class Krylov:
 
     @property
     def preconditioner(self) -> PETSc.PC:
-        """PETSc's object."""
+        """Return PETSc's preconditioner."""
         return self._ksp.getPC()
 
     def prepare(self, operator: ContactOperator) -> bool:
-        """Nothing is to be made of K alone; it always suits."""
+        """Do nothing and return True: this method suits any operator."""
         return True
 
     @phase("linear set-up")
     def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
-        """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
+        """Take the matrix of an operator in which ``held`` is eliminated. Collective."""
         self._matrix = operator.matrix
         if self._products is None:
             self._products = BlockedProducts(operator.matrix)
@@ -67,18 +67,18 @@ class Krylov:
         self.attach()
 
     def attach(self) -> None:
-        """Give the matrices to PETSc's object, again after its preconditioner has been reset."""
-        # PETSc gives its own to a part that has the matrix which the whole is of
+        """Pass the matrices to PETSc's solver, also after a reset of its preconditioner."""
+        # PETSc passes its own matrices to a part with the same matrix as the whole
         assert self._products is not None
         product = self._products.matrix
         self._ksp.setOperators(product, product if self._parts else self._matrix)
 
     def renew(self, flow: PETSc.Vec | None) -> None:
-        """Make the preconditioner again at the next solve."""
+        """Renew the preconditioner at the next solve."""
         self.preconditioner.setReusePreconditioner(False)
 
     def keep(self) -> None:
-        """Solve with the preconditioner there is."""
+        """Solve with the present preconditioner."""
         self.preconditioner.setReusePreconditioner(True)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
@@ -87,7 +87,7 @@ class Krylov:
         return run(self._ksp, b, x)
 
     def destroy(self) -> None:
-        """Give back memory at once. Collective."""
+        """Release memory immediately. Collective."""
         self._ksp.destroy()
         if self._products is not None:
             self._products.destroy()

@@ -1,7 +1,7 @@
-"""Linear elements inside quadratic ones: the first coarse space of multigrid on quadratic meshes.
+"""Use linear elements inside quadratic ones as the first coarse space of multigrid.
 
-The graph of quadratic elements is so dense that aggregates of its nodes become much too large for
-one smoothing step. Linear functions are quadratic ones, and hold every smooth motion of a body.
+The graph of quadratic elements is so dense that aggregates of its nodes become too large for one
+smoothing step. Linear functions are quadratic ones, and represent every smooth motion of a body.
 """
 
 from petsc4py import PETSc
@@ -20,12 +20,12 @@ class LinearElements:
 
     Attributes:
         interpolation: From vertices to nodes of the quadratic elements, in nodal unknowns and in
-            blocks, without the components that supports hold.
-        nodes: Owned vertices, shape (num_vertices, gdim).
+            blocks, without held components.
+        nodes: Coordinates of owned vertices, shape (num_vertices, gdim).
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Make the interpolation. Collective."""
+        """Create the interpolation. Collective."""
         mesh, gdim = problem.V.mesh, problem.bodies.gdim
         V = fem.functionspace(mesh, basix.ufl.element("P", mesh.basix_cell(), 1, shape=(gdim,)))
         owned = V.dofmap.index_map.size_local
@@ -41,7 +41,10 @@ class LinearElements:
             thing.destroy()
 
     def stiffness(self, K: PETSc.Mat) -> PETSc.Mat:
-        """That of the linear elements, from K in nodal unknowns, for whoever asks to destroy."""
+        """Return the stiffness of the linear elements from K in nodal unknowns.
+
+        The caller destroys it.
+        """
         return K.PtAP(self.interpolation)
 
     def at_vertices(self, motion: PETSc.Vec) -> Floats:
@@ -53,15 +56,16 @@ class LinearElements:
         return values
 
     def destroy(self) -> None:
-        """Give back memory at once. Collective."""
+        """Release memory immediately. Collective."""
         for matrix in (self.interpolation, self._at_vertices):
             matrix.destroy()
 
 
 def _vertex_rows(interpolation: PETSc.Mat) -> PETSc.Mat:
-    """Return an interpolation with its rows of vertices alone. Collective."""
+    """Return the rows of an interpolation at vertices. Collective."""
     pointer, column, value = interpolation.getValuesCSR()
-    # A linear shape function is larger at its own vertex only; at midsides it is a half at most.
+    # A linear shape function exceeds a half only at its own vertex; at midsides it is at most a
+    # half.
     at_vertex = 0.9
     kept = value > at_vertex
     row = np.repeat(np.arange(len(pointer) - 1), np.diff(pointer))[kept]

@@ -1,7 +1,7 @@
-"""Linear systems of one step, with some unknowns held: which way to solve, when to set up again.
+"""Choose how to solve the linear systems of a step with held unknowns, and when to renew set-ups.
 
-A way of solving (:class:`Factorisation`, :class:`Multigrid`, :class:`Krylov`) knows how; when its
-set-up has aged and what takes over where it fails is decided here.
+The methods (:class:`Factorisation`, :class:`Multigrid`, :class:`Krylov`) implement the solves. This
+module decides when a set-up has aged and which method replaces a failed one.
 """
 
 import logging
@@ -25,72 +25,73 @@ from perfplast_fenicsx.solvers.linear.petsc_options import LINEAR, solver_name
 from perfplast_fenicsx.solvers.linear.set_up import SetUp, iterations_a_digit
 
 DIRECT_LIMIT = {2: 300_000, 3: 40_000}
-"""Up to so many unknowns, by dimension, a sparse Cholesky factorisation is the quicker one."""
+"""Number of unknowns, by dimension, up to which a sparse Cholesky factorisation is faster."""
 
 FEW_ITERATIONS = 50
-"""A solve by multigrid in no more Krylov iterations is not compared with a factorisation."""
+"""Multigrid solves with at most this number of Krylov iterations are not compared with a
+factorisation."""
 
 
 WORTH_A_MOTION = 6.0
-"""Krylov iterations a decimal digit from which on coarse spaces get the last solution as a motion;
+"""Krylov iterations per decimal digit from which coarse spaces get the last solution as a motion;
 elastic bodies take two."""
 
 log = logging.getLogger(__name__)
 
 
 class LinearFailure(RuntimeError):
-    """A linear system that could not be solved; the message is the reason, alike on every rank."""
+    """Raised for a linear system that could not be solved; the reason is the same on every rank."""
 
 
 class Method(Protocol):
-    """A way of solving A x = b.
+    """A method for solving A x = b.
 
     Attributes:
-        name: Name of the solver, for people.
+        name: Name of the solver in messages.
     """
 
     name: str
 
     @property
     def worth(self) -> int:
-        """Krylov iterations that a set-up costs as much as."""
+        """Return the number of Krylov iterations that cost as much as a set-up."""
 
     def prepare(self, operator: ContactOperator) -> bool:
-        """Make what outlives set-ups of an operator that is new; whether this way suits it."""
+        """Prepare data of a new operator; return whether this method suits it."""
 
     def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
-        """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
+        """Take the matrix of an operator in which ``held`` is eliminated. Collective."""
 
     def renew(self, flow: PETSc.Vec | None) -> None:
-        """Set up again, from the present matrix at the latest with the next solve. Collective.
+        """Renew the set-up from the present matrix, at the latest in the next solve. Collective.
 
         Args:
-            flow: How bodies move that are hard to solve for; None if they are not.
+            flow: A motion of the bodies that is hard to solve for; None if there is none.
         """
 
     def keep(self) -> None:
-        """Solve with the set-up there is, though the matrix is another one."""
+        """Solve with the present set-up, although the matrix has changed."""
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
         """Solve for x, to ``rtol`` relative to b. Collective."""
 
     def destroy(self) -> None:
-        """Give back memory at once. Collective."""
+        """Release memory immediately. Collective."""
 
 
 class LinearSolver:
     """Solves A y = b in the jump basis, with any set of unknowns held at zero.
 
-    CG with smoothed aggregation for large problems, MUMPS Cholesky for small ones; every PETSc
-    option can be given with the prefix ``perfplast_``. Coarse grids are kept while the operator and
-    the held unknowns change, with the finest one up to date, until the iterations that this has
-    cost beyond those of new ones outweigh a set-up. Where bodies flow and it takes many iterations,
-    they are made for the last solution as well.
+    It uses CG with smoothed aggregation for large problems and MUMPS Cholesky for small ones; any
+    PETSc option can be given with the prefix ``perfplast_``. While the operator and the held
+    unknowns change, coarse grids are reused with an updated finest one, until the additional
+    iterations outweigh a set-up. If bodies flow and solves take many iterations, the coarse grids
+    also contain the last solution.
 
     Attributes:
-        iterations: Krylov iterations so far.
-        solves: Systems solved so far.
-        setups: Factorisations or multigrid set-ups so far.
+        iterations: Number of Krylov iterations so far.
+        solves: Number of solved systems so far.
+        setups: Number of factorisations or multigrid set-ups so far.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -109,23 +110,26 @@ class LinearSolver:
 
     @property
     def name(self) -> str:
-        """The name of the present method."""
+        """Return the name of the present method."""
         return self._method.name
 
     @property
     def direct(self) -> bool:
-        """Whether a factorisation is used."""
+        """Return whether a factorisation is used."""
         return isinstance(self._method, Factorisation)
 
     def counts(self) -> tuple[int, int, int]:
-        """Systems solved, set-ups and Krylov iterations so far."""
+        """Return the numbers of solved systems, set-ups and Krylov iterations so far."""
         return self.solves, self.setups, self.iterations
 
     def set_operator(self, operator: ContactOperator) -> None:
-        """Take a new operator, or the same one with new values; nothing is held. Collective."""
+        """Take a new operator, or the same one with new values; no unknowns are held.
+
+        Collective.
+        """
         self._operator, self._ready = operator, False
         norm = operator.stiffness.norm(PETSc.NormType.FROBENIUS) if self.direct else 0.0
-        # Two stiffness matrices whose norms differ by less, relative, are one.
+        # Stiffness matrices whose norms differ by less, relative, count as equal.
         rounding = 1e-9
         self._other = not abs(norm - self._norm) <= rounding * norm
         self._norm = norm
@@ -136,7 +140,7 @@ class LinearSolver:
         """Hold the unknowns with these local (owned) indices at zero. Collective.
 
         Returns:
-            Whether this called for a new matrix.
+            Whether this needed a new matrix.
         """
         changed = not np.array_equal(held, self._held)
         if self._ready and not self._problem.comm.allreduce(changed):
@@ -157,10 +161,10 @@ class LinearSolver:
 
         Args:
             b: Right-hand side; entries at held unknowns must be zero.
-            x: Takes the solution.
+            x: Vector for the solution.
             rtol: Tolerance relative to b.
-            correction: Whether x is a small part of a solution, which shows neither how bodies flow
-                nor what a digit costs.
+            correction: Whether x is a small part of a solution, which gives no information on flow
+                and cost.
 
         Raises:
             LinearFailure: If the system is singular or the iteration fails.
@@ -168,7 +172,7 @@ class LinearSolver:
         self.solves += 1
         outcome = self._attempt(b, x, rtol, correction)
         if outcome.solved and outcome.iterations > FEW_ITERATIONS and self._costs_more(outcome):
-            self._improve()  # for the solves to come
+            self._improve()  # for later solves
         while not outcome.solved and self._improve():
             outcome = self._attempt(b, x, rtol, correction)
         if not outcome.solved:
@@ -184,7 +188,7 @@ class LinearSolver:
         return self._operator
 
     def _attempt(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float, correction: bool) -> Outcome:
-        """Solve in the present way, and learn from it."""
+        """Solve by the present method, and update the statistics."""
         outcome = self._method.solve(b, x, rtol)
         self.iterations += outcome.iterations
         self._setup.due = False
@@ -205,7 +209,7 @@ class LinearSolver:
 
     @cached_property
     def _price(self) -> Price:
-        """Return the cost of a factorisation, by MUMPS's analysis of the matrix. Collective."""
+        """Return the cost of a factorisation, from MUMPS's analysis of the matrix. Collective."""
         factorisation = Factorisation(self._problem.comm, heed=False)
         factorisation.set_matrix(self._current, self._held)
         price = factorisation.price()
@@ -213,41 +217,40 @@ class LinearSolver:
         return price
 
     def _aged(self) -> bool:
-        """Return whether another matrix calls for another set-up.
+        """Return whether a changed matrix needs a new set-up.
 
-        Factors serve as long as nothing but the held unknowns changes.
+        Factors remain useful while only the held unknowns change.
         """
         if self._setup.due or (self.direct and self._other):
             return True
-        # Factors are kept where no more than one in so many of the iterations that
-        # they are worth is the number of unknowns that are held no more, or for
-        # the first time: each costs one or two.
+        # Factors are reused while the number of changed held unknowns is at most this share of the
+        # iterations that they are worth: each change costs one or two iterations.
         changes = 4
         if self.direct and changes * self._changes() > self._method.worth:
             return True
         return self._setup.excess >= self._method.worth
 
     def _changes(self) -> int:
-        """How many unknowns are held that were not in the last set-up, or the other way round."""
+        """Return the number of unknowns whose held state differs from that in the last set-up."""
         changed = np.setxor1d(self._held, self._factorised)
         return int(self._problem.comm.allreduce(len(changed)))
 
     def _renew(self) -> None:
-        """Set up again; where bodies flow, for the last solution as well."""
+        """Renew the set-up; if bodies flow, include the last solution."""
         self._method.renew(self._flow if self._rate > WORTH_A_MOTION else None)
         self._factorised, self._other = self._held, False
         self._setup = SetUp(self._setup.usual)
         self.setups += 1
 
     def _improve(self) -> bool:
-        """Renew a set-up that was kept, or else factorise; whether either was left to do."""
+        """Renew a reused set-up, or else factorise; return whether either was possible."""
         if self._setup.kept:
             self._renew()
             return True
         if self.direct or not self._price.fits:
             return False
         log.info(
-            "%s has become slow; a factorisation, worth %d iterations, takes over",
+            "%s has become slow; a factorisation, worth %d iterations, replaces it",
             *(self.name, self._price.iterations),
         )
         self._replace(Factorisation(self._problem.comm, heed=False))
@@ -256,7 +259,7 @@ class LinearSolver:
         return True
 
     def _replace(self, method: Method) -> None:
-        """Solve in another way from now on."""
+        """Switch to another method."""
         self._method.destroy()
         self._method = method
 
@@ -267,7 +270,7 @@ def chosen_solver(problem: Problem) -> str:
 
 
 def _method(problem: Problem) -> Method:
-    """Return the way of solving that the user asks for, or the one for this size."""
+    """Return the method that the user selects, or the default for this size."""
     preset = _preset(problem)
     ksp, pc = _types(preset)
     if ksp == "preonly":
@@ -283,7 +286,7 @@ def _types(preset: Mapping[str, object]) -> tuple[str, str]:
 
 
 def _preset(problem: Problem) -> Mapping[str, object]:
-    """Return the preset whose preconditioner the user asks for, or the one for this size."""
+    """Return the preset whose preconditioner the user selects, or the default for this size."""
     asked = PETSc.Options().getString(LINEAR + "pc_type", "")
     for preset in (DIRECT, MULTIGRID):
         if preset["pc_type"] == asked:

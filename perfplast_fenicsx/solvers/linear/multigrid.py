@@ -1,6 +1,6 @@
-"""Systems solved by CG with smoothed aggregation, whose coarse spaces see through closed contact.
+"""Solve systems by CG with smoothed aggregation, whose coarse spaces cross closed contact.
 
-The coarse grids may be kept while the operator and the held unknowns change; the finest one is
+The coarse grids may be reused while the operator and the held unknowns change; the finest one is
 always up to date.
 """
 
@@ -33,19 +33,19 @@ MULTIGRID = {
 }
 
 WORTH = {1: 24, 2: 12}
-"""Iterations that a set-up costs, by the degree of elements: those of linear ones are cheap."""
+"""Number of iterations that cost as much as a set-up, by the degree of elements."""
 
 
 class Multigrid:
     """A Krylov method with smoothed aggregation in the jump basis.
 
     Attributes:
-        name: Name of the solver, for people.
-        worth: Krylov iterations that a set-up costs about as much as.
+        name: Name of the solver in messages.
+        worth: Number of Krylov iterations that cost about as much as a set-up.
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Create the solver; aggregates follow with the first operator. Collective."""
+        """Create the solver; the first operator defines the aggregates. Collective."""
         self._problem = problem
         self.worth = WORTH[problem.degree]
         self._krylov = Krylov(problem.comm, MULTIGRID, parts=True)
@@ -57,10 +57,10 @@ class Multigrid:
 
     @phase("linear set-up")
     def prepare(self, operator: ContactOperator) -> bool:
-        """Make the aggregates, once: before other matrices, since it needs the most memory.
+        """Create the aggregates, once and before other matrices, since this needs the most memory.
 
         Returns:
-            Whether there are any; a small problem has none and is not for multigrid.
+            Whether there are any; a small problem has none and does not suit multigrid.
         """
         if self._spaces is None:
             nodal = operator.nodal()
@@ -71,7 +71,7 @@ class Multigrid:
         return self._spaces.levels > 1
 
     def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
-        """Take the matrix of an operator, formed with ``held`` taken out. Collective."""
+        """Take the matrix of an operator in which ``held`` is eliminated. Collective."""
         self._operator, self._held = operator, held
         self._krylov.set_matrix(operator, held)
         if self._single is None:
@@ -83,8 +83,8 @@ class Multigrid:
         """Form the coarse operators. Collective.
 
         Args:
-            flow: A solution, in the jump basis, that becomes one more motion of every
-                aggregate; None to leave the aggregates as they are.
+            flow: A solution in the jump basis that becomes one more motion of every aggregate; None
+                to keep the aggregates.
         """
         assert self._spaces is not None
         assert self._operator is not None and self._single is not None
@@ -100,7 +100,7 @@ class Multigrid:
         self._spaces.project(A, self._held, pc)
 
     def keep(self) -> None:
-        """Solve with the coarse grids there are."""
+        """Solve with the present coarse grids."""
         self._krylov.keep()
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
@@ -108,7 +108,7 @@ class Multigrid:
         return self._krylov.solve(b, x, rtol)
 
     def destroy(self) -> None:
-        """Give back memory at once. Collective."""
+        """Release memory immediately. Collective."""
         self._krylov.destroy()
         if self._single is not None:
             self._single.destroy()

@@ -1,4 +1,7 @@
-"""Does a factorisation fit into memory, and what does it cost? MUMPS's analysis, which is quick."""
+"""Estimate whether a factorisation fits into memory, and its cost.
+
+The estimate is MUMPS's analysis, which is fast.
+"""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +14,8 @@ from perfplast_fenicsx.machine_memory import has_memory, spare_memory
 from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
 
 OPERATIONS, ENTRIES = 3, 29
-"""MUMPS's numbers of: operations of the factorisation there is, and entries of its factors."""
+"""MUMPS's indices of the operations of the present factorisation, and of the entries of its
+factors."""
 
 
 @dataclass(frozen=True)
@@ -19,11 +23,11 @@ class Price:
     """The cost of a factorisation.
 
     Attributes:
-        iterations: CG iterations with multigrid that take as long. The more operations there are
-            for an entry of the matrix, the quicker they are: their number's square root is right
-            to a factor of 2, for linear and quadratic elements, slender and stout bodies, from 19
-            to 270 thousand unknowns (benchmarks/NOTEBOOK.md).
-        fits: Whether the ranks have the memory.
+        iterations: Number of multigrid CG iterations that take as long. Operations are faster, the
+            more of them there are per matrix entry: the square root of their number is accurate to
+            a factor of 2, for linear and quadratic elements, slender and stout bodies, from 19 to
+            270 thousand unknowns (benchmarks/NOTEBOOK.md).
+        fits: Whether the ranks have enough memory.
     """
 
     iterations: float
@@ -32,12 +36,12 @@ class Price:
 
 @dataclass(frozen=True)
 class Analysis:
-    """The estimates of MUMPS before it factorises.
+    """MUMPS's estimates before a factorisation.
 
     Attributes:
-        operations: Operations of a factorisation, of all ranks.
-        per_entry: The same for an entry of the factors.
-        needed: Memory that this rank needs at least (bytes).
+        operations: Operations of a factorisation on all ranks.
+        per_entry: Operations per entry of the factors.
+        needed: Least memory that this rank needs (bytes).
     """
 
     operations: float
@@ -49,8 +53,8 @@ def price(ksp: PETSc.KSP, matrix: PETSc.Mat) -> Price:
     """Return the price of a factorisation by MUMPS. Collective.
 
     Args:
-        ksp: With its options and operators, not set up yet; it is left so.
-        matrix: What would be factorised.
+        ksp: Solver with its options and operators, not set up; it is left in this state.
+        matrix: Matrix to be factorised.
     """
     comm = ksp.comm.tompi4py()
     found = _analyse(ksp)
@@ -60,7 +64,7 @@ def price(ksp: PETSc.KSP, matrix: PETSc.Mat) -> Price:
 
 
 def entries_of(factors: PETSc.Mat, which: int) -> float:
-    """Entries of factors by one of MUMPS's numbers, which has millions of them where negative."""
+    """Return entries of factors by one of MUMPS's indices, which are millions if negative."""
     entries = factors.getMumpsInfog(which)
     return float(entries if entries >= 0 else -1e6 * entries)
 
@@ -68,17 +72,18 @@ def entries_of(factors: PETSc.Mat, which: int) -> float:
 def _analyse(ksp: PETSc.KSP) -> Analysis:
     """Analyse a matrix. Collective.
 
-    MUMPS is allowed next to nothing, so that it stops after the analysis.
+    MUMPS gets almost no memory, so that it stops after the analysis.
     """
     pc = ksp.getPC()
     pc.setFactorSetUpSolverType()
     factors = pc.getFactorMatrix()
-    # MUMPS's numbers of: more room to work in (%), what a rank needs, and what it may take (MB).
+    # MUMPS's indices: additional working space (%), memory that a rank needs, and memory that it
+    # may use (MB).
     room, needed, most = 14, 15, 23
     factors.setMumpsIcntl(most, 1)
     ksp.setUp()
     least = factors.getMumpsInfo(needed) * 1e6 / (1 + factors.getMumpsIcntl(room) / 100)
-    # MUMPS's numbers of the operations that a factorisation would take, and of its entries.
+    # MUMPS's indices of the operations of a factorisation, and of its entries.
     estimated_operations, estimated_entries = 1, 20
     operations = factors.getMumpsRinfog(estimated_operations)
     entries = entries_of(factors, estimated_entries)
@@ -87,20 +92,22 @@ def _analyse(ksp: PETSc.KSP) -> Analysis:
 
 
 class TooLarge(InputError):
-    """A factorisation that does not fit into memory."""
+    """Raised for a factorisation that does not fit into memory."""
 
 
 def check_memory(ksp: PETSc.KSP) -> Analysis | None:
-    """Refuse a factorisation that takes more memory than there is, before it starts. Collective.
+    """Refuse a factorisation that needs more memory than is available, before it starts.
+
+    Collective.
 
     Args:
-        ksp: With its options and operators, not set up yet; it is left so.
+        ksp: Solver with its options and operators, not set up; it is left in this state.
 
     Returns:
-        What MUMPS says; None where another solver is used, which is not asked.
+        MUMPS's analysis; None for another solver, which is not checked.
 
     Raises:
-        TooLarge: With what is needed and what there is.
+        TooLarge: With the needed and the available memory.
     """
     pc, (matrix, _) = ksp.getPC(), ksp.getOperators()
     if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
@@ -109,8 +116,8 @@ def check_memory(ksp: PETSc.KSP) -> Analysis | None:
     enough, needed, has = has_memory(ksp.comm.tompi4py(), found.needed)
     if not enough:
         raise TooLarge(
-            f"a factorisation for {matrix.getSize()[0]} unknowns needs at least"
-            f" {needed / 2**30:.3g} GiB of memory, and there are {has / 2**30:.3g}; use a coarser"
-            " mesh, or more machines."
+            f"a factorisation for {matrix.getSize()[0]} unknowns needs at least "
+            f"{needed / 2**30:.3g} GiB of memory, but {has / 2**30:.3g} GiB are available; "
+            "use a coarser mesh, or more machines."
         )
     return found

@@ -1,7 +1,7 @@
-"""A trial of the user's PETSc options on tiny solvers: unknown options are reported before a run.
+"""Test the user's PETSc options on tiny solvers, to report unknown options before a run.
 
-PETSc itself reports options that nobody has read at the end, and unknown types when a solver is
-made, far inside of a run.
+PETSc itself reports unused options only at the end, and unknown types when a solver is created,
+late in a run.
 """
 
 import ctypes
@@ -24,15 +24,15 @@ BASES: tuple[Options, ...] = (
     *({}, FACTOR, {"ksp_type": "cg", "pc_type": "mg"}, {"ksp_type": "cg", "pc_type": "gamg"}),
     {"ksp_type": "cg", "pc_type": "jacobi"},
 )
-"""The options with which the solvers begin; an option that is known to any of them is known."""
+"""Initial options of the solvers; an option is known if any of the solvers reads it."""
 
 INNER = re.compile(
     r"^(mg_(levels|coarse|fine)(_\d+)?|sub|redundant|telescope|esteig|ksp_chebyshev_esteig)_"
 )
-"""Prefixes of solvers within preconditioners, whose options are those of any solver."""
+"""Prefixes of solvers inside preconditioners, which accept the options of any solver."""
 
 VIEWERS = re.compile(r"^(ksp|pc|snes|mat)_.*(view|monitor|converged_reason|converged_rate)")
-"""Options that show something; a trial would show it, too."""
+"""Options that print something; a test would print it, too."""
 
 
 SNES_VI = {ACTIVE_SET: "contact programs", SEEPAGE: "flows of water"}
@@ -40,12 +40,13 @@ SNES_VI = {ACTIVE_SET: "contact programs", SEEPAGE: "flows of water"}
 
 
 def check_options(given: Mapping[str, str | None]) -> None:
-    """Refuse options of perfplast's solvers that none of them knows, or whose value is wrong.
+    """Refuse options of perfplast's solvers that are unknown, or whose value is wrong.
 
-    Not collective: each rank tries them by itself.
+    Not collective: each rank tests the options itself.
 
     Args:
-        given: Values by names without the leading dash; others than perfplast's are PETSc's.
+        given: Values by names without the leading dash; those without perfplast's prefix belong to
+            PETSc.
 
     Raises:
         InputError: Naming the option.
@@ -74,8 +75,8 @@ def _check(kind: str, options: Options) -> None:
             inner = inner[match.end() :]
         if not VIEWERS.match(inner):
             groups.setdefault(name.removesuffix(inner), {})[inner] = value
-    # PETSc's errors of values: not supported, wrong, out of range or no number, of unknown type,
-    # and of a factorisation that is not there.
+    # PETSc's error codes for values: not supported, wrong, out of range, not a number, of unknown
+    # type, and for a missing factorisation.
     petsc_errors = (56, 62, 63, 86, 92)
     for within, tried in groups.items():
         known: set[str] = set()
@@ -93,15 +94,15 @@ def _check(kind: str, options: Options) -> None:
         for name in tried:
             if name not in known:
                 raise InputError(
-                    f"the PETSc option '-{kind}{within}{name}' is unknown to the solvers that it is"
-                    " for; check its name, or leave it out."
+                    f"the PETSc option '-{kind}{within}{name}' is unknown to the solvers "
+                    "of its prefix; check its name, or remove it."
                 )
     if kind in SNES_VI:
         check_snes_vi(options, kind)
 
 
 def check_snes_vi(options: Options, kind: str = ACTIVE_SET) -> None:
-    """Refuse options by which SNES-VI would be another solver, or would take no step.
+    """Refuse options that would replace SNES-VI by another solver, or let it take no step.
 
     Args:
         options: Values by names without any prefix.
@@ -113,18 +114,18 @@ def check_snes_vi(options: Options, kind: str = ACTIVE_SET) -> None:
     for name, value in options.items():
         told = f"the PETSc option '-{kind}{name} {value}' cannot be used:"
         if name == "snes_type" and value != "vinewtonrsls":
-            raise InputError(f"{told} {SNES_VI[kind]} are for vinewtonrsls alone; leave it out.")
+            raise InputError(f"{told} {SNES_VI[kind]} need vinewtonrsls; remove the option.")
         if name == "snes_max_it" and int(value) < 1:
             raise InputError(f"{told} at least one iteration is needed; give 1 or more.")
         if kind == ACTIVE_SET and not name.startswith("snes_"):
             raise InputError(
-                f"{told} the linear systems of SNES-VI are those of all steps; give"
-                f" '-{LINEAR}{name} {value}' if it is for these."
+                f"{told} the linear systems of SNES-VI are those of all steps; give "
+                f"'-{LINEAR}{name} {value}' for these."
             )
 
 
 def _culprit(kind: str, tried: Options) -> str:
-    """Return the first option that fails by itself, or else the last."""
+    """Return the first option that fails on its own, or otherwise the last."""
     for name, value in tried.items():
         try:
             _read(kind, {name: value})
@@ -139,10 +140,10 @@ def _reason(error: PETSc.Error) -> str:
 
 
 def _read(kind: str, options: Options) -> set[str]:
-    """Make a solver of these options; the names of those that it has read.
+    """Create a solver with these options, and return the names of the options that it reads.
 
     Raises:
-        PETSc.Error: If it cannot be made.
+        PETSc.Error: If it cannot be created.
     """
     database, prefix = PETSc.Options(), f"{kind}trial_"
     for name, value in options.items():
@@ -159,7 +160,7 @@ def _read(kind: str, options: Options) -> set[str]:
         ksp.setOptionsPrefix(prefix)
         ksp.setOperators(matrix)
         ksp.setFromOptions()
-        if ksp.pc.getType() in ("cholesky", "lu"):  # which read more when they factorise
+        if ksp.pc.getType() in ("cholesky", "lu"):  # these read more options when they factorise
             ksp.setUp()
         return {name for name in options if _was_read(prefix + name)}
     finally:
@@ -170,7 +171,7 @@ def _read(kind: str, options: Options) -> set[str]:
 
 
 def _was_read(name: str) -> bool:
-    """Return whether anybody has asked for an option; petsc4py has no word for it."""
+    """Return whether an option was read; petsc4py has no function for this."""
     read = ctypes.c_int(0)
     ctypes.CDLL(PETSc.__file__).PetscOptionsUsed(None, name.encode(), ctypes.byref(read))
     return bool(read.value)

@@ -1,4 +1,4 @@
-"""How one linear solve has ended: the report of every way of solving to the policy above them."""
+"""Store how one linear solve ended: the report of every method to the solver above it."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,11 @@ from perfplast_fenicsx.profiling import phase
 
 @dataclass(frozen=True)
 class Outcome:
-    """The end of one solve, alike on every rank.
+    """The end of one solve, the same on every rank.
 
     Attributes:
         iterations: Krylov iterations; 1 for a factorisation.
-        failure: Why x is no solution, for people; None if it is one.
+        failure: Why x is not a solution, in words; None if it is.
     """
 
     iterations: int
@@ -21,7 +21,7 @@ class Outcome:
 
     @property
     def solved(self) -> bool:
-        """Whether x is a solution."""
+        """Return whether x is a solution."""
         return self.failure is None
 
 

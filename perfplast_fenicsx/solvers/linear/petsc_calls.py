@@ -1,4 +1,4 @@
-"""Functions of PETSc's that petsc4py has no word for."""
+"""Call functions of PETSc that petsc4py does not provide."""
 
 import ctypes
 
@@ -11,11 +11,11 @@ from perfplast_fenicsx.arrays import Floats
 
 
 def call(name: str, *arguments: object) -> None:
-    """Call one.
+    """Call a function of PETSc.
 
     Args:
         name: Name of the function.
-        arguments: As ctypes takes them.
+        arguments: Arguments in the form of ctypes.
 
     Raises:
         PETSc.Error: If it fails.
@@ -26,12 +26,12 @@ def call(name: str, *arguments: object) -> None:
 
 
 def expect_entries(A: PETSc.Mat, i: npt.NDArray[np.integer], j: npt.NDArray[np.integer]) -> None:
-    """Make room for entries that are given again and again, in this order. Collective.
+    """Prepare a matrix for entries that are set repeatedly, in this order. Collective.
 
     Args:
-        A: With sizes and type.
-        i: Global numbers of rows, any number of times each, of any rank's.
-        j: Global numbers of columns.
+        A: Matrix with sizes and type.
+        i: Global row numbers, with repetitions, on any rank.
+        j: Global column numbers.
     """
     rows, columns = (np.ascontiguousarray(at, dtype=PETSc.IntType) for at in (i, j))
     places = (ctypes.c_void_p(at.ctypes.data) for at in (rows, columns))
@@ -39,7 +39,7 @@ def expect_entries(A: PETSc.Mat, i: npt.NDArray[np.integer], j: npt.NDArray[np.i
 
 
 def give_entries(A: PETSc.Mat, values: Floats) -> None:
-    """Set A to the sums of the entries that were given to :func:`expect_entries`. Collective."""
+    """Set A to the sums of the entries at the positions of :func:`expect_entries`. Collective."""
     given = ctypes.c_void_p(np.ascontiguousarray(values).ctypes.data)
     insert = ctypes.c_int(int(PETSc.InsertMode.INSERT_VALUES))
     call("MatSetValuesCOO", ctypes.c_void_p(A.handle), given, insert)

@@ -1,4 +1,4 @@
-"""PETSc options: a preset, overridden by the user's, under a prefix of the solver's own."""
+"""Manage PETSc options: a preset, overridden by the user's options, under a unique prefix."""
 
 import itertools
 import weakref
@@ -21,7 +21,7 @@ ACTIVE_SET = "perfplast_vi_"
 """Prefix of the user's options for SNES-VI, which finds the active contact set."""
 
 BOUND = "perfplast_bound_"
-"""Prefix of the user's options for the projection that an upper bound of a limit load needs."""
+"""Prefix of the user's options for the projection for an upper bound of a limit load."""
 
 LIMIT = "perfplast_limit_"
 """Prefix of the user's options for the factorisations of limit analysis."""
@@ -30,7 +30,7 @@ SUBDOMAINS = "perfplast_tfeti_"
 """Prefix of the user's options for the factorisations of subdomains in Total FETI."""
 
 SEEPAGE = "perfplast_seepage_"
-"""Prefix of the user's options for SNES-VI, which finds the flow of water."""
+"""Prefix of the user's options for SNES-VI, which computes seepage."""
 
 KINDS = {LINEAR, COARSE, SPECTRUM, ACTIVE_SET, BOUND, LIMIT, SUBDOMAINS, SEEPAGE}
 """Prefixes of all kinds of solvers."""
@@ -41,19 +41,19 @@ _made: set[str] = set()
 
 
 def own_prefix(owner: object, prefix: str, preset: Mapping[str, object], heed: bool = True) -> str:
-    """Return an options prefix for one solver, and set the options under it.
+    """Return a unique options prefix for a solver, after setting the options under it.
 
-    The preset is deleted with its owner. PETSc takes longer for each option that is set, and a run
-    may make thousands of solvers.
+    The preset is deleted with its owner. PETSc's time grows with the number of options, and a run
+    may create thousands of solvers.
 
     Args:
-        owner: Whose options they are, for as long as it lives.
-        prefix: One of :data:`KINDS`, where users put options for all solvers of a kind.
-        preset: Options that hold where the user says nothing, without prefix.
-        heed: Whether the user's options count.
+        owner: Owner of the options, which exist as long as it lives.
+        prefix: One of :data:`KINDS`, the prefix of users' options for all solvers of a kind.
+        preset: Default options without prefix.
+        heed: Whether the user's options apply.
 
     Returns:
-        A prefix nobody else uses, under which preset and user's options stand.
+        A unique prefix, under which preset and user's options are set.
     """
     options = PETSc.Options()
     own = f"{prefix}{next(_instances)}_"
@@ -65,11 +65,11 @@ def own_prefix(owner: object, prefix: str, preset: Mapping[str, object], heed: b
     }
     _made.add(own)
     if given.get("pc_type", preset.get("pc_type")) != preset.get("pc_type"):
-        # what tunes the preset's preconditioner says nothing of another one
+        # options of the preset's preconditioner do not apply to another one
         preset = {k: v for k, v in preset.items() if not k.startswith(("pc_", "mg_", "mat_"))}
     for key, value in {**preset, **given}.items():
         options[own + key] = value
-        if key not in given:  # it counts as used, whether its solver ever gets to work or not
+        if key not in given:  # the option counts as used, even if its solver never runs
             options.hasName(own + key)
     presets = [own + key for key in preset if key not in given]
     weakref.finalize(owner, _delete, own, presets, not given).atexit = False
@@ -77,7 +77,7 @@ def own_prefix(owner: object, prefix: str, preset: Mapping[str, object], heed: b
 
 
 def _delete(own: str, presets: Iterable[str], all_: bool) -> None:
-    """Delete the preset of a solver. PETSc warns of the user's options that nobody has used."""
+    """Delete the preset of a solver. PETSc warns of the user's unused options."""
     options = PETSc.Options()
     for key in presets:
         options.delValue(key)
@@ -86,15 +86,15 @@ def _delete(own: str, presets: Iterable[str], all_: bool) -> None:
 
 
 def solver_name(ksp: str, pc: str) -> str:
-    """Return a linear solver for people, by the types of PETSc's KSP and PC."""
-    # Linear solvers by the types of PETSc's KSP and PC.
+    """Return the name of a linear solver in messages, from the types of PETSc's KSP and PC."""
+    # Names of linear solvers by the types of PETSc's KSP and PC.
     names = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}
     return names.get((ksp, pc), f"{ksp} + {pc}")
 
 
 @contextmanager
 def default(name: str, value: str) -> Iterator[None]:
-    """Give an option that PETSc reads without a prefix, where the user has not."""
+    """Set an option that PETSc reads without a prefix, unless the user set it."""
     options = PETSc.Options()
     given = options.hasName(name)
     if not given:

@@ -1,4 +1,4 @@
-"""The state of a linear solver's set-up, which shows when it has aged."""
+"""Track the state of a linear solver's set-up, to detect when it has aged."""
 
 from dataclasses import dataclass
 
@@ -10,13 +10,13 @@ class SetUp:
     """The state of the present set-up.
 
     Attributes:
-        usual: Krylov iterations a decimal digit that a full solve took when the last set-up before
-            it was new; 0 if none has.
-        due: Nothing has been solved with it yet.
-        kept: It is that of an earlier matrix.
-        rate: Krylov iterations a decimal digit that its first full solve took, or ``usual`` where
-            the set-up was no longer new; 0 before that.
-        excess: Krylov iterations beyond that rate which it has cost since.
+        usual: Krylov iterations per decimal digit of a full solve with the last new set-up before
+            it; 0 without one.
+        due: Whether nothing has been solved with it yet.
+        kept: Whether it belongs to an earlier matrix.
+        rate: Krylov iterations per decimal digit of its first full solve, or ``usual`` if the
+            set-up was no longer new; 0 before that.
+        excess: Additional Krylov iterations beyond that rate since.
     """
 
     usual: float = 0.0
@@ -33,12 +33,12 @@ class SetUp:
         self.excess += iterations + self.rate * float(np.log10(rtol))
 
     def note_correction(self, iterations: int, rtol: float) -> None:
-        """Count the solve for a small part of a solution, where full ones show what is usual."""
+        """Count the solve for a part of a solution, if full solves have defined the rate."""
         usual = self.rate or self.usual
         if usual:
             self.excess += iterations + usual * float(np.log10(rtol))
 
 
 def iterations_a_digit(iterations: int, rtol: float) -> float:
-    """Krylov iterations that a decimal digit took."""
+    """Return the Krylov iterations per decimal digit."""
     return iterations / -float(np.log10(rtol))

@@ -1,18 +1,18 @@
-"""Coarse spaces of multigrid: smoothed aggregation, body by body, seen through closed contact.
+"""Create coarse spaces of multigrid: smoothed aggregation, body by body, across closed contact.
 
-In the jump basis an operator couples the bodies, and aggregates that mix them need more than
-the rigid motions of one body (the in-plane slip of frictionless contact). So the aggregates are
-those of the stiffness K in nodal unknowns, where bodies do not see each other and 6 (3 in 2D)
-motions do. Their tentative interpolation Q is smoothed by one Jacobi step, P = Q - w D^-1 K Q. In
-the jump basis y = M u the finest one is M P, without its rows of held unknowns. At a closed pair
-the host takes the normal displacement of its guest, and slides along it. Coarser levels do the same
-with the operators that they have. A set-up forms the coarse operators PᵀAP.
+In the jump basis an operator couples the bodies. Aggregates that mix them would need more than the
+rigid motions of one body (the in-plane slip of frictionless contact). So the aggregates are those
+of the stiffness K in nodal unknowns, in which bodies are not coupled and 6 (in 2D 3) motions
+suffice. One Jacobi step smooths their tentative interpolation Q: P = Q - w D^-1 K Q. In the jump
+basis y = M u the finest interpolation is M P without the rows of held unknowns. At a closed pair
+the host follows the normal displacement of its guest, and slides along it. Coarser levels use their
+own operators in the same way. A set-up forms the coarse operators PᵀAP.
 
 For quadratic elements the first coarse space is that of linear elements (:class:`LinearElements`),
 mapped by M in the same way, and the nodes of the linear elements are aggregated.
 
-Plastic flow hardly changes the volume of a body, but motions of rigid pieces do, and so cost much
-more energy. Therefore the last Newton increment can be one more motion of every aggregate.
+Plastic flow hardly changes the volume of a body. Motions of rigid pieces do, and so have a much
+larger energy. Therefore the last Newton increment can be one more motion of every aggregate.
 """
 
 from collections.abc import Callable
@@ -32,7 +32,7 @@ from perfplast_fenicsx.solvers.linear.linear_elements import LinearElements
 from perfplast_fenicsx.solvers.linear.petsc_options import SPECTRUM, default, own_prefix
 
 LARGE = 500_000
-"""From so many unknowns on memory counts for more than a tenth of the time."""
+"""Number of unknowns above which memory matters more than a tenth of the time."""
 
 SPECTRAL_RADIUS = {
     "ksp_type": "cg",
@@ -46,15 +46,15 @@ class CoarseSpaces:
     """Coarse spaces in the jump basis.
 
     Attributes:
-        interpolations: Those made so far, finest first.
+        interpolations: The present interpolations, finest first.
     """
 
     def __init__(self, problem: Problem, stiffness: PETSc.Mat) -> None:
-        """Aggregate. Collective.
+        """Create the aggregates. Collective.
 
         Args:
-            problem: Whose jump basis is meant.
-            stiffness: K in nodal unknowns; only its pattern and strengths matter.
+            problem: Problem with the jump basis.
+            stiffness: K in nodal unknowns; only its pattern and the strength of its entries matter.
         """
         self._problem = problem
         self._spectrum = own_prefix(self, SPECTRUM, SPECTRAL_RADIUS)
@@ -69,16 +69,16 @@ class CoarseSpaces:
 
     @property
     def levels(self) -> int:
-        """Levels of multigrid, with the finest one; 1 for a small problem."""
+        """Return the number of multigrid levels including the finest; 1 for a small problem."""
         return self._first + len(self._rigid) + 1
 
     @property
     def _first(self) -> int:
-        """The level whose nodes are aggregated, the finest one being 0."""
+        """Return the level whose nodes are aggregated, with 0 for the finest."""
         return 0 if self._linear is None else 1
 
     def _aggregate(self, stiffness: PETSc.Mat) -> list[Aggregates]:
-        """Aggregate the nodes, or the vertices of quadratic elements. Collective."""
+        """Return aggregates of the nodes, or of the vertices of quadratic elements. Collective."""
         if self._linear is None:
             return aggregate(_nodes(self._problem), stiffness)
         linear = _regular(self._linear.stiffness(stiffness))
@@ -87,24 +87,24 @@ class CoarseSpaces:
         return levels
 
     def destroy(self) -> None:
-        """Give back memory at once. Collective."""
+        """Release memory immediately. Collective."""
         self._clear()
         if self._linear is not None:
             self._linear.destroy()
 
     def _clear(self) -> None:
-        """Forget interpolations and operators. Collective."""
+        """Destroy interpolations and operators. Collective."""
         for things in (self.interpolations, self._operators, self._smoothing, self._transfers):
             for thing in things:
                 thing.destroy()
             things.clear()
 
     def add(self, motion: PETSc.Vec, stiffness: Callable[[], PETSc.Mat]) -> None:
-        """Make all levels again, with one motion besides the rigid ones. Collective.
+        """Create all levels again, with one motion in addition to the rigid ones. Collective.
 
         Args:
-            motion: In the jump basis.
-            stiffness: Makes K in nodal unknowns, which is destroyed.
+            motion: Motion in the jump basis.
+            stiffness: Function that creates K in nodal unknowns, which is destroyed.
         """
         nodal = motion.duplicate()
         self._problem.basis.T.mult(motion, nodal)
@@ -118,12 +118,12 @@ class CoarseSpaces:
         nodal.destroy()
         if self._aggregates is self._rigid or motion.getSize() >= LARGE:
             self._clear()
-        K = stiffness()  # not before, since it needs memory
+        K = stiffness()  # only now, since it needs memory
         self._set(levels, K)
         K.destroy()
 
     def _set(self, levels: list[Aggregates], stiffness: PETSc.Mat) -> None:
-        """Take these aggregates; those of coarser levels follow in a set-up. Collective."""
+        """Store these aggregates; a set-up creates those of coarser levels. Collective."""
         self._aggregates = levels
         M = self._problem.basis.M
         if self._linear is None:
@@ -135,7 +135,7 @@ class CoarseSpaces:
         self._rows = _rows(self.interpolations[0], self._problem.basis.index)
 
     def _put(self, depth: int, P: PETSc.Mat) -> None:
-        """Take an interpolation, in the place of one with the same pattern if there is one."""
+        """Store an interpolation, replacing one with the same pattern if there is one."""
         if depth == len(self.interpolations):
             self.interpolations.append(P)
         else:
@@ -149,8 +149,8 @@ class CoarseSpaces:
         Args:
             A: Operator of the finest level, with rows and columns of the identity at ``held``.
             held: Local (owned) indices of unknowns that are zero.
-            pc: Preconditioner of type "mg", with as many levels. Gets interpolations and operators;
-                its finest operator is set by whoever solves with it.
+            pc: Preconditioner of type "mg" with as many levels. It gets interpolations and
+                operators; the solver sets its finest operator.
         """
         self._hold(held)
         for depth in range(self.levels - 1):
@@ -174,7 +174,7 @@ class CoarseSpaces:
             pc.getMGSmoother(level - 1).setOperators(multiplies, A)
 
     def _hold(self, held: Ints) -> None:
-        """Take the held unknowns out of the finest coarse space, and put back the others."""
+        """Remove held unknowns from the finest coarse space, and restore the others."""
         pointer, columns, values = self._rows
         index = self._problem.basis.index
         free = ~np.isin(index, held)
@@ -186,17 +186,17 @@ class CoarseSpaces:
 
 
 def _nodes(problem: Problem) -> Floats:
-    """Return where the owned nodes are, shape (num_nodes, gdim)."""
+    """Return the coordinates of the owned nodes, shape (num_nodes, gdim)."""
     owned = problem.V.dofmap.index_map.size_local
     nodes: Floats = problem.V.tabulate_dof_coordinates()[:owned, : problem.bodies.gdim]
     return nodes
 
 
 def _smoothed(A: PETSc.Mat, aggregates: Aggregates, prefix: str) -> PETSc.Mat:
-    """Q - w D^-1 A Q, for the tentative interpolation Q, with D the diagonal of A. Collective.
+    """Return Q - w D^-1 A Q with the tentative interpolation Q and the diagonal D of A. Collective.
 
     Args:
-        A: Of the finer level.
+        A: Operator of the finer level.
         aggregates: Aggregates of its nodes.
         prefix: Prefix of the options for the spectral radius of D^-1 A.
     """
@@ -204,7 +204,7 @@ def _smoothed(A: PETSc.Mat, aggregates: Aggregates, prefix: str) -> PETSc.Mat:
     P = A.matMult(Q)
     diagonal = A.getDiagonal()
     diagonal.reciprocal()
-    damping = 1.4  # factor of the Jacobi step that smooths, over the spectral radius
+    damping = 1.4  # factor of the smoothing Jacobi step, over the spectral radius
     diagonal.scale(-damping / _spectral_radius(A, prefix))
     P.diagonalScale(diagonal)
     P.axpy(1.0, Q, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
@@ -233,7 +233,7 @@ def _spectral_radius(A: PETSc.Mat, prefix: str) -> float:
 
 
 def _coarse(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """PᵀAP for the first time. Collective."""
+    """Return PᵀAP for the first time. Collective."""
     if A.comm.size > 1:
         return A.PtAP(P)
     with default("matptap_via", "rap"):  # twice as fast, with more memory
@@ -241,7 +241,7 @@ def _coarse(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
 
 
 def _regular(A: PETSc.Mat) -> PETSc.Mat:
-    """A coarse operator, with the identity where an aggregate has no such motion. Collective."""
+    """Return a coarse operator, with the identity where an aggregate lacks a motion. Collective."""
     diagonal = A.getDiagonal()
     empty = diagonal.array == 0
     if A.comm.tompi4py().allreduce(bool(empty.any())):

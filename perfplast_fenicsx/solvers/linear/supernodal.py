@@ -1,9 +1,9 @@
-"""CHOLMOD's factors, in place of MUMPS's where they are made sooner: on one rank, in space.
+"""Use CHOLMOD's factors instead of MUMPS's where they are faster: on one rank, in space.
 
-CHOLMOD orders by METIS, which MUMPS as Debian has it cannot. The lower bound's matrices in space
-are factorised in three fifths of the time, and systems solved in half of it. In the plane, where
-there are few operations for an entry of the factors, MUMPS is the quicker one
-(benchmarks/NOTEBOOK.md). It wants a matrix that is positive definite, and rounding may leave none.
+CHOLMOD orders by METIS, which Debian's MUMPS cannot. The lower bound's matrices in space are
+factorised in three fifths of the time, and solves take half of the time. In the plane, with few
+operations per entry of the factors, MUMPS is faster (benchmarks/NOTEBOOK.md). CHOLMOD needs a
+positive definite matrix, which rounding may prevent.
 """
 
 import logging
@@ -17,21 +17,21 @@ log = logging.getLogger(__name__)
 
 
 class SupernodalFactors:
-    """Factors by CHOLMOD, until a matrix turns out not to be positive definite."""
+    """Factors by CHOLMOD, until a matrix is found not to be positive definite."""
 
     def __init__(self) -> None:
-        """Make nothing yet."""
+        """Start without factors."""
         self._ksp: PETSc.KSP | None = None
 
     def take_over(self, ksp: PETSc.KSP, analysis: Analysis | None, prefix: str) -> None:
-        """Make factors from now on where that takes less time. Collective.
+        """Create factors from now on if that is faster. Collective.
 
         Args:
             ksp: Solver of MUMPS, with its operators.
             analysis: Analysis of MUMPS; None without one.
             prefix: Prefix of the options by which users select a solver.
         """
-        # operations for an entry of the factors from which on CHOLMOD is the quicker one
+        # operations per entry of the factors from which CHOLMOD is faster
         least = 300.0
         asked = PETSc.Options().hasName(f"{prefix}pc_factor_mat_solver_type")
         if ksp.comm.getSize() > 1 or analysis is None or asked:
@@ -40,7 +40,7 @@ class SupernodalFactors:
             return
         self._ksp = PETSc.KSP().create(ksp.comm)
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
-        quiet = {"mat_cholmod_print": 0}  # it writes to the terminal of matrices it cannot take
+        quiet = {"mat_cholmod_print": 0}  # it prints messages on matrices that it cannot factorise
         self._ksp.setOptionsPrefix(own_prefix(self, prefix, quiet, heed=False))
         pc = self._ksp.getPC()
         pc.setType(PETSc.PC.Type.CHOLESKY)
@@ -50,7 +50,7 @@ class SupernodalFactors:
         """Factorise a matrix. Collective.
 
         Returns:
-            What solves systems with it; None where there are no such factors, then and ever after.
+            A solver with the factors; None if there are none, also in all later calls.
         """
         if self._ksp is None:
             return None
@@ -58,12 +58,12 @@ class SupernodalFactors:
             self._ksp.setOperators(matrix)
             self._ksp.setUp()
         except PETSc.Error as failure:  # not positive definite, or too large for its integers
-            log.debug("MUMPS factorises in place of CHOLMOD (PETSc's error %d)", failure.ierr)
+            log.debug("MUMPS replaces CHOLMOD for factorisations (PETSc's error %d)", failure.ierr)
             self.destroy()
         return self._ksp
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Release PETSc's memory. Collective."""
         if self._ksp is not None:
             self._ksp.destroy()
             self._ksp = None

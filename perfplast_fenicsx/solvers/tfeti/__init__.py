@@ -1,1 +1,1 @@
-"""Total FETI: contact quadratic programs by domain decomposition, in their dual unknowns."""
+"""Solve contact quadratic programs by Total FETI: domain decomposition in dual unknowns."""

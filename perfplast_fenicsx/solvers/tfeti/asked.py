@@ -1,4 +1,4 @@
-"""The request to Total FETI for one step, with its accuracy."""
+"""Store the contact QP of one step for Total FETI, with its accuracy."""
 
 from dataclasses import dataclass
 
@@ -16,8 +16,8 @@ class Asked:
         f: The forces −r on torn unknowns.
         room: Room of each pair, shape (num_pairs,).
         work: ℓᵀδ in units of the border; None if it is not prescribed.
-        accuracy: Norm of nodal forces that may be left out of balance.
-        noise: Contact forces that decide nothing.
+        accuracy: Allowed norm of unbalanced nodal forces.
+        noise: Contact forces up to this size do not affect the active set.
         rtol: Relative tolerance.
     """
 

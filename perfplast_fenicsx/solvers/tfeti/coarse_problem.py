@@ -1,7 +1,7 @@
-"""The coarse problem: which forces of the rows are in balance on every piece, G λ = 0.
+"""Solve the coarse problem: which forces of the rows balance every piece, G λ = 0.
 
-G = RᵀBᵀ, for the rigid motions R. GGᵀ couples pieces that share rows; it is small, and every rank
-has its factors.
+G = RᵀBᵀ with the rigid motions R. GGᵀ couples pieces that share rows; it is small, and every rank
+stores its factors.
 """
 
 from mpi4py import MPI
@@ -19,10 +19,10 @@ from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
 
 
 class CoarseProblem:
-    """G of the rows in force, and the projector P on its kernel.
+    """G of the active rows, and the projector P on its kernel.
 
     Attributes:
-        size: Rigid motions of all pieces.
+        size: Number of rigid motions of all pieces.
     """
 
     def __init__(self, comm: MPI.Intracomm, pieces: Subdomains, B: PETSc.Mat, free: int) -> None:
@@ -31,8 +31,8 @@ class CoarseProblem:
         Args:
             comm: The ranks.
             pieces: Pieces of all bodies.
-            B: Their rows.
-            free: How many rigid motions of the bodies no row resists.
+            B: The rows.
+            free: Number of rigid motions of the bodies that no row resists.
         """
         self._comm, self._pieces, self._free = comm, pieces, free
         torn, gdim, modes = pieces.motions.shape
@@ -55,10 +55,10 @@ class CoarseProblem:
             matrix.destroy()
 
     def renew(self, force: npt.NDArray[np.bool_], border: Floats, own_border: bool) -> None:
-        """Take the rows in force, and the border after those of one rank. Collective.
+        """Take the active rows, and the border after those of one rank. Collective.
 
         Raises:
-            LinearFailure: If they let a piece move as a rigid one.
+            LinearFailure: If they let a piece move as a rigid body.
         """
         G = self._every @ diags_array(force.astype(np.float64))
         last = csr_array(self.resultants(border)[:, None])
@@ -74,16 +74,16 @@ class CoarseProblem:
             raise LinearFailure(
                 "a subdomain can move as a rigid body: neither supports nor closed contact hold it"
             )
-        # no load does work on what is free, so that its part of all right-hand sides is zero
+        # no load does work on the free motions, so that their part of all right-hand sides is zero
         self._factors = cho_factor(gram + values[-1] * free @ free.T)
 
     def balance(self, multipliers: Floats) -> Floats:
-        """G λ, alike on every rank, shape (size,). Collective."""
+        """Return G λ, the same on every rank, shape (size,). Collective."""
         total: Floats = self._comm.allreduce(self._G @ multipliers)
         return total
 
     def resultants(self, forces: Floats) -> Floats:
-        """Rᵀ f of torn forces, alike on every rank, shape (size,). Collective."""
+        """Return Rᵀ f of torn forces, the same on every rank, shape (size,). Collective."""
         own = np.zeros(self.size)
         if self._pieces.count:
             per_node = self._motions.shape[0] // len(self._pieces.node)
@@ -93,24 +93,24 @@ class CoarseProblem:
         return total
 
     def motion(self, amplitudes: Floats) -> Floats:
-        """R α on the torn unknowns of this rank."""
+        """Return R α on the torn unknowns of this rank."""
         own = amplitudes[self._here].reshape(self._pieces.count, self._motions.shape[1])
         each = np.repeat(own, np.diff(self._pieces.ends), axis=0)
         return np.einsum("nim,nm->ni", self._pieces.motions, each).ravel()
 
     def solve(self, values: Floats) -> Floats:
-        """(GGᵀ)⁻¹ of a vector that is alike on every rank."""
+        """Return (GGᵀ)⁻¹ times a vector that is the same on every rank."""
         return np.asarray(cho_solve(self._factors, values)) if self.size else values
 
     def lift(self, amplitudes: Floats) -> Floats:
-        """Gᵀ of a vector that is alike on every rank: on this rank's rows."""
+        """Return Gᵀ times a vector that is the same on every rank, on this rank's rows."""
         lifted: Floats = self._G.T @ amplitudes
         return lifted
 
     def off(self, multipliers: Floats) -> Floats:
-        """Qλ = Gᵀ(GGᵀ)⁻¹Gλ. Collective."""
+        """Return Qλ = Gᵀ(GGᵀ)⁻¹Gλ. Collective."""
         return self.lift(self.solve(self.balance(multipliers)))
 
     def project(self, multipliers: Floats) -> Floats:
-        """Pλ = λ − Qλ. Collective."""
+        """Return Pλ = λ − Qλ. Collective."""
         return multipliers - self.off(multipliers)

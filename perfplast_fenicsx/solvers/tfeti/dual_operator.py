@@ -1,6 +1,7 @@
-"""F = B K⁺ Bᵀ on the rows that are in force, G, and the projector on what is in balance.
+"""Multiply with F = B K⁺ Bᵀ on the active rows, G, and the projector on balanced forces.
 
-The last row of the first rank is the border: a row of all unknowns, as the work of the loads is.
+The last row of the first rank is the border: a row with all unknowns, such as the work of the
+loads.
 """
 
 from mpi4py import MPI
@@ -16,21 +17,21 @@ from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
 
 
 class DualOperator:
-    """Products with B and F, all collective.
+    """Products with B and F; all methods are collective.
 
     Attributes:
         comm: The ranks.
-        size: Rows of this rank, the border of the first rank among them.
-        contact: Where the rows of contact are.
-        coarse: Of the rows in force.
-        norm: ‖PFP‖, estimated, of the first stiffness or the last :meth:`measure`.
+        size: Number of rows of this rank, including the border on the first rank.
+        contact: Indices of the rows of contact.
+        coarse: Coarse problem of the active rows.
+        norm: Estimate of ‖PFP‖, for the first stiffness or the last :meth:`measure`.
     """
 
     def __init__(self, comm: MPI.Intracomm, pieces: Subdomains, gluing: Gluing, free: int) -> None:
-        """Form G of the rows of ``gluing``, which leave so many rigid motions free. Collective.
+        """Form G of the rows of ``gluing``, which leave ``free`` rigid motions free. Collective.
 
         Raises:
-            LinearFailure: If a piece can move as a rigid one, whatever the rows are.
+            LinearFailure: If a piece can move as a rigid body, whatever the rows are.
         """
         self.comm, self._B = comm, gluing.B
         self._own_border = comm.rank == 0
@@ -48,20 +49,20 @@ class DualOperator:
         self._renew()
 
     def set_stiffness(self, stiffness: TornStiffness) -> None:
-        """Take a new K, or one with new values. Collective."""
+        """Take a new K, or the same one with new values. Collective."""
         self._stiffness, self._measured = stiffness, False
         if not self.norm > 0:
             self.measure()
 
     def put_in_force(self, contact: npt.NDArray[np.bool_], border: Floats | None) -> None:
-        """Say which rows count: all but some of contact, and a border. Collective.
+        """Set the active rows: all rows except some of contact, and a border. Collective.
 
         Args:
-            contact: Rows of contact in force, shape (num_pairs,).
-            border: Torn forces whose work is to be prescribed; None for none.
+            contact: Active rows of contact, shape (num_pairs,).
+            border: Torn forces whose work is prescribed; None for none.
 
         Raises:
-            LinearFailure: If the rows let a piece move as a rigid one.
+            LinearFailure: If the rows let a piece move as a rigid body.
         """
         force = np.ones_like(self._force)
         force[self.contact] = contact
@@ -78,7 +79,7 @@ class DualOperator:
         self._ready = True
 
     def rows(self, u: Floats) -> Floats:
-        """B u of torn unknowns."""
+        """Return B u of torn unknowns."""
         self._u.array[:] = u
         self._B.mult(self._u, self._image)
         jumps = np.zeros(self.size)
@@ -89,7 +90,7 @@ class DualOperator:
         return jumps
 
     def forces(self, multipliers: Floats) -> Floats:
-        """Bᵀλ on torn unknowns."""
+        """Return Bᵀλ on torn unknowns."""
         self._image.array[:] = np.where(self._force, multipliers[self._rows], 0.0)
         self._B.multTranspose(self._image, self._u)
         share = self.comm.bcast(float(multipliers[-1]) if self._own_border else 0.0)
@@ -97,12 +98,12 @@ class DualOperator:
         return forces
 
     def multiply(self, multipliers: Floats) -> Floats:
-        """F λ."""
+        """Return F λ."""
         return self.rows(self.stiffness.solve(self.forces(multipliers)))
 
     @property
     def stiffness(self) -> TornStiffness:
-        """K of the last :meth:`set_stiffness`."""
+        """Return the K of the last :meth:`set_stiffness`."""
         assert self._stiffness is not None
         return self._stiffness
 

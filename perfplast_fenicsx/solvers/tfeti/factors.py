@@ -1,4 +1,4 @@
-"""Cholesky factors of a matrix of this rank alone."""
+"""Compute Cholesky factors of a matrix on only this rank."""
 
 from petsc4py import PETSc
 
@@ -10,7 +10,7 @@ from perfplast_fenicsx.solvers.linear.petsc_options import SUBDOMAINS, own_prefi
 
 
 class Factors:
-    """Factors of one pattern, made again for new values."""
+    """Factors of one pattern, updated for new values."""
 
     def __init__(self) -> None:
         self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
@@ -24,7 +24,7 @@ class Factors:
         self._b, self._x = PETSc.Vec(), PETSc.Vec()
 
     def make(self, A: PETSc.Mat) -> str | None:
-        """Factorise.
+        """Factorise, and return why this fails, or None.
 
         Returns:
             Why there are no factors; None if there are.
@@ -37,14 +37,14 @@ class Factors:
         pc.setReusePreconditioner(False)
         self._ksp.setOperators(A)
         self._ksp.setUp()
-        pc.setReusePreconditioner(True)  # whatever becomes of A
+        pc.setReusePreconditioner(True)  # independent of later changes of A
         if pc.getFailedReason():
             forget_factors(self._ksp)
             return "a pivot is zero"
         return None
 
     def solve(self, b: Floats) -> Floats:
-        """Solve A x = b for x; same shape."""
+        """Return the solution of A x = b, same shape."""
         if not b.size:
             return np.zeros(0)
         self._b.array[:] = b

@@ -1,9 +1,9 @@
-"""B: the rows that glue torn nodes together, hold supports and ties, and keep bodies apart.
+"""Create B: the rows that glue torn nodes, hold supports and ties, and prevent penetration.
 
-A node of the mesh has one copy in each piece that it lies in. Where nothing holds a component, its
-m copies get m − 1 orthonormal rows, the k-th of them (1, …, 1, −k, 0, …)/√(k(k + 1)); where a
-support does, each copy is held. Ties and contact see the mean of the copies, whose rows are
-orthogonal to the others. All rows have unit length.
+A node of the mesh has one copy in each of its pieces. At a free component, its m copies get m − 1
+orthonormal rows, the k-th of which is (1, …, 1, −k, 0, …)/√(k(k + 1)). At a supported component,
+each copy is held. Ties and contact use the mean of the copies, whose rows are orthogonal to the
+others. All rows have unit length.
 """
 
 from collections.abc import Sequence
@@ -30,15 +30,15 @@ from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
 
 @dataclass(frozen=True)
 class Gluing:
-    """The rows, distributed as the nodes they belong to; on each rank those of contact come last.
+    """The rows, distributed as their nodes; on each rank those of contact come last.
 
     Attributes:
-        B: From torn unknowns, shape (num_rows, num_torn_unknowns).
-        copies: From displacements to torn unknowns: ones; transposed, it adds what copies have.
-        count: How many copies the node of each owned unknown has.
-        num_glue: Rows of this rank that glue copies; they come first.
-        num_pairs: Rows of contact of this rank.
-        length: Length of the rows of contact, before they were scaled, shape (num_pairs,).
+        B: Matrix from torn unknowns, shape (num_rows, num_torn_unknowns).
+        copies: Matrix of ones from displacements to torn unknowns; its transpose sums over copies.
+        count: Number of copies of the node of each owned unknown.
+        num_glue: Number of this rank's rows that glue copies; they come first.
+        num_pairs: Number of rows of contact of this rank.
+        length: Length of the rows of contact before scaling, shape (num_pairs,).
     """
 
     B: PETSc.Mat
@@ -50,11 +50,11 @@ class Gluing:
 
 
 def make_gluing(problem: Problem, pieces: Subdomains) -> Gluing:
-    """Build B. Collective.
+    """Return B and its data. Collective.
 
     Args:
         problem: The bodies.
-        pieces: What they are cut into.
+        pieces: The pieces of the bodies.
     """
     V, comm, gdim = problem.V, problem.comm, problem.bodies.gdim
     torn_size = len(pieces.node) * gdim
@@ -89,7 +89,7 @@ def make_gluing(problem: Problem, pieces: Subdomains) -> Gluing:
 
 
 def _stacked(comm: PETSc.Comm, columns: Sizes, parts: Sequence[tuple[int, Entries]]) -> PETSc.Mat:
-    """Return rows of all parts below each other on each rank. Collective."""
+    """Return the rows of all parts stacked on each rank. Collective."""
     entries: list[Entries] = []
     begun = 0
     for count, (row, column, value) in parts:
@@ -114,15 +114,15 @@ def _copies(problem: Problem, pieces: Subdomains) -> tuple[Longs, Longs]:
 
 
 def _glue(place: Longs, copy: Longs, free: npt.NDArray[np.bool_]) -> tuple[Entries, int]:
-    """Orthonormal rows of copies, which are sorted by node.
+    """Return orthonormal rows of copies, which are sorted by node.
 
     Args:
-        place: Place of each copy among those of its node.
-        copy: Its number.
-        free: Components that are to be glued, shape (num_copies, gdim).
+        place: Index of each copy among those of its node.
+        copy: Number of the copy.
+        free: Components that are glued, shape (num_copies, gdim).
 
     Returns:
-        Entries, and how many rows there are.
+        Entries, and the number of rows.
     """
     which, axis = np.nonzero(free & (place > 0)[:, None])
     k = place[which]
@@ -137,7 +137,7 @@ def _glue(place: Longs, copy: Longs, free: npt.NDArray[np.bool_]) -> tuple[Entri
 def _of_mean(
     rows: Constraints, mean: PETSc.Mat, fixed: npt.NDArray[np.bool_]
 ) -> tuple[Entries, Floats]:
-    """Rows of free components in terms of torn unknowns, of unit length, and the lengths before.
+    """Return unit rows of free components in torn unknowns, and their lengths before scaling.
 
     Collective.
     """

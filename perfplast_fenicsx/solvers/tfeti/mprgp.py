@@ -1,14 +1,13 @@
-"""MPRGP: quadratic programs with bounds, by CG on faces, expansion and proportioning.
+"""Solve quadratic programs with bounds by MPRGP: CG on faces, expansion and proportioning.
 
 Modified proportioning with reduced gradient projections (Z. Dostál, Optimal Quadratic Programming
 Algorithms, Springer 2009, chapter 5), for
 
     minimise ½ xᵀHx − bᵀx  where  x ≥ lower
 
-Where the gradient g is split into its free part φ (zero at bounds) and the chopped one β (what
-pulls from bounds), steps of CG on the free unknowns go on while ‖β‖² ≤ φ̃ᵀφ, where φ̃ is φ cut to
-what a step of length ᾱ may do. A step that hits a bound goes as far, and on by a projected step
-along −φ.
+The gradient g is split into its free part φ (zero at bounds) and the chopped part β (which leaves
+bounds). CG steps on the free unknowns continue while ‖β‖² ≤ φ̃ᵀφ, where φ̃ is φ limited to a step
+of length ᾱ. A step that hits a bound stops there and continues with a projected step along −φ.
 """
 
 from collections.abc import Callable
@@ -28,9 +27,9 @@ class Split:
     """A gradient at a point of the feasible set.
 
     Attributes:
-        free: φ.
-        chopped: β.
-        reduced: φ̃.
+        free: The free gradient φ.
+        chopped: The chopped gradient β.
+        reduced: The reduced free gradient φ̃.
     """
 
     free: Floats
@@ -39,18 +38,18 @@ class Split:
 
     @property
     def projected(self) -> Floats:
-        """φ + β, zero at the solution."""
+        """Return φ + β, zero at the solution."""
         return self.free + self.chopped
 
 
 def split(gradient: Floats, x: Floats, lower: Floats, longest: float) -> Split:
-    """Split a gradient.
+    """Return the split of a gradient.
 
     Args:
-        gradient: At x.
-        x: Feasible.
+        gradient: Gradient at x.
+        x: Feasible point.
         lower: Bounds, −∞ for none.
-        longest: ᾱ.
+        longest: Step length ᾱ.
     """
     at_bound = x <= lower
     free = np.where(at_bound, 0.0, gradient)
@@ -61,17 +60,17 @@ def split(gradient: Floats, x: Floats, lower: Floats, longest: float) -> Split:
 
 @dataclass
 class BoundProgram:
-    """The program that is minimised, and the present iterate.
+    """The program to be minimised, and the present iterate.
 
     Attributes:
-        hessian: x ↦ Hx.
-        precondition: Approximates H⁻¹ on all unknowns; symmetric positive definite.
+        hessian: Function x ↦ Hx.
+        precondition: Function that approximates H⁻¹ on all unknowns; symmetric positive definite.
         comm: Ranks that share the unknowns.
         lower: Bounds.
-        norm: ‖H‖, from above or nearly so.
-        x: Feasible.
-        gradient: Hx − b.
-        products: Products with H so far.
+        norm: ‖H‖, or an upper or near estimate.
+        x: Feasible iterate.
+        gradient: Gradient Hx − b.
+        products: Number of products with H so far.
     """
 
     hessian: Operator
@@ -84,22 +83,24 @@ class BoundProgram:
     products: int = 0
 
     def dot(self, a: Floats, b: Floats) -> float:
-        """aᵀb. Collective."""
+        """Return aᵀb. Collective."""
         return self.comm.allreduce(float(a @ b))
 
 
 def minimise(program: BoundProgram, enough: Callable[[Floats, float], bool], most: int) -> bool:
-    """Iterate, with ``x`` and ``gradient`` of the program changing. Collective.
+    """Iterate, and return whether the accuracy was reached; ``x`` and ``gradient`` change.
+
+    Collective.
 
     Args:
-        program: What is minimised; x may be anything feasible.
-        enough: Asked with x and the norm of the projected gradient; the same on every rank.
-        most: Products with H in all, after which the iteration is given up.
+        program: The program to be minimised; x may be any feasible point.
+        enough: Function of x and the norm of the projected gradient; the same on every rank.
+        most: Largest total number of products with H.
 
     Returns:
-        Whether it was enough.
+        Whether it was reached.
     """
-    longest_step = 1.9  # ᾱ in shares of 1/‖H‖; less than 2
+    longest_step = 1.9  # ᾱ relative to 1/‖H‖; less than 2
     p, dot, longest = program, program.dot, longest_step / program.norm
 
     def preconditioned(free: Floats) -> Floats:
@@ -149,7 +150,7 @@ def minimise(program: BoundProgram, enough: Callable[[Floats, float], bool], mos
 
 
 def _reach(program: BoundProgram, direction: Floats) -> float:
-    """Return how far x − s d is feasible. Collective."""
+    """Return the largest s for which x − s d is feasible. Collective."""
     towards = direction > 0
     room = (program.x - program.lower)[towards] / direction[towards]
     return program.comm.allreduce(float(room.min(initial=np.inf)), MPI.MIN)

@@ -1,9 +1,9 @@
-"""Preconditioners B_D S B_Dᵀ of F, with the stiffness S of pieces as their faces feel it.
+"""Precondition F by B_D S B_Dᵀ, with the stiffness S of pieces at their faces.
 
-S is the Schur complement, in which the inside of each piece follows its faces ("Dirichlet"): one
-solution with factors of the insides an application. B_D shares a jump among the copies of a node by
-their stiffness, the stiffer the less, so that pieces that flow do not spoil others (D. Rixen,
-C. Farhat, Int. J. Numer. Meth. Engng 44 (1999), 489).
+S is the Schur complement, in which the interior of each piece follows its faces ("Dirichlet"): each
+application takes one solve with the interior's factors. B_D distributes a jump among the copies of
+a node by their stiffness, stiffer ones getting less, so that plastic pieces do not spoil the others
+(D. Rixen, C. Farhat, Int. J. Numer. Meth. Engng 44 (1999), 489).
 """
 
 from petsc4py import PETSc
@@ -20,7 +20,7 @@ from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
 
 
 class DirichletPreconditioner:
-    """B_D S B_Dᵀ by Schur complements. All methods are collective."""
+    """The preconditioner B_D S B_Dᵀ by Schur complements. All methods are collective."""
 
     def __init__(self, dual: DualOperator, gluing: Gluing, gdim: int) -> None:
         self._dual, self._copies = dual, gluing.copies
@@ -38,10 +38,10 @@ class DirichletPreconditioner:
         self._sums: Floats = np.ones(self._nodal.getLocalSize())
 
     def set_stiffness(self, K: TornStiffness) -> None:
-        """Take a new K, or one with new values.
+        """Take a new K, or the same one with new values.
 
         Raises:
-            LinearFailure: If the inside of a piece has no factors.
+            LinearFailure: If the interior of a piece cannot be factorised.
         """
         self._matrix = K.matrix.createSubMatrix(self._blocks, self._blocks, self._matrix)
         failure = self._factors.make(self._matrix)
@@ -56,7 +56,7 @@ class DirichletPreconditioner:
         self._sums = self._summed(self._stiff)
 
     def apply(self, jumps: Floats) -> Floats:
-        """B_D S B_Dᵀ w."""
+        """Return B_D S B_Dᵀ w."""
         dual = self._dual
         glued = np.zeros_like(jumps)
         glued[self._glue] = jumps[self._glue]
@@ -67,7 +67,7 @@ class DirichletPreconditioner:
         return found
 
     def _schur(self, u: Floats) -> Floats:
-        """S u for u that is zero inside; what it has there is of no use."""
+        """Return S u for u that is zero in interiors; the result there has no meaning."""
         K = self._dual.stiffness
         forces = K.multiply(u)
         following = np.zeros_like(u)
@@ -75,14 +75,14 @@ class DirichletPreconditioner:
         return forces - K.multiply(following)
 
     def _summed(self, torn: Floats) -> Floats:
-        """Over the copies of each node."""
+        """Return sums over the copies of each node."""
         self._torn.array[:] = torn
         self._copies.multTranspose(self._torn, self._nodal)
         sums: Floats = self._nodal.array_r.copy()
         return sums
 
     def _spread(self, torn: Floats) -> Floats:
-        """Sums over copies, relative to their stiffness, on each copy."""
+        """Return sums over copies weighted by stiffness, on each copy."""
         self._nodal.array[:] = self._summed(torn) / self._sums
         self._copies.mult(self._nodal, self._torn)
         spread: Floats = self._torn.array_r.copy()

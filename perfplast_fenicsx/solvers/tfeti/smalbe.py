@@ -1,16 +1,16 @@
-"""SMALBE-M: quadratic programs with bounds and equalities, by augmented Lagrangians.
+"""Solve quadratic programs with bounds and equalities by SMALBE-M, an augmented Lagrangian.
 
 Semimonotonic augmented Lagrangians (Z. Dostál, Optimal Quadratic Programming Algorithms, Springer
 2009, chapter 6), for
 
     minimise ½ xᵀAx − bᵀx  where  x ≥ lower  and  x is in the kernel of Q,
 
-Q an orthogonal projector: A is to be PAP with P = I − Q. The bound-constrained programs of
+with an orthogonal projector Q; A must be PAP with P = I − Q. The bound-constrained programs of
 
     ½ xᵀ(A + ρQ)x − (b − Qμ)ᵀx
 
-are solved by MPRGP until the projected gradient is at most M‖Qx‖, then μ grows by ρQx. ρ stays as
-it is; where the Lagrangian has not grown enough, M shrinks.
+are solved by MPRGP until the projected gradient is at most M‖Qx‖; then μ grows by ρQx. ρ is
+constant; if the Lagrangian has not grown enough, M decreases.
 """
 
 from dataclasses import dataclass
@@ -23,20 +23,20 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.solvers.tfeti.mprgp import BoundProgram, Operator, minimise
 
 FIRST_BALANCE, SHRINK = 10.0, 0.1
-"""M at first, in shares of ‖A‖, and its factor where the Lagrangian has not grown enough."""
+"""Initial M relative to ‖A‖, and its factor if the Lagrangian has not grown enough."""
 
 
 @dataclass(frozen=True)
 class DualProgram:
-    """The program that is minimised.
+    """The program to be minimised.
 
     Attributes:
         comm: Ranks that share the unknowns.
-        multiply: x ↦ Ax for x in the kernel of Q, with a result in it.
-        project: P.
-        precondition: Approximates A⁻¹; symmetric positive definite on the kernel.
+        multiply: Function x ↦ Ax for x in the kernel of Q, with a result in the kernel.
+        project: The projector P.
+        precondition: Function that approximates A⁻¹; symmetric positive definite on the kernel.
         norm: ‖A‖, or an estimate.
-        b: In the kernel of Q, shape (n,).
+        b: Vector in the kernel of Q, shape (n,).
         lower: Bounds, −∞ for none, shape (n,).
     """
 
@@ -49,29 +49,29 @@ class DualProgram:
     lower: Floats
 
     def length(self, x: Floats) -> float:
-        """‖x‖. Collective."""
+        """Return ‖x‖. Collective."""
         return float(np.sqrt(self.comm.allreduce(float(x @ x))))
 
 
 class Smalbe:
-    """The iteration for one program, which may go on to smaller tolerances.
+    """The iteration for one program, which may continue to smaller tolerances.
 
     Attributes:
-        multiplier: μ, in the range of Q.
-        projected: Norm of the projected gradient that is left.
-        off: ‖Qx‖ that is left.
-        rounds: Rounds of the augmented Lagrangian.
+        multiplier: Multiplier μ, in the range of Q.
+        projected: Norm of the present projected gradient.
+        off: The present ‖Qx‖.
+        rounds: Number of augmented Lagrangian iterations.
     """
 
     def __init__(self, program: DualProgram, start: Floats) -> None:
-        """Begin. Collective.
+        """Initialise the iteration. Collective.
 
         Args:
-            program: What is minimised.
-            start: To begin with; what is below bounds is put there.
+            program: The program to be minimised.
+            start: Initial x; entries below bounds are moved to the bounds.
         """
         self._program = program
-        penalty = 1.1  # ρ in shares of ‖A‖
+        penalty = 1.1  # ρ relative to ‖A‖
         self._rho = penalty * program.norm
         self._balance = FIRST_BALANCE * program.norm
         x = np.maximum(start, program.lower)
@@ -92,30 +92,30 @@ class Smalbe:
 
     @property
     def x(self) -> Floats:
-        """Within the bounds, exactly."""
+        """Return x, exactly within the bounds."""
         return self._inner.x
 
     @property
     def products(self) -> int:
-        """Products with A so far."""
+        """Return the number of products with A so far."""
         return self._inner.products
 
     def run(self, jumps: float, forces: float, most: int) -> bool:
-        """Go on. Collective.
+        """Iterate, and return whether both tolerances are met. Collective.
 
         Args:
             jumps: Tolerance of the projected gradient.
-            forces: Of ‖Qx‖.
-            most: Products with A in all, after which the iteration is given up.
+            forces: Tolerance of ‖Qx‖.
+            most: Largest total number of products with A.
 
         Returns:
-            Whether both are met; not where nothing is feasible.
+            Whether both are met; False if nothing is feasible.
         """
         program, inner = self._program, self._inner
 
         # η: largest projected gradient that ends an inner iteration, relative to the first one.
         loose = 0.1
-        under = 0.5  # an inner iteration goes on to this share of the tolerance at most
+        under = 0.5  # least share of the tolerance for inner iterations
 
         def enough(x: Floats, projected: float) -> bool:
             self.projected, self.off = projected, program.length(x - program.project(x))
@@ -124,8 +124,8 @@ class Smalbe:
             wanted = min(self._balance * self.off, loose * self._first)
             return projected <= max(wanted, under * jumps)
 
-        # Where so many rounds have not led to Qx = 0, nothing within
-        # the bounds is in the kernel of Q.
+        # If Qx does not vanish after this number of iterations, no point within the bounds lies in
+        # the kernel of Q.
         most_rounds = 200
         while True:
             self.rounds += 1
@@ -152,6 +152,6 @@ class Smalbe:
         return P(self._program.precondition(inside)) + (g - inside) / self._rho
 
     def _lagrangian(self) -> float:
-        """½ xᵀHx − (b − μ)ᵀx at x, where g = Hx − b + μ. Collective."""
+        """Return ½ xᵀHx − (b − μ)ᵀx at x, where g = Hx − b + μ. Collective."""
         inner = self._inner
         return 0.5 * inner.dot(inner.gradient - self._program.b + self.multiplier, inner.x)

@@ -1,7 +1,7 @@
-"""Subdomains: the cells of each rank cut into pieces, each with nodes and rigid motions of its own.
+"""Divide the cells of each rank into subdomains with their own nodes and rigid motions.
 
-A piece is connected through facets, so that it can move as one rigid body and in no other way
-without strain. Its nodes are copies of the mesh's, and torn off those of other pieces.
+A piece is connected through facets, so that its only motion without strain is that of one rigid
+body. Its nodes are copies of the mesh's nodes, torn from those of other pieces.
 """
 
 from dataclasses import dataclass
@@ -19,17 +19,17 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class Subdomains:
-    """The pieces of this rank; what is torn is numbered piece by piece.
+    """The pieces of this rank; torn nodes are numbered piece by piece.
 
     Attributes:
-        first: Number of this rank's first piece among all.
-        count: Pieces of this rank.
-        total: Pieces of all ranks.
+        first: Global number of this rank's first piece.
+        count: Number of pieces of this rank.
+        total: Number of pieces on all ranks.
         torn: Torn node of each owned cell's nodes, shape (num_cells, nodes of a cell).
-        node: The local block dof that each torn node is a copy of, shape (num_torn,).
-        ends: Where the torn nodes of each piece begin, and their number, shape (count + 1,).
-        motions: R: orthonormal rigid motions of each piece, shape (num_torn, gdim, num_modes).
-        fixing: Torn unknowns of each piece, as many as it has rigid motions, which hold it.
+        node: The local block dof of each torn node, shape (num_torn,).
+        ends: First torn node of each piece, and the number of torn nodes, shape (count + 1,).
+        motions: Orthonormal rigid motions R of each piece, shape (num_torn, gdim, num_modes).
+        fixing: Torn unknowns that fix each piece, as many as it has rigid motions.
     """
 
     first: int
@@ -43,21 +43,21 @@ class Subdomains:
 
     @property
     def of_node(self) -> Longs:
-        """Piece of each torn node, numbered among those of all ranks."""
+        """Return the piece of each torn node, with global numbers."""
         return self.first + np.repeat(np.arange(self.count), np.diff(self.ends))
 
 
 def make_subdomains(problem: Problem, wanted: int, exactly: bool = False) -> Subdomains:
-    """Cut the bodies. Collective.
+    """Divide the bodies into pieces. Collective.
 
     Args:
         problem: The bodies.
-        wanted: Pieces of all ranks; there is at least one of each body on each rank that has cells
-            of it, and one for each part that facets connect.
-        exactly: Whether to refuse a number that is less than that.
+        wanted: Number of pieces on all ranks; there is at least one for each part of a body on a
+            rank that is connected by facets.
+        exactly: Whether to refuse a smaller number than that.
 
     Raises:
-        InputError: If it is to be refused.
+        InputError: If the number is refused.
     """
     V, comm = problem.V, problem.comm
     topology = V.mesh.topology
@@ -70,8 +70,8 @@ def make_subdomains(problem: Problem, wanted: int, exactly: bool = False) -> Sub
     least = comm.allreduce(int(label.max(initial=-1)) + 1)
     if exactly and wanted < least:
         raise InputError(
-            f"subdomains = {wanted} is less than the {least} parts of bodies on {comm.size} ranks;"
-            f" give {least} or more, take fewer ranks, or leave it out."
+            f"subdomains = {wanted} is less than the {least} parts of bodies on "
+            f"{comm.size} ranks; give {least} or more, use fewer ranks, or remove it."
         )
     pieces = np.empty(owned, dtype=np.int32)
     begun = 0
@@ -94,11 +94,11 @@ def make_subdomains(problem: Problem, wanted: int, exactly: bool = False) -> Sub
 
 
 def bisected(x: Floats, count: int) -> Ints:
-    """Cut points into sets of like size, again and again across the longest side of their box.
+    """Return sets of points of similar size, by bisection of the longest side of their box.
 
     Args:
         x: Points, shape (n, gdim).
-        count: Sets, at most n.
+        count: Number of sets, at most n.
 
     Returns:
         The set of each point, shape (n,).
@@ -117,7 +117,7 @@ def bisected(x: Floats, count: int) -> Ints:
 
 
 def _connected(problem: Problem, label: Ints) -> Ints:
-    """Return parts of equal label that facets connect, numbered from 0. Collective."""
+    """Return parts of equal label that are connected by facets, numbered from 0. Collective."""
     topology = problem.V.mesh.topology
     topology.create_connectivity(topology.dim - 1, topology.dim)
     to_cell = topology.connectivity(topology.dim - 1, topology.dim)
@@ -133,7 +133,7 @@ def _connected(problem: Problem, label: Ints) -> Ints:
 
 
 def _rigid(problem: Problem, x: Floats, ends: Longs) -> tuple[Floats, Ints]:
-    """Orthonormal motions of each piece, and unknowns that hold them best."""
+    """Return orthonormal motions of each piece, and the unknowns that fix them best."""
     bodies = problem.bodies
     gdim, modes = bodies.gdim, bodies.num_modes
     motions, fixing = np.zeros((len(x), gdim, modes)), []

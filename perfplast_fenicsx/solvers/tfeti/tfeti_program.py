@@ -1,14 +1,14 @@
-"""The contact QP of one Newton step by Total FETI: its dual, on bodies cut into pieces.
+"""Solve the contact QP of one Newton step by Total FETI: its dual, on torn bodies.
 
     minimise ½ δᵀKδ + rᵀδ  subject to  B_E δ = 0,  B_I δ ≤ room  and, where asked,  ℓᵀδ = work
 
-Supports are rows too, so that the stiffness of each piece has its rigid motions as its kernel
-(Z. Dostál, D. Horák, R. Kučera, Commun. Numer. Meth. Engng 22 (2006), 1155), and contact is λ_I ≥ 0
-on the multipliers: whatever pairs are closed, the same factors serve.
+Supports are rows too, so that the kernel of each piece's stiffness consists of its rigid motions
+(Z. Dostál, D. Horák, R. Kučera, Commun. Numer. Meth. Engng 22 (2006), 1155). Contact is λ_I ≥ 0 on
+the multipliers: the same factors serve for any closed pairs.
 
-First the dual is solved on the face of the step before: closed pairs are equalities, open ones left
-out. Pairs that are wrong by more than what is left of jumps are opened or closed, and so on. Where
-that goes in circles or lets a body free, SMALBE-M and MPRGP find the face.
+First the dual is solved on the face of the previous step: closed pairs are equalities, open ones
+are omitted. Pairs whose error exceeds the residual of jumps are opened or closed, and so on. If
+this cycles or frees a body, SMALBE-M and MPRGP find the face.
 """
 
 from mpi4py import MPI
@@ -31,20 +31,20 @@ from perfplast_fenicsx.solvers.tfeti.torn_program import TornProgram
 from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
 
 MOST_EXCHANGES, MOST_SEARCHES = 20, 8
-"""So many faces are found by opening and closing wrong pairs, and by SMALBE-M after them."""
+"""Largest numbers of faces found by opening and closing wrong pairs, and by SMALBE-M after them."""
 
 FIRST, SHARPER = 1e-3, 1e-2
-"""Relative tolerance by which faces are judged or found at first; its factor for further ones."""
+"""Initial relative tolerance for finding faces; its factor for further ones."""
 
 
-MOVES = "a body can move as a rigid one, as where bodies lose all contact: no closed pair holds it"
+MOVES = "a body can move as a rigid body, as where bodies lose all contact: no closed pair holds it"
 
 
 class TfetiProgram:
-    """Solver of the contact QPs of a problem; see :class:`contact_solver.ContactSolver`.
+    """A solver of the contact QPs of a problem; see :class:`contact_solver.ContactSolver`.
 
     Attributes:
-        multipliers: λ of the last solution, those of contact in forces; shape (num_rows,).
+        multipliers: λ of the last solution, for contact in units of force; shape (num_rows,).
     """
 
     def __init__(self, problem: Problem, pieces: Subdomains, linear: LinearSolver) -> None:
@@ -52,8 +52,8 @@ class TfetiProgram:
 
         Args:
             problem: The bodies.
-            pieces: What they are cut into.
-            linear: Counts what is solved.
+            pieces: The pieces of the bodies.
+            linear: Linear solver, which counts the solves.
         """
         self._problem, self._linear, self._comm = problem, linear, problem.comm
         gluing = make_gluing(problem, pieces)
@@ -70,7 +70,7 @@ class TfetiProgram:
         self._programs = 0
 
     def set_operator(self, A: TornStiffness) -> None:
-        """Take a new stiffness, or the same with new values. Collective.
+        """Take a new stiffness, or the same one with new values. Collective.
 
         Raises:
             LinearFailure: If it is singular beyond rigid motions.
@@ -95,13 +95,13 @@ class TfetiProgram:
 
         Args:
             r: Gradient at δ = 0, in the jump basis.
-            room: How far each pair hosted here may still close, shape (num_pairs,).
-            active: Closed pairs to begin with.
+            room: How far each pair hosted by this rank may still close, shape (num_pairs,).
+            active: Initial closed pairs.
             rtol: Relative tolerance.
-            most_sets: Of no use here: which pairs are closed is always right.
-            work: ℓᵀδ if it is prescribed, where ℓ are the loads.
-            given: Nothing, as there is no friction here.
-            first: Largest force where the level began.
+            most_sets: Not used: the closed pairs are always exact.
+            work: ℓᵀδ with the loads ℓ, if it is prescribed.
+            given: Not used, as there is no friction.
+            first: Largest force at the beginning of the level.
 
         Raises:
             LinearFailure: If the dual cannot be solved.
@@ -132,11 +132,11 @@ class TfetiProgram:
         return self._step(asked, closed, settled, len(seen))
 
     def counts(self) -> tuple[int, int, int]:
-        """Contact QPs so far, of which SNES-VI solves none, in no iterations."""
+        """Return the number of contact QPs so far; SNES-VI solves none of them."""
         return self._programs, 0, 0
 
     def _new(self, closed: PairFlags, seen: list[PairFlags]) -> bool:
-        """Return whether a face may be tried next. Collective."""
+        """Return whether a face has not been tried yet. Collective."""
         again = np.array([(earlier == closed).all() for earlier in seen], dtype=np.int32)
         self._comm.Allreduce(MPI.IN_PLACE, again, MPI.MIN)
         return len(seen) < MOST_EXCHANGES and not again.any()
@@ -144,16 +144,18 @@ class TfetiProgram:
     def response(
         self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
     ) -> PETSc.Vec:
-        """δ with Kδ = load where these pairs keep their jumps and all others are free. Collective.
+        """Return δ with Kδ = load, where these pairs keep their jumps and all others are free.
+
+        Collective.
 
         Args:
-            load: In nodal unknowns.
-            held: Shape (num_pairs,).
+            load: Load in nodal unknowns.
+            held: Pairs that keep their jumps, shape (num_pairs,).
             rtol: Relative tolerance.
-            given: Nothing, as there is no friction here.
+            given: Not used, as there is no friction.
 
         Returns:
-            In the jump basis; valid until the next solve.
+            δ in the jump basis; valid until the next solve.
 
         Raises:
             LinearFailure: If the dual cannot be solved.
@@ -176,7 +178,7 @@ class TfetiProgram:
         work: float | None,
         first: float,
     ) -> Asked:
-        """Size up a QP. Collective."""
+        """Return a QP with its scales. Collective."""
         if work is not None:
             row = self._bodies.shares(self._problem.loads.live)
             self._unit = float(np.sqrt(self._comm.allreduce(float(row @ row))))
@@ -193,7 +195,7 @@ class TfetiProgram:
         return Asked(r, self._bodies.forces(r), room, work, accuracy, noise, rtol)
 
     def _forget(self, contact: Floats | None = None) -> None:
-        """Keep contact forces alone, or take others: what glues is about the last step."""
+        """Keep only contact forces, or set others: gluing forces depend on the last step."""
         kept = self.multipliers[self._dual.contact] if contact is None else contact
         self.multipliers = np.zeros(self._dual.size)
         self.multipliers[self._dual.contact] = kept
@@ -202,7 +204,7 @@ class TfetiProgram:
         self._dual.put_in_force(pairs, None if asked.work is None else self._border)
 
     def _program(self, asked: Asked, pairs: PairFlags, lower: Floats, start: Floats) -> TornProgram:
-        """Return the dual with the rows of these pairs in force. Collective."""
+        """Return the dual with the rows of these active pairs. Collective."""
         c = np.zeros(self._dual.size)
         c[self._dual.contact] = np.where(pairs, asked.room / self._length, 0.0)
         if self._comm.rank == 0:
@@ -225,7 +227,7 @@ class TfetiProgram:
             LinearFailure: If that is not possible.
         """
         before = program.smalbe.products
-        # A dual that has not been solved with so many products with F never will be.
+        # Number of products with F after which a dual counts as unsolvable.
         most_products = 3000
         solved = program.run(rtol, most_products)
         self._linear.iterations += program.smalbe.products - before
@@ -242,11 +244,11 @@ class TfetiProgram:
 
         Args:
             asked: The contact QP.
-            closed: Pairs.
-            given: Whether they stay as they are; otherwise δ is rough where some are wrong.
+            closed: Closed pairs.
+            given: Whether the pairs are fixed; otherwise δ is inaccurate if some are wrong.
 
         Returns:
-            Pairs that are not as they ought to be; None if a body moves freely.
+            Pairs in the wrong state; None if a body moves freely.
         """
         self._linear.solves += 1
         try:
@@ -257,8 +259,7 @@ class TfetiProgram:
         start[self._dual.contact] *= closed
         program = self._program(asked, closed, np.full(self._dual.size, -np.inf), start)
         rtol = asked.rtol if given else max(asked.rtol, FIRST)
-        # Jumps are solved for again to this share of what nodal forces ask for, at most by that
-        # factor.
+        # Share of the nodal force accuracy to which jumps are solved again, and its largest factor.
         better, best = 0.3, 1e-3
         while True:
             self._run(program, rtol)
@@ -274,7 +275,10 @@ class TfetiProgram:
             rtol *= max(better * asked.accuracy / left, best)
 
     def _wrong(self, asked: Asked, closed: PairFlags, margin: float) -> PairFlags:
-        """Pairs that are wrong by more than a share of the largest force or jump. Collective."""
+        """Return pairs that are wrong by more than a share of the largest force or jump.
+
+        Collective.
+        """
         forces = self.multipliers[self._dual.contact] / self._length
         largest = self._comm.allreduce(float(np.abs(forces).max(initial=0)), MPI.MAX)
         excess = self._delta.array_r[self._index] - asked.room
@@ -283,7 +287,7 @@ class TfetiProgram:
         return np.asarray(np.where(closed, forces < -noise, excess > least))
 
     def _left(self, asked: Asked, closed: PairFlags) -> float:
-        """Return the norm of the nodal forces that δ leaves out of balance. Collective."""
+        """Return the norm of the nodal forces that δ leaves unbalanced. Collective."""
         self._delta.array[self._index[closed]] = asked.room[closed]
         self._bodies.gradient(self._dual.stiffness, self._delta, asked.r, self._rest)
         if asked.work is not None:
@@ -297,7 +301,7 @@ class TfetiProgram:
         return -self._comm.bcast(last) / self._unit
 
     def _step(self, asked: Asked, closed: PairFlags, settled: bool, faces: int) -> ContactStep:
-        """Return the step of the last face; opens pairs that penetrate. Collective."""
+        """Return the step of the last face, after opening pairs that penetrate. Collective."""
         contact = self._dual.contact
         self.multipliers[contact] = np.maximum(self.multipliers[contact], 0.0)
         jumps = np.where(closed, asked.room, self._delta.array_r[self._index])

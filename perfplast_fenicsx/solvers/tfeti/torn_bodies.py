@@ -1,4 +1,4 @@
-"""From displacements and forces of the bodies to those of their pieces, and back."""
+"""Map displacements and forces between the bodies and their pieces."""
 
 from petsc4py import PETSc
 
@@ -21,20 +21,20 @@ class TornBodies:
         self._torn = gluing.copies.createVecLeft()
 
     def forces(self, r: PETSc.Vec) -> Floats:
-        """−r of a gradient r in the jump basis, in equal shares on the copies of free nodes."""
+        """Return −r for a gradient r in the jump basis, in equal shares on copies of free nodes."""
         self._basis.M.multTranspose(r, self._nodal)
         self._nodal.scale(-1)
         return self.shares(self._nodal)
 
     def shares(self, nodal: PETSc.Vec) -> Floats:
-        """Nodal forces in equal shares on the copies of free nodes."""
+        """Return nodal forces in equal shares on the copies of free nodes."""
         self._image.array[:] = np.where(self._fixed, 0.0, nodal.array_r / self._count)
         self._copies.mult(self._image, self._torn)
         shares: Floats = self._torn.array_r.copy()
         return shares
 
     def glue(self, u: Floats, delta: PETSc.Vec) -> None:
-        """Set δ, in the jump basis, to the mean of what copies do."""
+        """Set δ, in the jump basis, to the mean over copies."""
         self._torn.array[:] = u
         self._copies.multTranspose(self._torn, self._nodal)
         self._nodal.array[:] = np.where(self._fixed, 0.0, self._nodal.array_r / self._count)

@@ -1,11 +1,11 @@
-"""One dual program of Total FETI: rows in force, bounds, and δ by its multipliers.
+"""Solve one dual program of Total FETI: active rows, bounds, and δ from its multipliers.
 
 With F = B K⁺Bᵀ, d = B K⁺f − c, G = RᵀBᵀ and e = Rᵀf,
 
     minimise ½ λᵀFλ − dᵀλ  where  Gλ = e,  λ ≥ lower
 
-is solved for the difference x of λ to forces that are in balance on every piece, so that Gx = 0.
-The gradient Fλ − d is the jump of the rows but for rigid motions Rα of the pieces, and α are the
+is solved for the difference x of λ from forces that balance every piece, so that Gx = 0. The
+gradient Fλ − d is the jump of the rows apart from rigid motions Rα of the pieces, and α are the
 multipliers of Gλ = e.
 """
 
@@ -18,12 +18,12 @@ from perfplast_fenicsx.solvers.tfeti.smalbe import DualProgram, Smalbe
 
 
 class TornProgram:
-    """The dual of one contact QP, as it is being solved. All methods are collective.
+    """The dual of one contact QP during its solution. All methods are collective.
 
     Attributes:
         smalbe: The iteration.
-        jumps: Size of the jumps that are to vanish, with which tolerances are compared.
-        forces: Size of the multipliers that close them.
+        jumps: Scale of the jumps, to which tolerances refer.
+        forces: Scale of the multipliers that close them.
     """
 
     def __init__(
@@ -35,15 +35,15 @@ class TornProgram:
         lower: Floats,
         start: Floats,
     ) -> None:
-        """Begin at multipliers.
+        """Start at given multipliers.
 
         Args:
-            dual: F, for the rows in force.
-            precondition: Approximates its inverse.
+            dual: F of the active rows.
+            precondition: Function that approximates its inverse.
             f: Forces on torn unknowns.
-            c: What the rows are to be, or to be no more than.
+            c: Required values of the rows, or their upper bounds.
             lower: Bounds of λ.
-            start: λ to begin with.
+            start: Initial λ.
         """
         coarse, K, comm = dual.coarse, dual.stiffness, dual.comm
         self._dual, self._f, self._lower = dual, f, lower
@@ -64,37 +64,37 @@ class TornProgram:
         length = program.length
         self.jumps = length(program.b)
         self.forces = max(length(missing), self.jumps / dual.norm if dual.norm > 0 else 0.0)
-        # What is left of forces and jumps, relative to their terms, that is rounding.
+        # Relative residual of forces and jumps that counts as rounding.
         rounding = 1e-14
         self._least_jumps = rounding * (length(self._d) + length(moved))
         self._least_forces = rounding * length(self._shift)
         self.smalbe = Smalbe(program, np.zeros(dual.size))
 
     def run(self, rtol: float, most: int) -> bool:
-        """Go on until jumps and lack of balance are small.
+        """Iterate until jumps and unbalanced forces are small, and return whether they are.
 
         Args:
-            rtol: Relative to ``jumps`` and ``forces``; rounding is let pass.
-            most: Products with F, after which the iteration is given up.
+            rtol: Tolerance relative to ``jumps`` and ``forces``; rounding is accepted.
+            most: Largest number of products with F.
 
         Returns:
-            Whether they are.
+            Whether they are small.
         """
         jumps = max(rtol * self.jumps, self._least_jumps)
         forces = max(rtol * self.forces, self._least_forces)
         return self.smalbe.run(jumps, forces, most)
 
     def at_rounding(self, rtol: float) -> bool:
-        """Return whether no smaller tolerance makes sense."""
+        """Return whether a smaller tolerance makes no sense."""
         return rtol * self.jumps <= self._least_jumps and rtol * self.forces <= self._least_forces
 
     def multipliers(self) -> Floats:
-        """λ, exactly within its bounds."""
+        """Return λ, exactly within its bounds."""
         bounded = self.smalbe.x <= self._lower - self._shift
         return np.where(bounded, self._lower, np.maximum(self._shift + self.smalbe.x, self._lower))
 
     def displacement(self, multipliers: Floats) -> Floats:
-        """δ on torn unknowns."""
+        """Return δ on torn unknowns."""
         coarse, K, dual = self._dual.coarse, self._dual.stiffness, self._dual
         gradient = dual.multiply(multipliers) - self._d
         amplitudes = coarse.solve(coarse.balance(gradient - self.smalbe.multiplier))

@@ -1,10 +1,10 @@
-"""K of all pieces of a rank, torn off each other, and its generalised inverse K⁺.
+"""Store K of all pieces of a rank, torn from each other, and its generalised inverse K⁺.
 
-The pieces do not see each other, so that one sparse matrix of this rank alone has them all, and one
-factorisation is that of each. Its kernel are the rigid motions R. With as many springs as there are
-motions, M with invertible MᵀR, the inverse K⁺ = (K + k M Mᵀ)⁻¹ is a generalised inverse of K
-itself, K K⁺ K = K, whatever k > 0 is (T. Brzobohatý, Z. Dostál, T. Kozubek, P. Kovář and
-A. Markopoulos, Int. J. Numer. Meth. Engng 88 (2011), 493).
+The pieces are not coupled. One sparse matrix on this rank contains all of them, and one
+factorisation factorises each. Its kernel are the rigid motions R. With as many springs as there are
+motions, and M with invertible MᵀR, the matrix K⁺ = (K + k M Mᵀ)⁻¹ is a generalised inverse of K
+itself, K K⁺ K = K, for any k > 0 (T. Brzobohatý, Z. Dostál, T. Kozubek, P. Kovář and A.
+Markopoulos, Int. J. Numer. Meth. Engng 88 (2011), 493).
 """
 
 from mpi4py import MPI
@@ -26,14 +26,14 @@ from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
 
 
 class TornStiffness:
-    """K with nothing glued or held; all of it on this rank, but where it says so.
+    """K without gluing and supports, on only this rank unless stated otherwise.
 
     Attributes:
-        size: Torn unknowns of this rank.
+        size: Number of torn unknowns of this rank.
     """
 
     def __init__(self, fields: QuadratureFields, pieces: Subdomains) -> None:
-        """Compile the form, and find the pattern. Collective."""
+        """Compile the form, and create the pattern. Collective."""
         problem = fields.problem
         V, gdim = problem.V, problem.bodies.gdim
         self._comm: MPI.Intracomm = problem.comm
@@ -57,7 +57,7 @@ class TornStiffness:
 
     @phase("assembly")
     def at(self, rho: float) -> "TornStiffness":
-        """Itself, with K brought to the strains, with this ρ. Collective."""
+        """Return the object after updating K to the present strains, with this ρ. Collective."""
         self._tangent.update(rho)
         self.matrix.zeroEntries()
         fem_petsc.assemble_matrix(self.matrix, self._tangent.form)
@@ -69,14 +69,13 @@ class TornStiffness:
 
     @phase("linear set-up")
     def factorise(self) -> None:
-        """Make K⁺ of the present K. Collective.
+        """Compute K⁺ of the present K. Collective.
 
         Raises:
             LinearFailure: If the rigid motions are not the kernel of K.
         """
         moved = self.multiply(self._motions.sum(axis=1))
-        # Forces of a rigid motion of unit size, relative to the
-        # stiffness, that are more than rounding.
+        # Force of a unit rigid motion, relative to the stiffness, above the level of rounding.
         not_rigid = 1e-7
         stiff = float(np.abs(moved).max(initial=0)) > not_rigid * self._scale
         self._add_springs(1.0)
@@ -94,14 +93,14 @@ class TornStiffness:
             )
 
     def _proved(self) -> str | None:
-        """Return the fault of the factors, tried on balanced forces; None if they are good."""
+        """Return the fault of the factors, tested on balanced forces; None if they are good."""
         forces = self.multiply(np.cos(np.arange(self.size)))
         left = self.multiply(self.solve(forces)) - forces
-        # Share of its right-hand side that a solution with good factors does not leave.
+        # Largest relative residual of a solution with good factors.
         unsolved = 1e-6
         if np.linalg.norm(left) <= unsolved * np.linalg.norm(forces):
             return None
-        return "what it solves is not solved"
+        return "its solution has a large residual"
 
     def _add_springs(self, sign: float) -> None:
         for unknown in self._fixing:
@@ -112,11 +111,11 @@ class TornStiffness:
 
     @phase("linear solve")
     def solve(self, forces: Floats) -> Floats:
-        """K⁺ f, shape (size,)."""
+        """Return K⁺ f, shape (size,)."""
         return self._factors.solve(forces)
 
     def multiply(self, u: Floats) -> Floats:
-        """K u, shape (size,)."""
+        """Return K u, shape (size,)."""
         x = PETSc.Vec().createWithArray(np.ascontiguousarray(u), comm=PETSc.COMM_SELF)
         y = x.duplicate()
         self.matrix.mult(x, y)
@@ -127,7 +126,7 @@ class TornStiffness:
 
 
 def _blocks(pieces: Subdomains, gdim: int) -> PETSc.Mat:
-    """Return a symmetric matrix of zeros, in blocks, with room for K."""
+    """Return a symmetric blocked matrix of zeros with the pattern of K."""
     cells, nodes = pieces.torn.shape
     ones = np.ones(cells * nodes, dtype=np.int8)
     place = (np.repeat(np.arange(cells), nodes), pieces.torn.ravel())

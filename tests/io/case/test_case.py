@@ -432,8 +432,8 @@ FORMAT_FAULTS = [
     (SOLVE, UZAWA + "max_iterations = 0", ["[solve]", "max_iterations = 0"]),
     (SOLVE, UZAWA + "damping = true", ["[solve]", "'damping'"]),
     # motions
-    ('"load"', '"displacement"', ["[loading]", "the load on 'top' is to grow", "constant = true"]),
-    (DRIVEN[0], DRIVEN[1].replace("value = -1e-3", ""), ["[loading]", "moves nothing"]),
+    ('"load"', '"displacement"', ["[loading]", "the load on 'top' would grow", "constant = true"]),
+    (DRIVEN[0], DRIVEN[1].replace("value = -1e-3", ""), ["[loading]", "no motion"]),
     (DRIVEN[0], DRIVEN[1].replace("until = 1.0", ""), ["neither values nor until"]),
     (DRIVEN[0], DRIVEN[1].replace("until = 1.0", "until = 0.0"), ["until = 0.0"]),
     (DRIVEN[0], DRIVEN[1].replace("until = 1.0", "values = [1, 1]"), ["(or all decrease)"]),

@@ -81,7 +81,7 @@ def test_a_whole_force_is_kept_on_any_mesh(n: int) -> None:
 def test_a_formula_has_no_whole_force() -> None:
     materials = dict.fromkeys(("lower", "upper"), STEEL)
     loads = [Traction("top", (0.0, 0.0, "-x"), total=True)]
-    with pytest.raises(InputError, match="formula, and total = true"):
+    with pytest.raises(InputError, match="formula, but total = true"):
         Problem(two_blocks(COMM, 1), materials, [Support("left")], loads)
 
 

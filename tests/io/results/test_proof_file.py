@@ -121,7 +121,7 @@ def test_the_bounds_of_a_body(shared_tmp_path: Path, read: Read, dim: int) -> No
     more = replace(bounds, stress=np.full_like(bounds.stress, np.nan))
     low, high = judge(results, path, more, bounds)
     assert (low.lower.strict, high.upper.strict) == (False, True)
-    assert "checker of proofs" in low.lower.why_not[0]
+    assert "proof checker" in low.lower.why_not[0]
     assert list(check(path)) == ["upper"]
     less = replace(bounds, upper=replace(bounds.upper, value=0.5 * found["upper"].claimed))
     low, high = judge(results, path, more, less)

@@ -148,7 +148,7 @@ def test_a_folder_that_cannot_be_made(comm: MPI.Intracomm, shared_tmp_path: Path
         if comm.rank == 0:
             locked.mkdir(mode=0o500)
         comm.barrier()
-        assert "no right to write" in refused(comm, locked / "results")
+        assert "no permission to write" in refused(comm, locked / "results")
 
 
 @pytest.mark.mpi2

@@ -148,5 +148,5 @@ def test_entries_where_there_were_none_are_seen(both: tuple[int, int], upper: bo
     blocks = BlockRows(MPI.COMM_WORLD, np.float64, both, rows(1), 3 * both[1], upper=upper)
     blocks.fill(rows(1))
     for column in (2, 3):  # which was empty, and which was not there at all
-        with pytest.raises(AssertionError, match="1 entries are where the matrix had none"):
+        with pytest.raises(AssertionError, match="1 entries are outside the first pattern"):
             blocks.fill(rows(column))
