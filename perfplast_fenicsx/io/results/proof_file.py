@@ -261,7 +261,7 @@ def judge(
                 ("lower", low.lower, balanced),
                 ("upper", high.upper, claimed),
             )
-            if kind in refused and reached.get(kind) is not None and bound.value == before
+            if kind in refused and reached.get(kind) not in (None, before) and bound.value == before
         }
         lower, upper = (
             worse[kind]
