@@ -210,9 +210,7 @@ class DrawnGround:
                     "ground; rename the body."
                 )
         if all(one.opening for one in self.regions) and not self.strata:
-            raise InputError(
-                "there is no ground: each region is an opening; draw the ground as well."
-            )
+            raise InputError("there is no ground: each region is an opening; draw the ground.")
 
 
 @dataclass(frozen=True)
@@ -355,9 +353,8 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
     for one in strata[:-1]:
         if one.bottom is not None:
             raise InputError(
-                f"the stratum '{one.name}' has a bottom, but it reaches down to "
-                f"'{strata[-1].name}' or a stratum between; give bottom only for the last "
-                "stratum."
+                f"the stratum '{one.name}' has a bottom, but it reaches down to"
+                f" '{strata[-1].name}' or a stratum between; give bottom only for the last one."
             )
     named = [
         (f"the top of '{one.name}'", points_of(one.top, f"the top of '{one.name}'"))
