@@ -54,7 +54,7 @@ from perfplast_fenicsx import (
     shakedown_load,
     stacked_blocks,
 )
-from perfplast_fenicsx.limit_analysis import interior_point
+from perfplast_fenicsx.limit_analysis import Progress, interior_point
 from tests.contact.blocks_apart import blocks_apart
 from tests.limit_analysis.test_static_bound import rectangle
 from tests.stones import box, stones, weight_and
@@ -224,7 +224,9 @@ def factor(problem: Problem) -> Row:
 def diagram(problem: Problem, *loads: Any) -> Row:
     """Radii of the inner and the outer polygon of two loads, summed over rays."""
     steps: list[Any] = []
-    found = envelope(problem, [[load] for load in loads], 3, 0.01, steps=steps.append)
+    found = envelope(
+        problem, [[load] for load in loads], 3, 0.01, progress=Progress(steps=steps.append)
+    )
     rays = np.arange(5.0, 90.0, 20.0).tolist()
     inner, outer = sum(map(found.inner, rays)), sum(map(found.outer, rays))
     return {"lower": inner, "upper": outer, "steps": len(steps)}

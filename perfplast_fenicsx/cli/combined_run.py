@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
 from perfplast_fenicsx.cli.parser import NO_SOLUTION, SOLVED
-from perfplast_fenicsx.cli.run import run, run_command
+from perfplast_fenicsx.cli.run import Flags, OneOfSeveral, run, run_command
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
@@ -19,15 +20,7 @@ from perfplast_fenicsx.report.report_file import Reporting, report_on
 
 
 def run_combined(
-    comm: MPI.Intracomm,
-    case: Case,
-    output: str,
-    force: bool,
-    terminal: Terminal,
-    log_level: str = "info",
-    restart: bool = False,
-    report: Reporting = Reporting.NEVER,
-    trust: bool = False,
+    comm: MPI.Intracomm, case: Case, output: str, terminal: Terminal, flags: Flags
 ) -> int:
     """Solve each combination in a folder of its own, on one mesh and contact. Collective.
 
@@ -35,13 +28,9 @@ def run_combined(
         comm: The ranks of the run.
         case: A case with combinations.
         output: Folder for the combinations' folders and ``combinations.csv``.
-        force: Whether to replace results in them.
         terminal: The terminal that shows the run.
-        log_level: The least level of records, as in :func:`run.run`.
-        restart: Leave out those that are solved there.
-        report: When to write ``report.html`` of each, at the end with the table of all; at the end
-            also where a signal ends the run.
-        trust: Run a script that the mesh is made of.
+        flags: Options of the command. ``restart`` leaves out those that are solved there. Pages of
+            ``report`` are written at the end, with the table of all.
 
     Returns:
         The largest exit status, or that of an interrupt, which ends the run.
@@ -52,12 +41,12 @@ def run_combined(
     path, statuses = str(case.path), [SOLVED]
     folders = {one.name: str(Path(output) / one.name) for one in case.combinations}
     done = on_rank0(comm, lambda: [n for n, where in folders.items() if _is_done(where, case)])
-    solved: list[str] = comm.bcast(done) if restart else []
+    solved: list[str] = comm.bcast(done) if flags.restart else []
     written = {
-        name: ResultFolder(comm, folder, force or name in solved)
+        name: ResultFolder(comm, folder, flags.force or name in solved)
         for name, folder in folders.items()
     }
-    command = run_command(path, output, report, trust)
+    command = run_command(path, output, flags.report, flags.trust)
     try:
         with Interrupts(comm) as interrupts:
             bodies = case.problem(comm)
@@ -69,12 +58,13 @@ def run_combined(
         if one.name in solved:
             terminal.say(f"'{one.name}' is already solved.")
             continue
-        live = report if report is Reporting.LIVE else Reporting.NEVER
-        told = (path, folders[one.name], force, terminal, log_level, False, live, trust, False)
-        statuses.append(run(comm, *told, case.combined(one), bodies, command))
+        live = flags.report if flags.report is Reporting.LIVE else Reporting.NEVER
+        each = replace(flags, restart=False, report=live)  # pages come last, with all of them
+        prepared = OneOfSeveral(case.combined(one), command, bodies)
+        statuses.append(run(comm, path, folders[one.name], terminal, each, prepared))
         terminal.say()
         if statuses[-1] not in (SOLVED, NO_SOLUTION):
-            if report:
+            if flags.report:
                 names = list(written)[: case.combinations.index(one) + 1]
                 _pages([written[name] for name in names], terminal)
             return statuses[-1]
@@ -89,7 +79,7 @@ def run_combined(
         return [*shown(rows), said]
 
     lines = on_rank0(comm, table) or []
-    if report:
+    if flags.report:
         _pages(list(written.values()), terminal)
         terminal.say()
     for line in lines:

@@ -3,7 +3,6 @@
 import argparse
 import json
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
@@ -15,7 +14,7 @@ from perfplast_fenicsx.cli.model_command import is_model, mesh_model
 from perfplast_fenicsx.cli.parser import SOLVED, set_petsc_options
 from perfplast_fenicsx.cli.refined_run import run_refined
 from perfplast_fenicsx.cli.result_commands import claim, draw, export_results, follow, report
-from perfplast_fenicsx.cli.run import admitted_solver, on_bodies, run, warn_of
+from perfplast_fenicsx.cli.run import Flags, admitted_solver, on_bodies, run, warn_of
 from perfplast_fenicsx.cli.run_log import logged_to_console
 from perfplast_fenicsx.cli.signals import leave_pipes_to_python
 from perfplast_fenicsx.cli.sweep_command import sweep
@@ -50,21 +49,24 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace) -> int:
         live = False if steps_shown else None
         terminal = Terminal(comm, live=live, quiet=chosen.quiet)
         with logged_to_console(comm, chosen.log_level, terminal.clear):
-            where = (chosen.case, chosen.restart or chosen.output, chosen.force)
-            restart = chosen.restart is not None
+            output = chosen.restart or chosen.output
             pages = Reporting.AT_END if chosen.report else Reporting.NEVER
-            pages = Reporting.LIVE if chosen.watch else pages
-            how: tuple[Any, ...] = (chosen.log_level, restart, pages, chosen.trust)
+            flags = Flags(
+                force=chosen.force,
+                restart=chosen.restart is not None,
+                report=Reporting.LIVE if chosen.watch else pages,
+                trust=chosen.trust,
+                log_level=chosen.log_level,
+            )
             try:
                 if chosen.command == "sweep":
-                    return sweep(comm, *where, terminal, chosen.vary, *how)
+                    return sweep(comm, chosen.case, output, terminal, chosen.vary, flags)
                 if chosen.refine:
-                    flags = (chosen.log_level, pages, chosen.trust)
-                    return run_refined(comm, *where, terminal, *flags)
+                    return run_refined(comm, chosen.case, output, terminal, flags)
                 case = read_case(chosen.case, comm, chosen.trust)
                 if case.combinations:
-                    return run_combined(comm, case, *where[1:], terminal, *how)
-                return run(comm, *where, terminal, *how)
+                    return run_combined(comm, case, output, terminal, flags)
+                return run(comm, chosen.case, output, terminal, flags)
             finally:
                 terminal.clear()
     with logged_to_console(comm):

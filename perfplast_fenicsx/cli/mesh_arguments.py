@@ -29,6 +29,13 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
         " .vtk",
     )
     mesh.add_argument("-o", "--output", metavar="DIR", required=True, help="output folder")
+    mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")
+    _add_sizes(mesh)
+    _add_bodies(mesh)
+
+
+def _add_sizes(mesh: argparse.ArgumentParser) -> None:
+    """Add the options of the cells."""
     mesh.add_argument("--size", metavar="H", type=float, help="largest edge length")
     mesh.add_argument(
         "--size-of",
@@ -45,14 +52,25 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
         "accurate to 1 %%)",
     )
     mesh.add_argument(
+        "--order", type=int, choices=(1, 2), default=1, help="2 for curved elements (default: 1)"
+    )
+    mesh.add_argument(
+        "--patience",
+        metavar="S",
+        type=float,
+        default=600.0,
+        help="largest time for meshing, in seconds (default: 600)",
+    )
+
+
+def _add_bodies(mesh: argparse.ArgumentParser) -> None:
+    """Add the options of the bodies, and of what is between them."""
+    mesh.add_argument(
         "--without",
         metavar="BODY",
         action="append",
         default=[],
         help="body to leave out, by its name (may be repeated)",
-    )
-    mesh.add_argument(
-        "--order", type=int, choices=(1, 2), default=1, help="2 for curved elements (default: 1)"
     )
     mesh.add_argument(
         "--symmetry",
@@ -87,16 +105,8 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="material of all bodies (perfplast materials lists the names)",
     )
-    mesh.add_argument(
-        "--patience",
-        metavar="S",
-        type=float,
-        default=600.0,
-        help="largest time for meshing, in seconds (default: 600)",
-    )
     glued = mesh.add_mutually_exclusive_group()
     glued.add_argument(
         "--glued", "--tied", dest="tied", action="store_true", help="glue bodies that touch"
     )
     glued.add_argument("--bolted", action="store_true", help="glue only bolts to their nuts")
-    mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")

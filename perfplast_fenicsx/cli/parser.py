@@ -10,7 +10,7 @@ second, but help, version and shell completion must be fast.
 import argparse
 import os
 from collections.abc import Mapping, Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.cli.mesh_arguments import add_mesh
@@ -185,7 +185,23 @@ def make_parser() -> _Parser:
         "contents you know",
     )
     parser.commands = commands.choices
+    _add_solving(commands, scripts)
+    add_mesh(commands, scripts)
+    _add_setup(commands)
+    _add_check(commands, scripts)
+    _add_pictures(commands)
+    _add_pages(commands)
+    _add_references(commands, scripts)
+    return parser
 
+
+def _add_solving(commands: Any, scripts: argparse.ArgumentParser) -> None:
+    """Add the commands that solve.
+
+    Args:
+        commands: Sub-parsers.
+        scripts: What all commands have that may run a script.
+    """
     run = commands.add_parser(
         "run",
         parents=[scripts],
@@ -219,8 +235,9 @@ def make_parser() -> _Parser:
         "material.block.yield_stress=200:300:5 or load.top.pressure=1,2; may be repeated",
     )
 
-    add_mesh(commands, scripts)
 
+def _add_setup(commands: Any) -> None:
+    """Add ``setup``; see :func:`_add_solving` for the arguments."""
     setup = commands.add_parser(
         "setup",
         help="open the page on which a case is set up by clicks",
@@ -229,6 +246,9 @@ def make_parser() -> _Parser:
     )
     setup.add_argument("folder", metavar="DIR", help="folder that perfplast mesh has written")
 
+
+def _add_check(commands: Any, scripts: argparse.ArgumentParser) -> None:
+    """Add ``check``; see :func:`_add_solving` for the arguments."""
     check = commands.add_parser(
         "check",
         parents=[scripts],
@@ -247,6 +267,9 @@ def make_parser() -> _Parser:
         "pictures = false under [output])",
     )
 
+
+def _add_pictures(commands: Any) -> None:
+    """Add the commands that draw results."""
     plot = commands.add_parser(
         "plot",
         help="draw loading curve, plastic zone, mechanism and contact pressure",
@@ -284,6 +307,9 @@ def make_parser() -> _Parser:
         help="file ending in .gif or .webp (default: DIR/loading.gif)",
     )
 
+
+def _add_pages(commands: Any) -> None:
+    """Add the commands that write results for others."""
     report = commands.add_parser(
         "report",
         help="write a report as one HTML page for any browser",
@@ -340,6 +366,9 @@ def make_parser() -> _Parser:
     exported.add_argument("--vtu", action="store_true", help="write the stored fields")
     exported.add_argument("--csv", action="store_true", help="write levels, forces and bounds")
 
+
+def _add_references(commands: Any, scripts: argparse.ArgumentParser) -> None:
+    """Add the commands that show what there is; see :func:`_add_solving` for the arguments."""
     materials = commands.add_parser(
         "materials",
         help="show numbers of common materials, with their sources",
@@ -384,4 +413,3 @@ def make_parser() -> _Parser:
         "file if a case begins with the line  #:schema ./case.schema.json  next to it.",
     )
     schema.add_argument("-o", "--output", metavar="SCHEMA", help="file to write or replace")
-    return parser

@@ -8,26 +8,18 @@ from typing import Any
 from mpi4py import MPI
 
 from perfplast_fenicsx.cli.parser import NO_SOLUTION, SOLVED
-from perfplast_fenicsx.cli.run import run
+from perfplast_fenicsx.cli.run import Flags, run
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.limit_analysis.body.next_step import clock
 from perfplast_fenicsx.mesh_estimate import percent
-from perfplast_fenicsx.report.report_file import Reporting
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 NONE = "-"
 
 
 def run_refined(
-    comm: MPI.Intracomm,
-    path: str,
-    output: str,
-    force: bool,
-    terminal: Terminal,
-    log_level: str = "info",
-    report: Reporting = Reporting.NEVER,
-    trust: bool = False,
+    comm: MPI.Intracomm, path: str, output: str, terminal: Terminal, flags: Flags
 ) -> int:
     """Solve a case twice, the second time with elements of half the size. Collective.
 
@@ -43,8 +35,7 @@ def run_refined(
     finer = str(Path(output) / half)
     statuses = []
     for where, halved in ((output, False), (finer, True)):
-        told = (path, where, force, terminal, log_level, False, report, trust, halved)
-        statuses.append(run(comm, *told))
+        statuses.append(run(comm, path, where, terminal, flags, finer=halved))
         if statuses[-1] not in (SOLVED, NO_SOLUTION):
             return statuses[-1]
 

@@ -3,6 +3,7 @@
 import logging
 import shlex
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -55,20 +56,48 @@ from perfplast_fenicsx.report.report_file import LiveReport, Reporting, report_o
 log = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True)
+class Flags:
+    """Options that ``run`` and ``sweep`` share.
+
+    Attributes:
+        force: Replace results in the folder.
+        restart: Go on from the last level that is solved in the folder.
+        report: When to write ``report.html``; at the end also where a signal ends the run.
+        trust: Run a script that the mesh is made of.
+        log_level: What is in ``run.log`` beside what always is (:class:`run_log.RunLog`).
+    """
+
+    force: bool = False
+    restart: bool = False
+    report: Reporting = Reporting.NEVER
+    trust: bool = False
+    log_level: str = "info"
+
+
+@dataclass(frozen=True, eq=False)
+class OneOfSeveral:
+    """A case that is one of several that are made of a file.
+
+    Attributes:
+        case: The case.
+        command: The command that repeats all of them.
+        bodies: Another problem whose mesh and contact it shares; None for bodies of its own.
+    """
+
+    case: Case
+    command: str
+    bodies: Problem | None = None
+
+
 def run(
     comm: MPI.Intracomm,
     path: str,
     output: str,
-    force: bool,
     terminal: Terminal,
-    log_level: str = "info",
-    restart: bool = False,
-    report: Reporting = Reporting.NEVER,
-    trust: bool = False,
+    flags: Flags,
+    one: OneOfSeveral | None = None,
     finer: bool = False,
-    prepared: Case | None = None,
-    bodies: Problem | None = None,
-    command: str = "",
 ) -> int:
     """Solve a case and write its results. Collective.
 
@@ -76,16 +105,10 @@ def run(
         comm: The ranks of the run.
         path: Path of the case file.
         output: Result folder.
-        force: Whether to replace results in it.
         terminal: The terminal that shows the run.
-        log_level: What is in ``run.log`` beside what always is (:class:`run_log.RunLog`).
-        restart: Go on from the last level that is solved in the folder.
-        report: When to write ``report.html``; at the end also where a signal ends the run.
-        trust: Run a script that the mesh is made of.
+        flags: Options of the command.
+        one: The case, where it is one of several that are made of the file.
         finer: With elements of half the size.
-        prepared: The case, where it is one of several that are made of the file.
-        bodies: Another problem whose mesh and contact it shares.
-        command: The command that repeats several cases.
 
     Returns:
         ``SOLVED``, ``NO_SOLUTION`` if a level has no solution, or the status of an interrupt.
@@ -95,48 +118,29 @@ def run(
     """
     began, date = time.perf_counter(), time.strftime("%Y-%m-%d %H:%M %Z")
     with Interrupts(comm) as interrupts, kept_warnings(comm) as warnings:
-        case = prepared or read_case(path, comm, trust)
+        case = one.case if one else read_case(path, comm, flags.trust)
         if case.combinations:
             raise InputError(
                 f"{case.path.name}: the case has combinations, but --refine solves only "
                 "one case; remove one of them."
             )
-        folder = ResultFolder(comm, output, force, restart)
+        folder = ResultFolder(comm, output, flags.force, flags.restart)
         content = with_contents(case.table, case.materials)
-        if restart:
+        if flags.restart:
             check_case(folder, content, case.path.name)
         terminal.status("setting up the problem")
-        problem = case.problem(comm) if bodies is None else on_bodies(bodies, case)
-        if finer:
-            with at(f"{case.path.name}, --refine"):
-                problem = halved(problem)
+        problem = _problem(comm, case, one.bodies if one else None, finer)
         checkpoints = Checkpoints(folder, problem, content, __version__)
         stages = case.history(problem)
-        saved = checkpoints.read(stages) if restart else Saved()
+        saved = checkpoints.read(stages) if flags.restart else Saved()
         method = case.method if saved.reports else case.method_on(problem)
         solver = admitted_solver(case, problem, method)
-        if not restart:
+        if not flags.restart:
             folder.create()
             checkpoints.write(saved)
-        whole = str(Path(output).parent) if prepared else output
-        with RunLog(folder, log_level, len(saved.reports) + 1) as journal:
-            said = [*case.remarks]
-            if not case.loading.of_body:  # the bounds print their own sentence on it
-                said += flow_words(case.materials)
-            if method == LimitMethod.INTERIOR_POINT:
-                said += case.loading.remarks(problem)
-            else:
-                said += _on_friction(problem, case.loading.limit_tolerance is not None)
-                said += problem.shanks.in_words()
-            meant = understood(case, problem)
-            lines = meant.lines if meant else []  # only rank 0 has them, and prints them
-            terminal.say("\n".join(lines))
-            for remark in said:
-                terminal.say(f"{remark}.")
-            warn_of(comm, case, problem)
-            remarks = [*problem.constraints.remarks, *left_out(problem), *said]
-            heading = describe(case.title, method, problem, case.options, case.conic)
-            journal.header(case, [*lines, heading, *remarks])
+        whole = str(Path(output).parent) if one else output
+        with RunLog(folder, flags.log_level, len(saved.reports) + 1) as journal:
+            repeat = one.command if one else run_command(path, whole, flags.report, flags.trust)
             context = RunContext(
                 case=case,
                 problem=problem,
@@ -149,29 +153,53 @@ def run(
                 interrupts=interrupts,
                 began=began,
                 date=comm.bcast(date),
-                command=command or run_command(path, whole, report, trust),
-                remarks=remarks,
+                command=repeat,
+                remarks=_introduce(case, problem, method, terminal, journal),
                 warnings=warnings,
-                live=LiveReport(folder) if report is Reporting.LIVE else None,
+                live=LiveReport(folder) if flags.report is Reporting.LIVE else None,
             )
             try:
                 status = _solve(context, solver, stages)
             except Interrupted as interrupted:
-                kept = solver or folder.file(KNOWN).exists()
-                told = (
-                    "solved levels are saved; continue"
-                    if kept
-                    else "no results are lost; start again"
-                )
-                again = command.replace(" -o ", " --restart ", 1)
+                again = one.command.replace(" -o ", " --restart ", 1) if one else ""
                 again = again or f"perfplast run {path} --restart {whole}"
-                log.warning("%s %s, %s with: %s", INTERRUPTED, interrupted, told, again)
+                _log_interrupt(interrupted, solver or folder.file(KNOWN).exists(), again)
                 status = interrupted.status
             finally:
                 terminal.heard = None  # what comes last is the page of the results
-            if report and (page := report_on(folder)) is not None:
+            if flags.report and (page := report_on(folder)) is not None:
                 terminal.say(f"Report: {page}")
             return status
+
+
+def _log_interrupt(interrupted: Interrupted, kept: Any, again: str) -> None:
+    """Log an interrupt, with the command that goes on or starts again."""
+    words = "solved levels are saved; continue" if kept else "no results are lost; start again"
+    log.warning("%s %s, %s with: %s", INTERRUPTED, interrupted, words, again)
+
+
+def _introduce(
+    case: Case, problem: Problem, method: str, terminal: Terminal, journal: RunLog
+) -> list[str]:
+    """Say how a case was understood, and return the remarks on it. Collective."""
+    said = [*case.remarks]
+    if not case.loading.of_body:  # the bounds print their own sentence on it
+        said += flow_words(case.materials)
+    if method == LimitMethod.INTERIOR_POINT:
+        said += case.loading.remarks(problem)
+    else:
+        said += _on_friction(problem, case.loading.limit_tolerance is not None)
+        said += problem.shanks.in_words()
+    meant = understood(case, problem)
+    lines = meant.lines if meant else []  # only rank 0 has them, and prints them
+    terminal.say("\n".join(lines))
+    for remark in said:
+        terminal.say(f"{remark}.")
+    warn_of(problem.comm, case, problem)
+    remarks = [*problem.constraints.remarks, *left_out(problem), *said]
+    heading = describe(case.title, method, problem, case.options, case.conic)
+    journal.header(case, [*lines, heading, *remarks])
+    return remarks
 
 
 def admitted_solver(case: Case, problem: Problem, method: str) -> Any:
@@ -223,6 +251,15 @@ def check_conic(case: Case, problem: Problem, direct: bool) -> None:
             f"is that of {how}, which needs none; remove conic."
         )
     check_solver(case.conic, problem.comm.size)
+
+
+def _problem(comm: MPI.Intracomm, case: Case, bodies: Problem | None, finer: bool) -> Problem:
+    """Return the problem of a case, on bodies that are there or its own. Collective."""
+    problem = case.problem(comm) if bodies is None else on_bodies(bodies, case)
+    if not finer:
+        return problem
+    with at(f"{case.path.name}, --refine"):
+        return halved(problem)
 
 
 def on_bodies(bodies: Problem, case: Case) -> Problem:

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.parser import NO_SOLUTION, SOLVED
-from perfplast_fenicsx.cli.run import run
+from perfplast_fenicsx.cli.run import Flags, OneOfSeveral, run
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.csv_table import csv_table
 from perfplast_fenicsx.errors import InputError, on_rank0, raise_together
@@ -21,7 +21,6 @@ from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import case_of, read_case
 from perfplast_fenicsx.io.case.variations import Variation, grid, read_variation, varied
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.report.report_file import Reporting
 
 TABLE, PICTURE = "sweep.csv", "sweep.png"
 """Files of a sweep, in the folder that contains those of the cases."""
@@ -33,13 +32,9 @@ def sweep(
     comm: MPI.Intracomm,
     path: str,
     output: str,
-    force: bool,
     terminal: Terminal,
     vary: Sequence[str],
-    log_level: str = "info",
-    restart: bool = False,
-    report: Reporting = Reporting.NEVER,
-    trust: bool = False,
+    flags: Flags,
 ) -> int:
     """Solve all cases of a sweep, each on all ranks in a separate folder. Collective.
 
@@ -47,13 +42,10 @@ def sweep(
         comm: The ranks of the run.
         path: Path of the case file.
         output: Folder for the cases' folders, :data:`TABLE` and :data:`PICTURE`.
-        force: Whether to replace results in them.
         terminal: The terminal that shows the run.
         vary: Varied keys and their values, as :func:`variations.read_variation` takes them.
-        log_level: The least level of records, as in :func:`run.run`.
-        restart: Leave out what is solved there, and go on with what is begun.
-        report: When to write ``report.html`` of each.
-        trust: Run a script that the mesh is made of.
+        flags: Options of the command. ``restart`` leaves out what is solved there, and goes on with
+            what is begun.
 
     Returns:
         The largest exit status, or that of an interrupt, which ends the sweep.
@@ -63,13 +55,13 @@ def sweep(
             solution.
     """
     variations = [read_variation(text) for text in vary]
-    cases = sweep_cases(comm, path, variations, trust)
+    cases = sweep_cases(comm, path, variations, flags.trust)
     folders = [str(Path(output) / f"{number:04d}") for number in range(1, len(cases) + 1)]
     pairs = list(zip(folders, cases, strict=True))
     states: list[str] = comm.bcast(on_rank0(comm, lambda: [_state(*pair) for pair in pairs]))
-    if not restart:
+    if not flags.restart:
         for folder in folders:
-            ResultFolder(comm, folder, force)
+            ResultFolder(comm, folder, flags.force)
         states = [ANEW] * len(states)
     command = ["perfplast", "sweep", path, "-o", output, *(f"--vary={text}" for text in vary)]
     statuses, rows = [SOLVED], list[dict[str, Any]]()
@@ -77,9 +69,10 @@ def sweep(
         if state != DONE:
             terminal.say(f"{Path(folder).name}: {_in_words(values)}")
             begun = state == BEGUN
-            told = (path, folder, force or restart, terminal, log_level, begun, report, trust)
-            told = told if not begun else (*told[:2], False, *told[3:])
-            statuses.append(run(comm, *told, prepared=case, command=shlex.join(command)))
+            replaced = (flags.force or flags.restart) and not begun
+            each = with_(flags, force=replaced, restart=begun)
+            one = OneOfSeveral(case, shlex.join(command))
+            statuses.append(run(comm, path, folder, terminal, each, one))
             terminal.say()
             if statuses[-1] not in (SOLVED, NO_SOLUTION):
                 return statuses[-1]

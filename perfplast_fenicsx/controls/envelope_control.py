@@ -7,7 +7,7 @@ from perfplast_fenicsx.controls.control import OfBody, Run
 from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.controls.interim import of_other_loads
 from perfplast_fenicsx.errors import InputError, nearest
-from perfplast_fenicsx.limit_analysis.body.interaction import envelope
+from perfplast_fenicsx.limit_analysis.body.interaction import Progress, envelope
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import check_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
@@ -112,9 +112,7 @@ class EnvelopeControl(OfBody):
                 around=self.signed,
                 rtol=self.limit_tolerance,
                 adaptation=run.adapt,
-                monitor=run.record.direction,
-                steps=run.record.interior,
-                known=run.directions,
+                progress=Progress(run.record.direction, run.record.interior, run.directions),
             )
         run.record.envelope(found, [" + ".join(names) for names in named])
         return replace(found.last.mesh, levelled_off=found.gap <= self.until)

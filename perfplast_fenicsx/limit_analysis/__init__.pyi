@@ -5,6 +5,7 @@ from .body.adaptive_meshes import adaptive_bounds as adaptive_bounds
 from .body.body_bounds import BodyBounds as BodyBounds
 from .body.body_bounds import LeastLoad as LeastLoad
 from .body.interaction import Envelope as Envelope
+from .body.interaction import Progress as Progress
 from .body.interaction import Proven as Proven
 from .body.interaction import envelope as envelope
 from .body.least_load import least_load as least_load

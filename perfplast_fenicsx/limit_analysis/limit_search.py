@@ -90,7 +90,19 @@ def limit_load(
                 ) from fault
             log.info("%s A loading path does without.", fault)
     solver = solver or WorkNewton(problem, NewtonOptions(**limit_options(rtol)))
-    search = search or Search()
+    return _by_path(problem, rtol, solver, monitor, on_level, search or Search(), reached)
+
+
+def _by_path(
+    problem: Problem,
+    rtol: float,
+    solver: WorkNewton,
+    monitor: Callable[[Any], None] | None,
+    on_level: Callable[[Level, Search], None] | None,
+    search: Search,
+    reached: Reached | None,
+) -> LimitLoad:
+    """Follow a loading path until the load levels off; see :func:`limit_load`. Collective."""
     judge = Judge(problem, rtol, search)
     first = search.linear_solves - solver.linear.solves
     levels: list[Level] = []

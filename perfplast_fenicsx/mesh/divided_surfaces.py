@@ -8,6 +8,7 @@ import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import la
+from dolfinx.common import IndexMap
 from dolfinx.mesh import create_mesh
 from scipy.spatial import cKDTree
 
@@ -36,8 +37,7 @@ def divided(
 ) -> TaggedMesh:
     """Return the mesh with cells divided where points lie inside facets of a surface. Collective.
 
-    A cell with two facets of the surface is not divided, and points near the ends of a facet are
-    ignored.
+    A cell with two facets there is not divided. Points near the ends of a facet are ignored.
 
     Args:
         tagged_mesh: Plane bodies of straight cells, without ghost cells.
@@ -73,10 +73,8 @@ def divided(
     raise_together(comm, _folded(surface, ends[facet], new, opposite))
     known = _snapped(known, points)
     first = comm.exscan(owned + len(new)) or 0
-    numbers = la.vector(topology.index_map(0), 1, dtype=np.int64)
-    numbers.array[:owned] = first + np.arange(owned)
-    numbers.scatter_forward()
-    of_cells = numbers.array[vertices].astype(np.int64)
+    numbers = _numbers(topology.index_map(0), first)
+    of_cells = numbers[vertices].astype(np.int64)
     cut, counts = np.unique(facet, return_counts=True)
     chains = _chains(of_cells[cells[cut]], places[cut], counts, first + owned)
     whole = np.setdiff1d(np.arange(len(vertices)), cells[cut])
@@ -91,13 +89,11 @@ def divided(
         e=ufl.Mesh(element),
         partitioner=sent_to(np.full(len(triangles), comm.rank)),
     )
-    tags = np.zeros(len(vertices), dtype=np.int32)
-    mine = tagged_mesh.cell_tags.indices < len(vertices)
-    tags[tagged_mesh.cell_tags.indices[mine]] = tagged_mesh.cell_tags.values[mine]
+    tags = _tags(tagged_mesh, len(vertices))
     of_part = tags[parents[finer.topology.original_cell_index - first_cell]]
 
     topology.create_connectivity(1, 0)
-    to_vertices = numbers.array[topology.connectivity(1, 0).array.reshape(-1, 2)].astype(np.int64)
+    to_vertices = numbers[topology.connectivity(1, 0).array.reshape(-1, 2)].astype(np.int64)
     facets, values = tagged_mesh.facet_tags.indices, tagged_mesh.facet_tags.values
     gone = outer.facets[chosen][cut]
     left = (facets < topology.index_map(1).size_local) & ~np.isin(facets, gone)
@@ -116,6 +112,25 @@ def divided(
         tagged_mesh.section,
         taken=tagged_mesh.taken,
     )
+
+
+def _numbers(vertices: IndexMap, first: int) -> Longs:
+    """Return numbers of the vertices that this rank knows, those of each rank from its first on.
+
+    Collective.
+    """
+    numbers = la.vector(vertices, 1, dtype=np.int64)
+    numbers.array[: vertices.size_local] = first + np.arange(vertices.size_local)
+    numbers.scatter_forward()
+    return numbers.array
+
+
+def _tags(tagged_mesh: TaggedMesh, count: int) -> Ints:
+    """Return the tags of the cells that this rank owns, shape (count,)."""
+    tags = np.zeros(count, dtype=np.int32)
+    mine = tagged_mesh.cell_tags.indices < count
+    tags[tagged_mesh.cell_tags.indices[mine]] = tagged_mesh.cell_tags.values[mine]
+    return tags
 
 
 def _snapped(places: Floats, points: Floats) -> Floats:

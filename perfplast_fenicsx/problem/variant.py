@@ -27,8 +27,7 @@ def variant(
     *,
     materials: Mapping[str, Material] | None = None,
     points: Spaces | None = None,
-    constraints: Constraints | None = None,
-    sliding: Constraints | None = None,
+    rows: tuple[Constraints, Constraints] | None = None,
     basis: JumpBasis | None = None,
     friction: Friction | None = None,
     loads: Sequence[Load] | None = None,
@@ -44,8 +43,8 @@ def variant(
         problem: The original problem.
         materials: Materials of each volume, as for a new problem.
         points: Spaces at other quadrature points, with the displacements of the problem.
-        constraints: The contact inequalities.
-        sliding: The rows of tangential jumps along surfaces with friction.
+        rows: The contact inequalities, and the rows of tangential jumps along surfaces with
+            friction.
         basis: The basis in which the inequalities are bounds; its rows that are not pairs are
             glued.
         friction: The resistance to slip, with the rows of the problem.
@@ -67,8 +66,7 @@ def variant(
         told = (tagged_mesh, spaces, given.materials, other.laws, given.initial)
         other.initial_strain = initial_strain(*told)
         other.shanks = Shanks(tagged_mesh, spaces, other.laws, given.initial)
-    other.constraints = constraints or problem.constraints
-    other.sliding = sliding or problem.sliding
+    other.constraints, other.sliding = rows or (problem.constraints, problem.sliding)
     if basis is not None:
         other.basis = basis
         counts = problem.comm.allreduce(np.array([len(basis.index), len(basis.tied)]))

@@ -18,6 +18,7 @@ from perfplast_fenicsx.problem.judged.report import Iteration
 from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
+from perfplast_fenicsx.solvers.active_set.friction_qp import FrictionModel
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import (
     NewtonOptions,
@@ -132,8 +133,9 @@ def newton_direction(
         return solver.program.solve(gradient, room, active, rtol, sets, work, first=first)
     solver.friction.set_operator(operator)
     jumps, slip = iterate.jumps(), iterate.slip
-    sets = sets if sets == 1 else None  # linearisations are iterated to convergence, or only once
-    found = solver.friction.solve(gradient, room, active, jumps, slip, rtol, sets, work, first)
+    sets = sets if sets == 1 else None  # linearisations are searched to the end, or not at all
+    model = FrictionModel(gradient, room, jumps, rtol, work, first)
+    found = solver.friction.solve(model, active, slip, sets)
     iterate.slip = found.slip
     return found.step
 

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 
 from perfplast_fenicsx import Force, InputError, Pressure, Problem, Support, Traction, VonMises
 from perfplast_fenicsx.limit_analysis import BodyBounds, Envelope, Proven, envelope
-from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Proving
+from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Progress, Proving
 from perfplast_fenicsx.limit_analysis.body.proven_polytopes import (
     farthest_apart,
     inner_along,
@@ -105,7 +105,7 @@ def fits_the_ellipse(
         directions=most,
         until=until,
         around=around,
-        monitor=listen,
+        progress=Progress(listen),
     )
     assert tuple(one.angles for one in told) == found.directions
     assert len(told) < most

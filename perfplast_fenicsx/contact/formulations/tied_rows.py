@@ -1,6 +1,7 @@
 """Form ties as rows B u = 0: those of mortar contact, for every displacement component."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -103,7 +104,6 @@ def _rows(
                     (rows.row[side], rows.node[side], rows.weight[side][:, None] * direction)
                     for side in (rows.own, ~rows.own)
                 ],
-                in_mean=True,
             )
         )
-    return parts
+    return [replace(part, in_mean=True) for part in parts]

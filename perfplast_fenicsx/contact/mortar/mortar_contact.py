@@ -1,7 +1,7 @@
 """Form contact of surfaces whose nodes need not match: dual mortar."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 
@@ -81,18 +81,20 @@ class Mortar:
         normal = np.zeros_like(nodes["normal"])
         np.add.at(normal, rows.row[rows.own], coefficient[rows.own])
         sides = (rows.own, ~rows.own)
-        return make_constraints(
+        shares = rows.weight[rows.own], -rows.weight[~rows.own]
+        found = make_constraints(
             V,
             nodes["node"],
             gap,
             normal if primary else -normal,
             np.full(len(nodes), self.number, dtype=np.int32),
-            [(rows.row[side], rows.node[side], coefficient[side]) for side in sides],
-            shares=[rows.weight[rows.own], -rows.weight[~rows.own]],
-            in_mean=True,
-            remarks=(self._remark(V, chosen),),
+            [
+                (rows.row[side], rows.node[side], coefficient[side], share)
+                for side, share in zip(sides, shares, strict=True)
+            ],
             area=rows.d,
         )
+        return replace(found, in_mean=True, remarks=(self._remark(V, chosen),))
 
     def _remark(self, V: fem.FunctionSpace, chosen: Side) -> str:
         """Return a remark on the chosen side, and on the error of straight facets. Collective."""

@@ -15,6 +15,7 @@ from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.contact.declared.friction_terms import FrictionTerms
 from perfplast_fenicsx.contact.rows.sparse_rows import (
     Entries,
+    SharedEntries,
     Sizes,
     entries_of,
     matrix_of_entries,
@@ -145,14 +146,13 @@ def make_constraints(
     gap: Floats,
     normal: Floats,
     surface: Ints,
-    terms: Sequence[Entries],
-    in_mean: bool = False,
-    remarks: tuple[str, ...] = (),
+    terms: Sequence[Entries | SharedEntries],
     area: Floats | None = None,
-    shares: Sequence[Floats] | None = None,
     sources: tuple[Source, ...] = (),
 ) -> Constraints:
-    """Return rows that are sums of terms c·u at nodes. Collective.
+    """Return rows as sums of terms c·u at nodes. Collective.
+
+    They hold at nodes, and have no remarks; ``dataclasses.replace`` gives others.
 
     Args:
         V: Displacement space.
@@ -161,34 +161,30 @@ def make_constraints(
         normal: Unit normals.
         surface: Numbers of sources.
         terms: Lists of terms, each of nodes on one side: local rows, shape (n,), global block dofs
-            of the nodes, shape (n,), and coefficients c, shape (n, gdim).
-        in_mean: See :class:`Constraints`.
-        remarks: See :class:`Constraints`.
-        area: See :class:`Constraints`; without areas there is no friction.
-        shares: See :class:`Constraints`, for each term of each list; None if the coefficients are
-            along the row's normal and define the shares.
-        sources: See :class:`Constraints`.
+            of the nodes, shape (n,), and coefficients c, shape (n, gdim). Where coefficients are
+            not along the row's normal, the shares of :class:`Constraints` too, shape (n,).
+        area: See :class:`Constraints`; without it there can be no friction.
+        sources: As ``area``.
     """
     comm, gdim = V.mesh.comm, V.dofmap.index_map_bs
     rows = (len(host), comm.allreduce(len(host)))
     entries: list[Entries] = []
     parts: list[Entries] = []
     signed: list[Entries] = []
-    for i, (row, node, coefficient) in enumerate(terms):
+    for term in terms:
+        row, node, coefficient = term[:3]
         columns = np.asarray(node, dtype=np.int64)[:, None] * gdim + np.arange(gdim)
         entries.append((np.repeat(row, gdim), columns.ravel(), coefficient.ravel()))
         along = np.einsum("ni,ni->n", coefficient, normal[row])
         side = np.sign(np.bincount(row, along, len(host)))[row]
-        share = side * along if shares is None else shares[i]
+        share = term[3] if len(term) == 4 else side * along
         parts.append((row, node, share))
         signed.append((row, node, side * share))
     B = matrix_of_entries(comm, rows, unknowns(V), entries)
     at_nodes = matrix_of_entries(comm, rows, _nodes(V), parts)
     weights = matrix_of_entries(comm, rows, _nodes(V), signed)
     known = np.zeros(len(host)) if area is None else area
-    return Constraints(
-        B, host, gap, normal, surface, at_nodes, weights, known, in_mean, remarks, sources
-    )
+    return Constraints(B, host, gap, normal, surface, at_nodes, weights, known, sources=sources)
 
 
 def named(comm: MPI.Intracomm, constraints: Constraints) -> Constraints:

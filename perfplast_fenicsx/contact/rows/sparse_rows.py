@@ -19,6 +19,9 @@ Sizes = tuple[int, int]
 Entries = tuple[npt.NDArray[np.integer], npt.NDArray[np.integer], Floats]
 """Local rows, global columns and values, shape (n,) each."""
 
+SharedEntries = tuple[npt.NDArray[np.integer], npt.NDArray[np.integer], Floats, Floats]
+"""Rows, nodes and coefficients of terms, and their shares in the row."""
+
 
 def matrix_of_entries(
     comm: MPI.Intracomm | PETSc.Comm,

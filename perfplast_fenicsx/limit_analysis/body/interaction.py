@@ -146,6 +146,23 @@ class Envelope:
         )
 
 
+@dataclass(frozen=True)
+class Progress:
+    """The monitors of a search, and results of an earlier one that it continues.
+
+    Attributes:
+        monitor: Called on every rank with each direction, the results with its lower and its upper
+            bound, and a function that makes their proof; returns that proof.
+        steps: Called on every rank after each step of the interior point method.
+        known: Proven results of an earlier search, to continue it. Its last direction is computed
+            again, because the mechanism of the last direction is part of the result.
+    """
+
+    monitor: Callable[[Angles, BodyBounds, BodyBounds, Proving], Proven] | None = None
+    steps: Callable[[InteriorStep], None] | None = None
+    known: Sequence[Proven] = ()
+
+
 def envelope(
     problem: Problem,
     loads: Sequence[Sequence[Load]],
@@ -154,9 +171,7 @@ def envelope(
     around: bool | Sequence[bool] = False,
     rtol: float = 1e-4,
     adaptation: Adaptation | None = None,
-    monitor: Callable[[Angles, BodyBounds, BodyBounds, Proving], Proven] | None = None,
-    steps: Callable[[InteriorStep], None] | None = None,
-    known: Sequence[Proven] = (),
+    progress: Progress | None = None,
 ) -> Envelope:
     """Return bounds of the set of (a, b) or (a, b, c) for which such multiples are carried.
 
@@ -170,11 +185,7 @@ def envelope(
         around: Whether numbers may be negative; one value for each, or one for all.
         rtol: Relative distance of each bound to the best of its kind on its mesh.
         adaptation: Adaptation of the mesh in each direction; None for the mesh of the problem.
-        monitor: Called on every rank with each direction, the results with its lower and its upper
-            bound, and a function that makes their proof; the monitor returns that proof.
-        steps: Called on every rank after each step of the interior point method.
-        known: Proven results of an earlier search, which is continued. Its last direction is
-            computed again, because the mechanism of the last direction is part of the result.
+        progress: Monitors and earlier results; None for none.
 
     Raises:
         InputError: If a load is constant, the number of loads is not two or three, or
@@ -184,6 +195,7 @@ def envelope(
     signed = (around,) * len(loads) if isinstance(around, bool) else tuple(around)
     if len(signed) != len(loads):
         raise InputError(f"around = {around} is not one of each of {len(loads)} numbers.")
+    watched = progress or Progress()
     stay = [load for load in problem.given.loads if load.constant]
     carried: list[Sequence[float]] = [] if stay else [(0.0,) * len(loads)]
     sides, asked = list[Sequence[float]](), list[Angles]()
@@ -196,17 +208,18 @@ def envelope(
                 break
             queue = [worst]
         asked.append(queue.pop(0))
-        proven = next((one for one in known[:-1] if one.is_at(asked[-1])), None)
+        proven = next((one for one in watched.known[:-1] if one.is_at(asked[-1])), None)
         if proven is None:
             ray = rays_at(np.array(asked[-1:]))[0]
             parts = zip(loads, ray, strict=True)
             mixed = [scaled(load, f) for some, f in parts for load in some if abs(f) > 1e-12]
-            low, last = _bounds(variant(problem, loads=[*stay, *mixed]), adaptation, rtol, steps)
+            mixture = variant(problem, loads=[*stay, *mixed])
+            low, last = _bounds(mixture, adaptation, rtol, watched.steps)
             prove = partial(_proven, asked[-1], ray, loads)
-            if monitor is None:
+            if watched.monitor is None:
                 proven = prove(low, last)
             else:
-                proven = monitor(asked[-1], low, last, prove)
+                proven = watched.monitor(asked[-1], low, last, prove)
         carried += [] if proven.carried is None else [proven.carried]
         sides += [] if proven.side is None else [proven.side]
     if last is None:

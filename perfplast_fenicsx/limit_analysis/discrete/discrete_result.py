@@ -81,10 +81,7 @@ def discrete_result(
                 nearly = 1e-6
                 verdict = verdict if inadmissible <= nearly else Verdict.STALLED
         if verdict is Verdict.FOUND or upper is not None:
-            problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
-            mechanism.x.scatter_forward()
-            load, _, _ = question.loads(problem.loads.live, problem.loads.dead)
-            mechanism.x.array[:] /= float(load.dot(mechanism.x.petsc_vec))
+            _write_mechanism(problem, iteration, question, mechanism)
         size = high.size if program.has_dead and upper is not None else abs(lower or 0.0)
         if lower is not None and upper is not None and size > 0:
             apart = f"static and kinematic load are {percent(abs(upper - lower) / size)} apart"
@@ -121,6 +118,16 @@ def discrete_result(
         steps=steps,
         locked=locked,
     )
+
+
+def _write_mechanism(
+    problem: Problem, iteration: InteriorIteration, question: Question, mechanism: fem.Function
+) -> None:
+    """Write the velocity, on which the loads do the work 1, into a function of V. Collective."""
+    problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
+    mechanism.x.scatter_forward()
+    load, _, _ = question.loads(problem.loads.live, problem.loads.dead)
+    mechanism.x.array[:] /= float(load.dot(mechanism.x.petsc_vec))
 
 
 def _write_stress(problem: Problem, iteration: InteriorIteration, function: fem.Function) -> None:

@@ -175,8 +175,7 @@ def without_entering(problem: Problem) -> Problem | None:
     basis = make_basis(problem.V, rows, problem.fixed, len(rigid.host), len(sliding.host))
     return variant(
         problem,
-        constraints=touching,
-        sliding=sliding,
+        rows=(touching, sliding),
         basis=basis,
         friction=friction.at(basis.sliding),
     )

@@ -55,7 +55,7 @@ def with_facet_contact(problem: Problem) -> Problem | None:
     contact, ties = touching
     rows = stacked(problem.V, [contact, ties])
     basis = make_basis(problem.V, rows, problem.fixed, len(ties.host))
-    found = variant(problem, constraints=contact, basis=basis)
+    found = variant(problem, rows=(contact, problem.sliding), basis=basis)
     found.num_tied = problem.comm.allreduce(len(ties.host))
     return found
 

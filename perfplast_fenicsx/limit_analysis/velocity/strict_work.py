@@ -12,7 +12,10 @@ changes that are left count as work that the loads do not do, with mean stresses
 tractions, so that 1e-12 of them is not taken for a bound where loads nearly balance each other.
 """
 
+from dataclasses import dataclass
+
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import fem
@@ -42,6 +45,10 @@ from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.kinematics import RingFlux
 from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.problem.problem import Problem
+
+ADMISSIBLE = 1e-9
+"""Share of ‖ε(v)‖ that is rounding: volume change in plastic bodies, what it lacks in those that
+dilate, and strain in elastic ones."""
 
 GROWS_TOO_LITTLE = (
     "bodies that dilate do so by enough at the points of the mesh alone; control = 'bounds' looks"
@@ -74,84 +81,33 @@ def strict_upper_bound(
         InputError: If ζ moves supports or obstacles, or there is no load.
     """
     check_loads(problem)
-    turned, by_flux = problem.tagged_mesh.axisymmetric, isinstance(problem.kinematics, RingFlux)
-    if turned and not by_flux:
+    if problem.tagged_mesh.axisymmetric and not isinstance(problem.kinematics, RingFlux):
         why = (
             "the volume of rings is kept everywhere by quadratic velocities on straight cells"
             " alone; use degree = 2 and first-order cells"
         )
         return Bound(None, "upper", Scope.MESH, (why,))
-    if rates is None:
-        rates = mechanism_rates(problem, mechanism)
-    velocity = mechanism.x.petsc_vec
-    # Work of live loads on a mechanism of dead ones that counts as none, relative to what they do
-    # at all nodes without their signs, half of what a checker leaves. It would count at load
-    # factors some million times as large as those that bodies bear.
-    least_parting = 5e-7
-    # Strain rates, relative to velocities over the size of the bodies, that are next to none.
-    slowest = 1e-5
-    # Volume change in plastic bodies, or what it lacks in those that dilate, and strain in elastic
-    # ones that are rounding, beside ‖ε(v)‖.
-    admissible = 1e-9
-    trace, deviator = rates.trace, rates.deviator
-    plastic = np.isfinite(rates.radii)
-    squares = np.einsum("ni,ni->n", deviator, deviator)
-    volume = trace**2 / rates.gdim
-    dilating = rates.slopes > 0
-    wrong = np.where(dilating, 0.0, volume) + np.where(plastic, 0.0, squares)
-    weights, comm = rates.weights, problem.comm
-    volumes = weights[points_of_cells(problem)].sum(axis=1)
-    short = missing_growth(problem, rates)
-    lacking = volumes @ (short**2).mean(axis=1)
-    part, whole, lacking = comm.allreduce(
-        np.array([weights @ wrong, weights @ (volume + squares), lacking])
+    flow = _Flow(
+        problem, mechanism, mechanism_rates(problem, mechanism) if rates is None else rates
     )
-    works = question.of(problem.loads.alpha(velocity), problem.loads.dead_work(velocity))
-    work, dead, aside = works
-    v = np.abs(mechanism.x.array.reshape(problem.fixed.shape))
-    largest = np.array([v[problem.fixed].max(initial=0), v.max(initial=0)])
-    comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    largest[0] = max(largest[0], problem.guides.through(problem.ties, velocity))
-    held = largest[0] <= admissible * largest[1]
-    slip = slip_work(problem, mechanism)
-    whole += slip.squares
+    velocity, slip = mechanism.x.petsc_vec, slip_work(problem, mechanism)
+    work, dead, aside = question.of(
+        problem.loads.alpha(velocity), problem.loads.dead_work(velocity)
+    )
+    whole = flow.whole + slip.squares
     if problem.loads.has_dead():  # bodies may part as rigid ones, and strain by none
-        total = comm.allreduce(float(weights.sum()))
-        usual = largest[1] / total ** (1 / rates.gdim)
-        whole = max(whole, (slowest * usual) ** 2 * total)
-    # Where they push what rests, all that moves there is rounding: the mean velocity counts at
-    # least with which the others do their work.
-    sought = problem.loads.live if question is Question.LIMIT else problem.loads.dead
-    size = comm.allreduce(float(np.abs(sought.array_r).sum()))
-    speeds = np.maximum(np.abs(velocity.array_r), abs(work) / size if size else 0.0)
-    at_nodes = float(np.abs(problem.loads.live.array_r) @ speeds)
-    ends = abs(aside) <= least_parting * comm.allreduce(at_nodes)
-    if not (held and ends and whole > 0 and part <= admissible**2 * whole and work > 0):
+        whole = max(whole, flow.slowest)
+    moves = _ends(problem, velocity, question, work, aside) and flow.is_held
+    if not (moves and whole > 0 and flow.part <= ADMISSIBLE**2 * whole and work > 0):
         return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
-    if not lacking <= admissible**2 * whole:
+    if not flow.lacking <= ADMISSIBLE**2 * whole:
         return Bound(None, "upper", Scope.MESH, (GROWS_TOO_LITTLE,))
-    if by_flux:
-        mine = dissipation_of_rings(problem, mechanism, subdivisions).sum()
-    else:
-        mine = dissipation_of_cells(problem, rates, subdivisions).sum()
-    radii = np.where(plastic, rates.radii, 0.0)
-    steepness = np.divide(radii, rates.slopes, out=radii.copy(), where=dilating)
-    strengths = volumes * steepness[points_of_cells(problem)].min(axis=1)
-    added = _of_rounding(problem, mechanism, strengths).sum()
-    norms = np.sqrt(squares)
-    rest = norms <= admissible * np.sqrt(whole / comm.allreduce(float(weights.sum())))
-    at_rest = (weights * radii)[rest] @ norms[rest]
-    kept = np.where(dilating, 0.0, trace)
-    wrongly = np.column_stack([kept, np.where(plastic[:, None], 0.0, deviator)])
-    sizes = np.linalg.norm(at_vertices(problem, wrongly), axis=2) + short
-    sums = [mine + added, added + at_rest, volumes @ sizes.mean(axis=1), volumes.sum()]
-    sums += [volumes @ sizes.max(axis=1), (rates.radii == 0).sum()]
-    dissipation, allowed, lost, volume, most, loose = comm.allreduce(np.array(sums))
+    cost = _cost(flow, whole, subdivisions)
     body = bound_body(problem)
-    loose += any_loose(problem)
-    dissipation += slip.power
+    loose = cost.loose + any_loose(problem)
+    dissipation = cost.dissipation + slip.power
     at_one, at_zero, _ = question.of(
-        *(_largest_load(problem, of, float(volume)) for of in (body.live, body.dead))
+        *(_largest_load(problem, of, cost.volume) for of in (body.live, body.dead))
     )
     excess = dissipation - dead
     stress = abs(excess / work) * at_one + at_zero
@@ -159,13 +115,13 @@ def strict_upper_bound(
     # the loads, up to which a mechanism counts as a proof; half of what is left
     # of it to whoever checks it cell by cell.
     least_charge = 5e-10
-    provable = most * stress <= least_charge * measure_of(dissipation, excess, bool(loose))
+    provable = cost.most * stress <= least_charge * measure_of(dissipation, excess, bool(loose))
     # Stresses that nothing bounds, times the largest load: what volume changes and strains of
     # elastic bodies that are left cost of the work. Beside pressures that nearly balance each other
     # 1e-12 of strain is 1e-6 of the work.
     mean_stresses = 10.0
-    excess += mean_stresses * lost * at_zero
-    work -= np.copysign(mean_stresses * lost * at_one, excess)
+    excess += mean_stresses * cost.lost * at_zero
+    work -= np.copysign(mean_stresses * cost.lost * at_one, excess)
     if not work > 0:
         return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
     why_not = [] if provable else ["volume changes of the mechanism are more than rounding"]
@@ -177,8 +133,123 @@ def strict_upper_bound(
     if unknown is not None and unknown not in (TWICE, *why_not):
         why_not.append(unknown)
     of = Scope.MESH if why_not else Scope.BODY
-    share = float(allowed / dissipation) if dissipation > 0 else 0.0
+    share = float(cost.allowed / dissipation) if dissipation > 0 else 0.0
     return Bound(float(excess / work), "upper", of, tuple(why_not), share)
+
+
+class _Flow:
+    """The strain rates of a mechanism, and what of them is not admissible.
+
+    Attributes:
+        problem: The bodies.
+        mechanism: The velocity.
+        rates: Its strain rates at the points.
+        plastic: Points that can yield, shape (count,).
+        dilating: Points that dilate as they flow, shape (count,).
+        squares: ‖dev ε‖² at the points, shape (count,).
+        volumes: Of the cells that this rank owns, shape (num_cells,).
+        short: What tr ε lacks for flow at the vertices of cells (:func:`missing_growth`).
+        total: Volume of all bodies.
+        part: Σ w of the squares of what has to vanish: volume changes, and strain that is elastic.
+        whole: Σ w‖ε‖².
+        lacking: The sum of squares of ``short``.
+        is_held: Whether the velocity vanishes where supports hold the bodies.
+        slowest: Least ``whole`` that counts as strain, of bodies that part.
+    """
+
+    def __init__(self, problem: Problem, mechanism: fem.Function, rates: MechanismRates) -> None:
+        """Sum up over all ranks. Collective."""
+        self.problem, self.mechanism, self.rates = problem, mechanism, rates
+        trace, deviator, weights = rates.trace, rates.deviator, rates.weights
+        comm = problem.comm
+        self.plastic, self.dilating = np.isfinite(rates.radii), rates.slopes > 0
+        self.squares: Floats = np.einsum("ni,ni->n", deviator, deviator)
+        volume = trace**2 / rates.gdim
+        wrong = np.where(self.dilating, 0.0, volume) + np.where(self.plastic, 0.0, self.squares)
+        self.volumes: Floats = weights[points_of_cells(problem)].sum(axis=1)
+        self.short = missing_growth(problem, rates)
+        lacking = self.volumes @ (self.short**2).mean(axis=1)
+        self.part, self.whole, self.lacking, self.total = comm.allreduce(
+            np.array([weights @ wrong, weights @ (volume + self.squares), lacking, weights.sum()])
+        )
+        v = np.abs(mechanism.x.array.reshape(problem.fixed.shape))
+        largest = np.array([v[problem.fixed].max(initial=0), v.max(initial=0)])
+        comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+        through = problem.guides.through(problem.ties, mechanism.x.petsc_vec)
+        self.is_held = max(largest[0], through) <= ADMISSIBLE * largest[1]
+        slowest = 1e-5  # strain rates, relative to velocities over the size of the bodies
+        usual = largest[1] / self.total ** (1 / rates.gdim)
+        self.slowest = (slowest * usual) ** 2 * self.total
+
+
+def _ends(
+    problem: Problem, velocity: PETSc.Vec, question: Question, work: float, aside: float
+) -> bool:
+    """Return whether live loads do no work on a mechanism of dead ones. Collective.
+
+    Where they push what rests, all that moves there is rounding: the mean velocity counts at least
+    with which the others do their work.
+    """
+    # Work that counts as none, relative to what live loads do at all nodes without their signs,
+    # half of what a checker leaves. It would count at load factors some million times as large as
+    # those that bodies bear.
+    least_parting = 5e-7
+    comm = problem.comm
+    sought = problem.loads.live if question is Question.LIMIT else problem.loads.dead
+    size = comm.allreduce(float(np.abs(sought.array_r).sum()))
+    speeds = np.maximum(np.abs(velocity.array_r), abs(work) / size if size else 0.0)
+    at_nodes = float(np.abs(problem.loads.live.array_r) @ speeds)
+    return bool(abs(aside) <= least_parting * comm.allreduce(at_nodes))
+
+
+@dataclass(frozen=True)
+class _Cost:
+    """Sums over the cells of all ranks.
+
+    Attributes:
+        dissipation: Dissipation of the bodies from above.
+        allowed: The part of it that rounding may add, and that of points at rest.
+        lost: Mean sizes of what has to vanish, times volumes.
+        volume: Volume of the bodies.
+        most: Largest sizes in each cell, times volumes.
+        loose: How many points have no cohesion.
+    """
+
+    dissipation: float
+    allowed: float
+    lost: float
+    volume: float
+    most: float
+    loose: float
+
+
+def _cost(flow: _Flow, whole: float, subdivisions: int) -> _Cost:
+    """Return the dissipation of a mechanism, and the sizes of what has to vanish. Collective.
+
+    Args:
+        flow: Its strain rates.
+        whole: Sum of the squares of rates, that of slip too.
+        subdivisions: Parts of a cell's edge.
+    """
+    problem, mechanism, rates = flow.problem, flow.mechanism, flow.rates
+    weights, volumes = rates.weights, flow.volumes
+    if isinstance(problem.kinematics, RingFlux):
+        mine = dissipation_of_rings(problem, mechanism, subdivisions).sum()
+    else:
+        mine = dissipation_of_cells(problem, rates, subdivisions).sum()
+    radii = np.where(flow.plastic, rates.radii, 0.0)
+    steepness = np.divide(radii, rates.slopes, out=radii.copy(), where=flow.dilating)
+    strengths = volumes * steepness[points_of_cells(problem)].min(axis=1)
+    added = _of_rounding(problem, mechanism, strengths).sum()
+    norms = np.sqrt(flow.squares)
+    rest = norms <= ADMISSIBLE * np.sqrt(whole / flow.total)
+    at_rest = (weights * radii)[rest] @ norms[rest]
+    kept = np.where(flow.dilating, 0.0, rates.trace)
+    wrongly = np.column_stack([kept, np.where(flow.plastic[:, None], 0.0, rates.deviator)])
+    sizes = np.linalg.norm(at_vertices(problem, wrongly), axis=2) + flow.short
+    sums = [mine + added, added + at_rest, volumes @ sizes.mean(axis=1), volumes.sum()]
+    sums += [volumes @ sizes.max(axis=1), (rates.radii == 0).sum()]
+    return _Cost(*map(float, problem.comm.allreduce(np.array(sums))))
 
 
 def _largest_load(problem: Problem, loads: FacetLoads, volume: float) -> float:

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx.fem import petsc as fem_petsc
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.problem.assembled.given_motion import GivenMotion
 from perfplast_fenicsx.problem.judged.moments import moment
 from perfplast_fenicsx.problem.problem import Problem
@@ -69,23 +69,15 @@ def resultants(
     comm, gdim = problem.comm, problem.bodies.gdim
     loads, pushes = problem.create_vector(), problem.create_vector()
     problem.loads.add_all_to(loads, zeta)
-    rows = problem.constraints.B.createVecLeft()
-    rows.array[:] = -contact
-    problem.constraints.B.multTranspose(rows, pushes)
-    if problem.friction.count:
-        there = problem.friction.index >= 0
-        along = problem.sliding.B.createVecLeft()
-        along.array[:] = -friction[there]
-        problem.sliding.B.multTransposeAdd(along, pushes, pushes)
-        along.destroy()
+    _add_contact(problem, contact, friction, pushes)
     guided: Floats = np.zeros((0, gdim))
     if problem.num_tied:
         guided = _add_ties(problem, internal, zeta, pushes)
     external, pushed, reaction = (
         vector.array_r.reshape(-1, gdim).copy() for vector in (loads, pushes, internal)
     )
-    for vector in (loads, pushes, rows):
-        vector.destroy()
+    loads.destroy()
+    pushes.destroy()
     reaction -= external + pushed
     held_by = problem.held_by[: len(reaction)]
     reaction[held_by < 0] = 0
@@ -126,17 +118,47 @@ def resultants(
         spread = comm.allreduce(float(contact @ motion.overlap))
         return moved + spread + float(np.sum(pushing * motion.sources))
 
-    turning = {"loads": moment(problem, external)}
-    for number, name in enumerate(problem.support_names):
-        nodal = np.where(held_by == number, reaction, 0.0)
-        mine = of_guides[guides.number] == number
-        np.add.at(nodal, guides.host[mine], guided[mine])
-        turning[name] = moment(problem, nodal)
-    moments = {name: comm.allreduce(each).tolist() for name, each in turning.items()}
-    told = {name: [float(number) for number in force] for name, force in forces.items()}
+    on_guides = guides.host, guided, of_guides[guides.number]
+    moments = _moments(problem, external, reaction, on_guides)
+    told = {name: [*map(float, force)] for name, force in forces.items()}
     by_name = {name: driven(part) for name, part in problem.motion.parts.items()}
     balance = missing / total if total > 0 else 0.0
     return Resultants(told, moments, balance, driven(problem.motion), by_name)
+
+
+def _moments(
+    problem: Problem, external: Floats, reaction: Floats, on_guides: tuple[Ints, Floats, Longs]
+) -> dict[str, list[float]]:
+    """Return the moments of the loads and of each support about the origin. Collective.
+
+    Args:
+        problem: The bodies.
+        external: Nodal forces of the loads, shape (num_nodes, gdim).
+        reaction: Those of supports, the same.
+        on_guides: Nodes, forces and numbers of supports of the rows of guides.
+    """
+    node, force, support = on_guides
+    turning = {"loads": moment(problem, external)}
+    for number, name in enumerate(problem.support_names):
+        nodal = np.where(problem.held_by[: len(reaction)] == number, reaction, 0.0)
+        mine = support == number
+        np.add.at(nodal, node[mine], force[mine])
+        turning[name] = moment(problem, nodal)
+    return {name: problem.comm.allreduce(each).tolist() for name, each in turning.items()}
+
+
+def _add_contact(problem: Problem, contact: Floats, friction: Floats, forces: PETSc.Vec) -> None:
+    """Set forces to those of contact and friction on nodes. Collective."""
+    rows = problem.constraints.B.createVecLeft()
+    rows.array[:] = -contact
+    problem.constraints.B.multTranspose(rows, forces)
+    rows.destroy()
+    if problem.friction.count:
+        there = problem.friction.index >= 0
+        along = problem.sliding.B.createVecLeft()
+        along.array[:] = -friction[there]
+        problem.sliding.B.multTransposeAdd(along, forces, forces)
+        along.destroy()
 
 
 def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> Floats:

@@ -53,15 +53,24 @@ class FrictionStep:
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """The data of a contact QP with friction; see :meth:`FrictionProgram.solve`."""
+class FrictionModel:
+    """The data of a contact QP with friction.
+
+    Attributes:
+        r: Gradient at δ = 0 of all but friction.
+        room: How far each pair hosted here may still close, shape (num_pairs,).
+        jumps: Tangential jumps s at δ = 0, shape (num_places, gdim − 1).
+        rtol: Relative tolerance of the linear solves.
+        work: ℓᵀδ if it is prescribed, where ℓ are the loads.
+        first: Largest force where the level began.
+    """
 
     r: PETSc.Vec
     room: Floats
     jumps: Floats
     rtol: float
-    work: float | None
-    first: float
+    work: float | None = None
+    first: float = 0.0
 
 
 class FrictionProgram:
@@ -87,35 +96,20 @@ class FrictionProgram:
             self._stiffness = self._problem.friction.gather(A.diagonal()).max(axis=1)
 
     def solve(
-        self,
-        r: PETSc.Vec,
-        room: Floats,
-        active: PairFlags,
-        jumps: Floats,
-        slip: Slip,
-        rtol: float,
-        most_sets: int | None = None,
-        work: float | None = None,
-        first: float = 0.0,
+        self, asked: FrictionModel, active: PairFlags, slip: Slip, most_sets: int | None = None
     ) -> FrictionStep:
         """Solve the contact QP with friction. Collective.
 
         Args:
-            r: Gradient at δ = 0 without friction.
-            room: How far each pair hosted by this rank may still close, shape (num_pairs,).
-            active: Initial active set.
-            jumps: Tangential jumps s at δ = 0, shape (num_places, gdim − 1).
-            slip: Initial linearisation.
-            rtol: Relative tolerance of the linear solves.
-            most_sets: Solve one linearisation with at most this number of active sets; None to
-                continue until both are right.
-            work: ℓᵀδ with the loads ℓ, if it is prescribed.
-            first: Largest force at the beginning of the level.
+            asked: The data.
+            active: Active set to begin with.
+            slip: Linearisation to begin with.
+            most_sets: Solve with one linearisation, and no more sets of held pairs; None to go on
+                until both are right.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
         """
-        asked = _Asked(r, room, jumps, rtol, work, first)
         found = self._linearise(asked, active, slip, most_sets)
         condenses = condensable(self._program.equality, self._problem.friction)
         # Number of splitting steps each time that places alternate between stick and slip.
@@ -135,7 +129,7 @@ class FrictionProgram:
         return found
 
     def _linearise(
-        self, asked: _Asked, active: PairFlags, slip: Slip, most_sets: int | None
+        self, asked: FrictionModel, active: PairFlags, slip: Slip, most_sets: int | None
     ) -> FrictionStep:
         """Solve successive linearisations until they converge, or only one. Collective."""
         assert self._operator is not None and self._stiffness is not None
@@ -197,8 +191,8 @@ class FrictionProgram:
             looser, least_drag = 0.1, 1e-11
             self._drag = max(looser * self._drag, least_drag)
 
-    def _condense(self, asked: _Asked) -> tuple[Slip, PairFlags, int]:
-        """Solve for only pairs and places; see :func:`condense_friction`. Collective."""
+    def _condense(self, asked: FrictionModel) -> tuple[Slip, PairFlags, int]:
+        """Solve for pairs and places alone; see :func:`condense_friction`. Collective."""
         assert self._operator is not None
         self._operator.add_springs(None)
         self._program.set_operator(self._operator)
@@ -207,8 +201,10 @@ class FrictionProgram:
         friction = self._problem.friction
         return condense_friction(self._program.equality, model, friction, asked.jumps)
 
-    def _split(self, asked: _Asked, last: ContactStep, steps: int) -> tuple[Slip, PairFlags, int]:
-        """Take splitting steps from the last solution. Collective.
+    def _split(
+        self, asked: FrictionModel, last: ContactStep, steps: int
+    ) -> tuple[Slip, PairFlags, int]:
+        """Take steps of splitting from the last solution. Collective.
 
         Returns:
             The resulting linearisation and active set; and the number of solved systems.
