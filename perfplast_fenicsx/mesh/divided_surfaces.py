@@ -122,7 +122,7 @@ def _numbers(vertices: IndexMap, first: int) -> Longs:
     numbers = la.vector(vertices, 1, dtype=np.int64)
     numbers.array[: vertices.size_local] = first + np.arange(vertices.size_local)
     numbers.scatter_forward()
-    return numbers.array
+    return np.asarray(numbers.array, dtype=np.int64)
 
 
 def _tags(tagged_mesh: TaggedMesh, count: int) -> Ints:
