@@ -67,7 +67,7 @@ class Iterate:
         history.
 
         Returns:
-            The initial active set: the state's or the problem's first one.
+            The initial active set, which is that of the state or the problem's first one.
         """
         problem, basis, u = self.problem, self.problem.basis, self.fields.u
         problem.remember(start.history if start else {})

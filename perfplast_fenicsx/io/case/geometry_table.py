@@ -43,7 +43,7 @@ class GeometryFile:
     Args:
         file: Its path, relative to the folder of the case file.
         options: The other keys.
-        adapt: See :class:`MeshFile`.
+        adapt: See :class:`~perfplast_fenicsx.io.case.tables.MeshFile`.
     """
 
     file: str
@@ -75,7 +75,7 @@ class GroundInCase:
     Args:
         ground: The drawn ground.
         options: Mesh options.
-        adapt: See :class:`MeshFile`.
+        adapt: See :class:`~perfplast_fenicsx.io.case.tables.MeshFile`.
     """
 
     ground: DrawnGround

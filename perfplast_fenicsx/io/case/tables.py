@@ -211,7 +211,7 @@ class MeshBuilder:
     Args:
         builder: Name of the builder.
         arguments: Arguments of the builder, each as a separate key.
-        adapt: See :class:`MeshFile`.
+        adapt: See :class:`~perfplast_fenicsx.io.case.tables.MeshFile`.
     """
 
     builder: str

@@ -12,7 +12,7 @@ def limit_rows(summary: Summary) -> list[dict[str, Any]]:
         summary: Summary with a ``limit`` that was computed without levels.
 
     Returns:
-        For each mesh: its number ``mesh`` (1 to n) and its ``cells``; ``estimate``, ``static`` and
+        A row for each mesh, with its number ``mesh`` (1 to n) and its ``cells``; ``estimate``, ``static`` and
         ``kinematic`` of its limit load, for the last mesh only; ``body_lower`` and ``body_upper``,
         the best bounds of the bodies so far; ``seconds`` since the start of the first. For a factor
         of safety: each ``factor`` with strict bounds, ``lower`` and ``upper``, of how many times
