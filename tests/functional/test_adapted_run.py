@@ -147,7 +147,7 @@ REFUSED = {
     ),
     "no gap": (CASE.replace("until = 0.2", "until = 2.0"), "until = 2.0 is not between 0 and 1"),
     "no word": (CASE.replace("until = 0.2", 'until = "narrow"'), "until"),
-    "curved cells": (TUBE, "[mesh]: adapt: cells are curved, and only straight ones can be"),
+    "curved cells": (TUBE, "[mesh]: adapt: cells are curved, but only straight ones can be"),
 }
 
 

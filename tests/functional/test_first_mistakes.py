@@ -84,7 +84,7 @@ REFUSED = [
     (('builder = "two_blocks"\nn = 2', 'file = "C:\\models\\block.msh"'), "C:/models/block.msh"),
     (('builder = "two_blocks"\nn = 2', 'file = "C:\\temp\\new.msh"'), "\\ is an escape"),
     (('builder = "two_blocks"\nn = 2', "file = 'parts\\new.msh'"), "write / for \\"),
-    (('"top"', '"upper"'), "'upper' is a volume of this mesh, but a surface belongs here: left"),
+    (('"top"', '"upper"'), "'upper' is a volume of this mesh, but a surface is needed here: left"),
     (("material.upper", "material.top"), "'top' is a surface of this mesh, but a volume"),
     (('components = "xyz"', 'components = "yz"'), "the body 'lower' (translation in x"),
 ]
@@ -183,7 +183,7 @@ def test_restart_with_more_levels(told: Told, shared_tmp_path: Path) -> None:
         (shared_tmp_path / "results" / "fields" / "level_0002.vtkhdf").unlink()
     status, complaint = told(*quiet, more, command=again)
     assert status == 0
-    assert "the fields of 1 of the 3 levels" in complaint
+    assert "the fields of 1 of the 3 solved levels" in complaint
     status, complaint = told(*quiet, command=("run", "--restart", f"{results}_01"))
     assert status == 2
     assert "results_01' does not exist" in complaint

@@ -107,7 +107,7 @@ def test_strict_bounds_refuse_it(
     case = write_case(comm, shared_tmp_path / "case.toml", text)
     assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == BAD_INPUT
     err = comm.bcast(capsys.readouterr().err)
-    assert "the load on 'top' is a suction, and strict bounds are for tractions" in err
+    assert "the load on 'top' is a suction, and strict bounds accept tractions" in err
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_strict_bounds_refuse_it(
     {
         "suction = -1.0\npressure = 1.0": "has pressure and suction; give exactly one of traction",
         "share = 0.5": "has no load; give exactly one of traction",
-        "pressure = 1.0\nshare = 0.5": "has a share, which goes with suction; leave it out",
+        "pressure = 1.0\nshare = 0.5": "has a share, which applies only to suction",
         'suction = "sin(t)"': "'t'",
         "suction = nan": "suction = nan",
     }.items(),

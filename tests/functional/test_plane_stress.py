@@ -204,7 +204,7 @@ def test_levels_and_forces_for_each_unit_of_thickness(
         ('kind = "plane-stress"\n', "", ["thickness = 4.0", "kind is 'plane-strain'"]),
         ('"hill"', '"tresca"\ncohesion = 1.0', ["'ring'", "Tresca", "plane stress"]),
         ("force = [0.0, 100.0]", "pressure = 1.0\n[[load]]\non = 'ring'\npore_pressure = 1.0",
-         ["pore pressure", "sheets"]),
+         ["pore pressure", "plane stress"]),
     ],
 )  # fmt: skip
 def test_one_sentence_and_status_2(

@@ -65,7 +65,7 @@ def test_the_run_writes_it(
     assert links[-1] == "again"
     assert links == re.findall(r'<section id="(\w+)" aria-labelledby', page)
     assumed = page[page.index('<section id="assumptions"') : page.index('<section id="again"')]
-    assert "<li>Surfaces in contact can press and part; they cannot pull.</li>" in assumed
+    assert "<li>Surfaces in contact can push and separate, but not pull.</li>" in assumed
     assert "<li>Results hold for the mesh, not for the bodies.</li>" in assumed
     assert re.search(r"<li>Taken as perfectly plastic .*associated flow: .*punch", assumed)
     assert summary["given"]["materials"]["punch"]["kind"] == "von-mises"

@@ -574,4 +574,4 @@ def test_a_file_of_strengths_that_has_changed(
     capsys.readouterr()
     assert main(["run", str(case), "--restart", str(results)]) == BAD_INPUT
     said = comm.bcast(capsys.readouterr().err)
-    assert "the content of 'strength.csv' is another one than in the run whose checkpoint" in said
+    assert "the content of 'strength.csv' differs from that in the run whose checkpoint" in said

@@ -73,8 +73,9 @@ def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
         halves = check(results / f"{name}.h5")
         assert list(halves) == [side]
         assert not halves[side].faults
-        told = f"F = {limit['strength'][side]:.9g}; before that they are a cohesion of 0.05 with"
-        assert f"{told} tan φ = 0.36397" in " ".join(halves[side].words)
+        words = " ".join(halves[side].words)
+        assert f"F = {limit['strength'][side]:.9g};" in words
+        assert "they are a cohesion of 0.05 with tan φ = 0.36397" in words
         assert halves[side].claimed == pytest.approx(value, abs=0.05)
         assert (halves[side].claimed >= 1) == (side == "lower")
     assert not (results / "bounds.h5").exists()
@@ -164,7 +165,7 @@ def test_a_strength_that_is_not_divided(
         assert not found.faults
         words = " ".join(found.words)
         assert f"Strengths are divided by F = {strength[side]:.9g}" in words
-        assert "before that they are a yield radius of 0.707107." in words
+        assert "before the division they are a yield radius of 0.707107." in words
         assert "Not divided: strengths in a volume of 0.5." in words
 
 
@@ -180,7 +181,7 @@ def test_no_strength_is_kept_where_none_is_divided(
     assert main(["check", str(case)]) == BAD_INPUT
     told = one_line(comm, capsys)
     assert "reduced = false keeps the strength of 'soil'" in told
-    assert "give control = 'strength', or remove reduced" in told
+    assert "give control = 'strength', or leave reduced out" in told
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ REFUSED: dict[str, tuple[Sequence[tuple[str, str]], Sequence[str]]] = {
     "regions that overlap": ([("[70, 31], [70, 35]", "[70, 29], [70, 35]")], ["overlap", "("]),
     "regions with a gap": (
         [("[70, 31], [30, 25]", "[70, 31], [60, 28], [30, 25]")],
-        ["with an area of", "about ("],
+        ["with an area of", "around ("],
     ),
     "a negative strength at one corner": (
         [("cohesion = 30.0", 'cohesion = "30 - 4*(y - 20)*(x - 20)/50"')],

@@ -113,7 +113,7 @@ def test_ground_of_several_parts_has_no_sides() -> None:
         ),
         (
             {"regions": [Region("a", square(0, 0)), Region("b", square(1, 1, 2))]},
-            r"area of 4 about",
+            r"area of 4 around",
         ),
         (
             {
@@ -122,7 +122,7 @@ def test_ground_of_several_parts_has_no_sides() -> None:
                     Region("b", [[0, 2], [3, 2], [4, 3], [5, 2], [9, 2], [9, 5], [0, 5]]),
                 ]
             },
-            r"'b', with an area of 1, about \(4, 2\.33333\)",
+            r"'b', with an area of 1, around \(4, 2\.33333\)",
         ),
         ({"regions": [Region("a", square(0, 0)), Region("b", square(4.00002, 0))]}, "2e-05 away"),
         ({"regions": [Region("a", [[0, 0], [4, 4], [4, 0], [0, 4]])]}, r"itself at \(2, 2\)"),
@@ -155,7 +155,7 @@ def test_ground_of_several_parts_has_no_sides() -> None:
                 "regions": [Region("s", SLOPE)],
                 "lines": [DrawnLine("l", [[0, 20], [20, 20], [20, 5]])],
             },
-            r"\(10, 20\) and inside of one at \(20, 12\.5\)",
+            r"\(10, 20\) and inside one region at \(20, 12\.5\)",
         ),
         ({"strata": [STRATA[0], STRATA[1]]}, "'seam', has no bottom"),
         ({"strata": [STRATA[2], STRATA[0]]}, "'clay' has a bottom"),

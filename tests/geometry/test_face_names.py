@@ -85,7 +85,7 @@ def test_holes_by_radius(shared_tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "says"),
     [
-        ({}, "has no place"),
+        ({}, "has no selection"),
         ({"number": 1, "point": [0.0, 0.0]}, "has point and number"),
         ({"plane": {"w": 1.0}}, "'w' is not a coordinate"),
         ({"plane": {"x": 1.0, "y": 1.0}}, "has 2 coordinates"),

@@ -137,7 +137,7 @@ def test_factors_of_safety(stand: str, read: Read) -> None:
         assert value is not None
         assert strength(stands(of.divided_by(value))) == pytest.approx(stays, rel=1e-3)
         assert sign * (stays - strength(stands(of.divided_by(value)))) >= -1e-9 * stays
-    name = "Radenkovic's pair" if stand == "radenkovic" else f"Davis' {stand[-1].upper()}"
+    name = "Radenkovic's pair" if stand == "radenkovic" else f"Davis' method {stand[-1].upper()}"
     assert name in found.in_words()
     assert found.estimate == (stand != "radenkovic")
     assert ("for certain" in found.in_words()) == (stand == "radenkovic")

@@ -211,7 +211,7 @@ def test_odd_two_blocks_load_whole_cubes(comm: MPI.Intracomm) -> None:
     [
         ("two_block", {"n": 2}, "'two_block'; did you mean"),
         ("sphere", {}, "known: two_blocks, punch, l_plate, stacked_blocks"),
-        ("punch", {}, "builder 'punch' has no 'n'"),
+        ("punch", {}, "builder 'punch' needs 'n'"),
         ("stacked_blocks", {"n": 2, "height": 1.0}, "takes no 'height'; did you mean 'heights'?"),
         ("punch", {"n": 3}, "builder 'punch' has n = 3; n must be even"),
         ("l_plate", {"n": 0}, "builder 'l_plate' has n = 0;"),
@@ -406,7 +406,7 @@ def test_wrong_dimension(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "plane.msh"
     if comm.rank == 0:
         write_plane(path, {"low": "a", "high": "b"})
-    assert "triangles where tetrahedra are needed" in message(lambda: read_gmsh(comm, path, gdim=3))
+    assert "triangles, but tetrahedra are needed" in message(lambda: read_gmsh(comm, path, gdim=3))
 
 
 def test_quadrilaterals_are_refused(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:

@@ -136,7 +136,7 @@ def test_names_for_tags_of_dolfinx() -> None:
         tagged_mesh = TaggedMesh.from_tags(*tagged_square(ghosts=ghosts), **NAMES)
         assert tagged_mesh.volumes == {"lower": 3, "upper": 4}
         assert tagged_mesh.surfaces == {"left": 1, "right": 2, "sides": (1, 2)}
-        assert tagged_mesh.remarks == ("facets with the tags 3 have no name",)
+        assert tagged_mesh.remarks == ("facets with the tags 3 have no name and are not used",)
         cells = tagged_mesh.mesh.topology.index_map(2)
         assert len(tagged_mesh.cell_tags.indices) == cells.size_local + cells.num_ghosts
         problem = Problem(

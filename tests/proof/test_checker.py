@@ -266,7 +266,7 @@ def flat(them: Arrays) -> None:
         (torn, "bound the cells"),
         (flat, "no volume"),
         (add("cells", (0, 0), 10**6), "do not exist"),
-        (times("cone_bound", -1.0), "not positive"),
+        (times("cone_bound", -1.0), "is negative"),
         (times("obstacle_normals", 2.0), "unit vector"),
         (times("vertices", np.nan), "not finite"),
         (lambda them: them.pop("held"), "held is missing"),

@@ -141,7 +141,7 @@ PAIRS: dict[str, tuple[str, Callable[[Arrays], None], str]] = {
     "another factor from above": ("upper", scaled("strength_factor", 0.99), "weaker bodies"),
     "less load": ("lower", scaled("traction", 0.99), "loads"),
     "less weight": ("lower", scaled("body_force", 0.99), "loads"),
-    "another place": ("lower", moved, "place"),
+    "another place": ("lower", moved, "position"),
     "other supports": ("upper", held_elsewhere, "supports"),
     "other surfaces": ("upper", renamed, "surfaces"),
     "strengths that stay": ("upper", with_kept_cells, "weaker bodies"),

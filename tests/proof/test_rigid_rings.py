@@ -35,7 +35,7 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
     proven = check(path / "bounds.h5")
     assert proven["lower"].proven == pytest.approx(bounds.lower.value, rel=1e-9)
     assert proven["upper"].proven == pytest.approx(bounds.upper.value, rel=1e-9)
-    assert "(held in x, and not turning)" in proven["lower"].words[0]
+    assert "(held in x, without rotation)" in proven["lower"].words[0]
     return found
 
 

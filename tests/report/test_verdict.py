@@ -81,7 +81,7 @@ def test_a_search_that_ended_early() -> None:
     verdict = verdict_on(SimpleNamespace(limit=limit, summary=table, reports=[]))  # type: ignore[arg-type]
     assert verdict.mark == "open"
     assert "No limit load was found" in verdict.sentence
-    assert "How the search on this mesh ended: time was out." in verdict.details
+    assert "Reason for the end of the search on this mesh: time was out." in verdict.details
 
 
 def test_levels() -> None:
@@ -103,7 +103,7 @@ def test_runs_that_have_not_come_to_their_end() -> None:
     stopped = of_levels(plain(4.0), plain(8.0), planned=5, case=True)
     assert stopped.mark == "open"
     assert stopped.sentence == (
-        "The bodies carry ζ = 8 on this mesh; 2 of 5 steps are found, and the run goes on or was"
+        "The bodies carry ζ = 8 on this mesh; 2 of 5 steps are found, and the run continues or was"
         " stopped."
     )
     killed = of_levels(plain(4.0), plain(8.0), planned=5, case=True, interrupted="SIGTERM")

@@ -176,4 +176,4 @@ def test_friction_and_tie_on_one_surface_are_refused(comm: MPI.Intracomm) -> Non
     words = ["tie 1", "has the same surfaces as contact 1"]
     assert_refused(lambda: declare(**contact), words)
     roof = Plane("lower_top", (0.0, 1.0), (0.0, -1.0), tresca=1.0, name="roof")
-    assert_refused(lambda: declare(obstacles=[roof]), ["friction", "tied", "leave out"])
+    assert_refused(lambda: declare(obstacles=[roof]), ["friction", "tied", "remove"])

@@ -12,15 +12,15 @@ def limit_rows(summary: Summary) -> list[dict[str, Any]]:
         summary: Summary with a ``limit`` that was computed without levels.
 
     Returns:
-        A row for each mesh, with its number ``mesh`` (1 to n) and its ``cells``; ``estimate``, ``static`` and
-        ``kinematic`` of its limit load, for the last mesh only; ``body_lower`` and ``body_upper``,
-        the best bounds of the bodies so far; ``seconds`` since the start of the first. For a factor
-        of safety: each ``factor`` with strict bounds, ``lower`` and ``upper``, of how many times
-        the loads are carried; then the points of its curve, each ``factor`` with the ``work`` of
-        the loads, the largest ``displacement``, and the cost. For an envelope: each ``angle``
-        (degrees), with three numbers also ``elevation``, with the distance ``carried`` up to which
-        all is carried, and ``not carried from``. For a shakedown diagram: each ``angle`` with the
-        factors ``first`` and ``second`` to which bodies shake down, and its ``failure``.
+        A row for each mesh, with its number ``mesh`` (1 to n) and its ``cells``; ``estimate``,
+        ``static`` and ``kinematic`` of its limit load, for the last mesh only; ``body_lower`` and
+        ``body_upper``, the best bounds of the bodies so far; ``seconds`` since the start of the
+        first. For a factor of safety: each ``factor`` with strict bounds, ``lower`` and ``upper``,
+        of how many times the loads are carried; then the points of its curve, each ``factor`` with
+        the ``work`` of the loads, the largest ``displacement``, and the cost. For an envelope: each
+        ``angle`` (degrees), with three numbers also ``elevation``, with the distance ``carried`` up
+        to which all is carried, and ``not carried from``. For a shakedown diagram: each ``angle``
+        with the factors ``first`` and ``second`` to which bodies shake down, and its ``failure``.
     """
     limit = summary.limit or {}
     if envelope := limit.get("envelope"):

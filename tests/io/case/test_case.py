@@ -418,7 +418,7 @@ FORMAT_FAULTS = [
     (WORK[0], WORK[1] + "values = [-1.0]", ["[loading]", "-1.0", "works"]),
     (WORK[0], WORK[1] + 'until = "limit"\nlimit_method = "guess"', ["limit_method", "'path'"]),
     (WORK[0], WORK[1] + 'values = [1.0]\nlimit_method = "path"', ["limit_method", "until"]),
-    ('control = "load"\nvalues = [20.0, 40.0]', 'control = "bounds"', ["[solve]", "leave"]),
+    ('control = "load"\nvalues = [20.0, 40.0]', 'control = "bounds"', ["[solve]", "remove"]),
     (WORK[0], '[loading]\ncontrol = "bounds"\nlimit_tolerance = 0', ["limit_tolerance = 0.0"]),
     (WORK[0], '[loading]\ncontrol = "bounds"\nvalues = [1.0]', ["[loading]", "'values'"]),
     (WORK[0], WORK[1] + 'until = "collapse"\nlimit_tolerance = 1e-4', ["until", "limit"]),

@@ -78,9 +78,9 @@ def test_loads_in_words() -> None:
         ('system = "SI"', r"\[material.lower\]: young = 210000 .*; write young = 2.1e\+11"),
         (
             'system = "in-kip-ksi"',
-            "stresses are in ksi; write .* 34.0839",
+            "gives stresses in ksi; write .* 34.0839",
         ),
-        ('length = "m"\nstress = "kPa"', r"those of 's235' in MPa, .* are in kPa"),
+        ('length = "m"\nstress = "kPa"', r"those of 's235' in MPa, .* in kPa"),
         ("mass = 1", "no key 'mass'"),
     ],
 )

@@ -38,7 +38,7 @@ BAD: list[tuple[dict[str, str | None], str]] = [
     ({"perfplast_ksp_max_it": "1.5"}, "no integer value"),
     ({"perfplast_mg_levels_ksp_typo": "5"}, "'-perfplast_mg_levels_ksp_typo' is unknown"),
     ({"perfplast_vi_snes_typo": "5"}, "'-perfplast_vi_snes_typo' is unknown"),
-    ({"perfplast_vi_snes_type": "vinewtonssls"}, "contact programs are for vinewtonrsls alone"),
+    ({"perfplast_vi_snes_type": "vinewtonssls"}, "contact programs need vinewtonrsls"),
     ({"perfplast_vi_snes_max_it": "0"}, "at least one iteration"),
     ({"perfplast_vi_ksp_rtol": "1e-9"}, "give '-perfplast_ksp_rtol 1e-9'"),
     ({"perfplast_24_ksp_rtol": "1e-8"}, "'-perfplast_24_ksp_rtol' is unknown"),
