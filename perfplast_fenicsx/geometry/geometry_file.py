@@ -90,7 +90,7 @@ def check_file(path: Path) -> None:
     if not _begins_as(suffix, head):
         kind = suffix[1:].upper()
         raise InputError(
-            f"'{path}' is not a {kind} file despite its name; export the parts as {kind}."
+            f"'{path}' is not in {kind} format despite its name; export the parts as {kind}."
         )
 
 

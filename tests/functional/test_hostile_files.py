@@ -141,14 +141,14 @@ HOSTILE = {
     "options": Hostile("a.geo", SOLID, SCRIPT, {"a.geo.opt": TOUCH}),
     "Python": Hostile("a.py", "open('PWNED', 'w')\n", NOT_RUN),
     "shell": Hostile("a.sh", "touch PWNED\n", NOT_RUN),
-    "as STEP": Hostile("a.step", TOUCH + SOLID, "is not a STEP file despite its name"),
+    "as STEP": Hostile("a.step", TOUCH + SOLID, "is not in STEP format despite its name"),
     "in STEP": Hostile("a.step", STEP_LIKE + TOUCH + SOLID, "cannot be read"),
     "STEP's options": Hostile(
         "a.stp", STEP_LIKE, "cannot be read", {"a.stp.opt": TOUCH, "a.opt": TOUCH}
     ),
-    "as BREP": Hostile("a.brep", TOUCH + SOLID, "is not a BREP file despite its name"),
+    "as BREP": Hostile("a.brep", TOUCH + SOLID, "is not in BREP format despite its name"),
     "in BREP": Hostile("a.brep", "// CASCADE Topology\n" + TOUCH + SOLID, "a.brep'"),
-    "as IGES": Hostile("a.iges", TOUCH + SOLID, "is not a IGES file despite its name"),
+    "as IGES": Hostile("a.iges", TOUCH + SOLID, "is not in IGES format despite its name"),
     "in IGES": Hostile("a.igs", IGES_LIKE + TOUCH + SOLID, "a.igs'"),
     "as STL": Hostile("a.stl", TOUCH + SOLID, "does not have the name of a geometry file"),
     "as options": Hostile("a.opt", TOUCH + SOLID, "does not have the name of a geometry file"),

@@ -223,7 +223,7 @@ def test_bolts_with_nuts() -> None:
     ("name", "content", "says"),
     [
         ("empty.step", "", "is empty"),
-        ("other.step", "solid teapot", "is not a STEP file"),
+        ("other.step", "solid teapot", "is not in STEP format"),
         ("teapot.stl", "solid teapot", "the name of a geometry file"),
         (
             "teapot.mesh",
