@@ -12,7 +12,7 @@ from perfplast_fenicsx.limit_analysis.shakedown.diagram import (
     check_directions,
     shakedown_diagram,
 )
-from perfplast_fenicsx.limit_analysis.shakedown.elastic_stresses import check_names
+from perfplast_fenicsx.limit_analysis.shakedown.elastic_stresses import check_elastic, check_names
 from perfplast_fenicsx.limit_analysis.shakedown.load_domain import LoadDomain
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import (
     check_shakedown,
@@ -78,6 +78,7 @@ class ShakedownControl(OfBody):
         given.refuse_moves()
         warmed = [called(a) for a in given.initial if isinstance(a, Temperature)]
         check_names(given.loads, warmed, self.domain.names)
+        check_elastic(given.materials)
         if given.contacts or given.obstacles:
             raise InputError(
                 "control = 'shakedown' adds up elastic stresses of single loads, so that "

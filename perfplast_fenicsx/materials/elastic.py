@@ -9,7 +9,7 @@ import ufl
 
 from perfplast_fenicsx.errors import InputError, check_magnitude
 from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
-from perfplast_fenicsx.materials.law import Elasticity, Law, Old
+from perfplast_fenicsx.materials.law import Elasticity, Law, Material, Old
 from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.materials.sheet_elasticity import SheetElasticity
 from perfplast_fenicsx.materials.yield_set import NeverYields
@@ -143,8 +143,8 @@ class ElasticSheet(Elastic):
 class Rigid:
     """A rigid block, such as a block of masonry: it moves as a whole and bears any stress.
 
-    Only bounds of limit loads and factors of safety support it. Where no body can yield, only the
-    joints limit the load.
+    Bounds of limit loads and factors of safety support it. Levels support it beside bodies that
+    deform. Where no body can yield, only the joints limit the load.
     """
 
     law: ClassVar[type[ElasticLaw]] = ElasticLaw
@@ -166,8 +166,20 @@ class Rigid:
         return {"bulk": 1.0, "shear": 1.0}
 
 
+def with_stand_ins(materials: Mapping[str, Material]) -> dict[str, Material]:
+    """Return materials with an elastic one in the place of each rigid one.
+
+    Its stiffness does not matter where bodies do not strain, but springs that hold free motions are
+    as stiff. So it is that of the stiffest body beside.
+    """
+    known = (of.parameters().get("shear") for of in materials.values() if not isinstance(of, Rigid))
+    shear = max((float(it) for it in known if isinstance(it, int | float)), default=1.0)
+    stiff = Elastic(young=2 * shear, poisson=0.0)
+    return {name: stiff if isinstance(of, Rigid) else of for name, of in materials.items()}
+
+
 def check_deforms(materials: Mapping[str, object]) -> None:
-    """Refuse rigid bodies where stresses and strains are computed.
+    """Refuse rigid bodies alone where stresses and strains are computed.
 
     With rigid blocks only, a level has only the trivial solution. The functional J_ζ is positively
     homogeneous on a cone of motions. So its infimum is 0, at rest, or −∞ above the limit load. All
@@ -178,9 +190,7 @@ def check_deforms(materials: Mapping[str, object]) -> None:
         InputError: Naming the first rigid body.
     """
     name = next((name for name, of in materials.items() if isinstance(of, Rigid)), None)
-    if name is None:
-        return
-    if all(isinstance(of, Rigid) for of in materials.values()):
+    if name is not None and all(isinstance(of, Rigid) for of in materials.values()):
         raise InputError(
             f"all bodies, such as '{name}', have law = 'rigid', and rigid blocks have no "
             "levels: they rest at all loads that they carry, and the forces in their "
@@ -188,12 +198,6 @@ def check_deforms(materials: Mapping[str, object]) -> None:
             "'bounds' with constant = true for all loads answers whether the bodies carry "
             "them)."
         )
-    raise InputError(
-        f"the body '{name}' has law = 'rigid', which has no stiffness, and only bounds of limit"
-        " loads and factors of safety know it; give control = 'bounds' or 'strength', or law ="
-        " 'elastic' with poisson and a young that is 1e5 times as large as that of the bodies"
-        " beside it."
-    )
 
 
 def require_not_negative(field: str, value: Strength) -> None:

@@ -6,6 +6,7 @@ This module declares the problem and solves nothing.
         (v_a − v_b)·n ≤ g at contact nodes
 """
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -31,6 +32,7 @@ from perfplast_fenicsx.contact.rows.jump_basis import JumpBasis, make_basis
 from perfplast_fenicsx.contact.rows.loose_bodies import warn_of_loose_motions
 from perfplast_fenicsx.contact.rows.rigid_motions import RigidMotions
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.elastic import Rigid, with_stand_ins
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.mesh.body_names import body_names
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
@@ -49,8 +51,13 @@ from perfplast_fenicsx.problem.assembled.prescribed_displacement import (
     conditions_at_rest,
     known_displacements,
 )
+from perfplast_fenicsx.problem.assembled.rigid_bodies import (
+    RigidBodies,
+    Supported,
+    rigid_bodies,
+)
 from perfplast_fenicsx.problem.assembled.shanks import Shanks
-from perfplast_fenicsx.problem.assembled.spaces import make_spaces, space_at_points
+from perfplast_fenicsx.problem.assembled.spaces import Spaces, make_spaces, space_at_points
 from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
 from perfplast_fenicsx.problem.declared.given import Given
 from perfplast_fenicsx.problem.declared.initial import Initial
@@ -81,6 +88,8 @@ class Problem:
         bcs: Conditions of supports, homogeneous as for increments.
         fixed: Supported components of each local node including ghosts, shape (num_nodes, gdim).
         support_names: Names of supports and moved rigid surfaces in results, each once.
+        rigid_bodies: Bodies of rigid material that move at levels (:meth:`with_rigid_motions`);
+            otherwise None.
         held_by: The support or surface that holds a component, −1 if it is free; shape of
             ``fixed``.
         motion: Motion of supports and obstacles at any ζ; stages replace it.
@@ -153,19 +162,56 @@ class Problem:
         self.laws = lay_out(tagged_mesh, spaces, materials)
         self.initial_strain = initial_strain(tagged_mesh, spaces, materials, self.laws, initial)
         self.shanks = Shanks(tagged_mesh, spaces, self.laws, initial)
-        self.bcs, displacement = self._supports(self.given.holding)
-        on_mesh = (self.V, tagged_mesh, self.given, self.fixed)
-        self.ties, self.guides, taken = glued_rows(*on_mesh, displacement)
+        self._hold(None)
+
+    def _hold(self, rigid: Mapping[str, Material] | None) -> None:
+        """Make supports, rows and loads. Collective.
+
+        Args:
+            rigid: Materials, of which bodies of :class:`Rigid` follow rigid motions; None where no
+                body does.
+        """
+        self.bcs, displacement = self._supports(self.given.holding, rigid)
+        given, tagged_mesh = self.given, self.tagged_mesh
+        on_mesh = (self.V, tagged_mesh, given, self.fixed)
+        told = (displacement, self.rigid_bodies)
+        self.ties, self.guides, taken = glued_rows(*on_mesh, *told)
         self.num_tied: int = self.comm.allreduce(len(self.ties.host))
-        self.basis: JumpBasis = self._contact(contacts, obstacles, taken)
+        self.basis: JumpBasis = self._contact(given.contacts, given.obstacles, taken)
         self.motion, self.in_stages = self._motion(displacement), False
         self.prescribed = self.motion.displacement_at(0.0)
         self.move_to(0.0)
         stays = self.initial_strain is not None or self.interferes or self.motion.moves_supports
-        told = (self.motion.driven, stays)
-        self.loads: LoadCase = declared_loads(self.V, tagged_mesh, loads, self.bcs, rigid, *told)
+        acting = (given.loads, self.bcs, given.rigid, self.motion.driven, stays)
+        self.loads: LoadCase = declared_loads(self.V, tagged_mesh, *acting)
         self.declared = self.loads
         self.free.check([self.loads.dead, self.loads.live])
+
+    @property
+    def has_rigid(self) -> bool:
+        """Whether a body has law = 'rigid'."""
+        return any(isinstance(of, Rigid) for of in self.given.materials.values())
+
+    def with_rigid_motions(self) -> "Problem":
+        """Return the same problem, whose rigid bodies move at levels. Collective.
+
+        It is for algorithms that follow levels. Bounds take rigid bodies as they are in the
+        problem itself.
+
+        Raises:
+            InputError: If rigid bodies touch each other or obstacles, or supports do not fit them.
+        """
+        if not self.has_rigid or self.rigid_bodies is not None:
+            return self
+        other = copy.copy(self)
+        other.__dict__.pop("glued_basis", None)
+        points = Spaces(self.degree, self.V, self.S, self.Q, self.dx)
+        other.laws = lay_out(self.tagged_mesh, points, with_stand_ins(self.given.materials))
+        told = (self.tagged_mesh, points, self.given.materials, other.laws, self.given.initial)
+        other.initial_strain = initial_strain(*told)
+        other.shanks = Shanks(self.tagged_mesh, points, other.laws, self.given.initial)
+        other._hold(self.given.materials)
+        return other
 
     def __repr__(self) -> str:
         topology = self.tagged_mesh.mesh.topology
@@ -206,7 +252,8 @@ class Problem:
                 "cannot be put on another mesh; give loads as Pressure, Traction, "
                 "BodyForce or PorePressure."
             )
-        return Problem(tagged_mesh, **vars(self.given))
+        found = Problem(tagged_mesh, **vars(self.given))
+        return found if self.rigid_bodies is None else found.with_rigid_motions()
 
     @property
     def comm(self) -> MPI.Intracomm:
@@ -285,11 +332,17 @@ class Problem:
         return ufl.dot(stress, self.kinematics.strain(ufl.TestFunction(self.V))) * self.dx
 
     def _supports(
-        self, supports: Sequence[Support | RigidSurface]
+        self,
+        supports: Sequence[Support | RigidSurface],
+        materials: Mapping[str, Material] | None,
     ) -> tuple[list[fem.DirichletBC], Floats]:
         """Return the conditions of increments, and u_D: the constant part and the part times ζ."""
         self.fixed, displacement, holder = known_displacements(self.V, self.tagged_mesh, supports)
         self.support_names = tuple(dict.fromkeys(name_of(support) for support in supports))
+        self.rigid_bodies: RigidBodies | None = None
+        if materials is not None:
+            held = Supported(self.fixed, displacement, holder)
+            self.rigid_bodies = rigid_bodies(self.V, self.tagged_mesh, materials, held)
         numbers = [self.support_names.index(name_of(support)) for support in supports]
         self.held_by: Ints = np.array([*numbers, -1], dtype=np.int32)[holder]
         return conditions_at_rest(self.V, self.fixed), displacement
@@ -312,7 +365,8 @@ class Problem:
     ) -> JumpBasis:
         """Return a basis in which the contact rows are bound constraints. Collective."""
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
-        rows = find_constraints(V, tagged_mesh, contacts, obstacles, taken)
+        solid = None if self.rigid_bodies is None else self.rigid_bodies.moving
+        rows = find_constraints(V, tagged_mesh, contacts, obstacles, taken, solid)
         self.constraints: Constraints = named(self.comm, rows)
         touching = [name for a in contacts for name in (a.primary, a.secondary)]
         touching += [source.on for source in self.constraints.sources if source.on]

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
-from perfplast_fenicsx.errors import check_finite
+from perfplast_fenicsx.errors import InputError, check_finite
 from perfplast_fenicsx.materials.elastic import check_deforms
 from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
@@ -185,6 +185,11 @@ class LevelSolver(Stepper, ABC):
                 associated, or if bodies are rigid or of a kind that only bounds support.
         """
         check_deforms(problem.given.materials)
+        if problem.has_rigid and problem.rigid_bodies is None:
+            raise InputError(
+                "a body of the problem is rigid, and levels need its motions; give the algorithm"
+                " problem.with_rigid_motions() in the place of the problem."
+            )
         check_slip_is_true(problem)
         check_flows(problem.given.materials)
         self.problem = problem

@@ -63,6 +63,7 @@ def find_constraints(
     contacts: Sequence[Contact],
     obstacles: Sequence[Obstacle],
     fixed: npt.NDArray[np.bool_],
+    solid: npt.NDArray[np.bool_] | None = None,
 ) -> Constraints:
     """Return the rows of all contacts followed by those of all obstacles. Collective.
 
@@ -72,6 +73,7 @@ def find_constraints(
         contacts: The contacts.
         obstacles: The obstacles.
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+        solid: Nodes of rigid bodies, which cannot be hosts but move, shape (num_nodes,).
 
     Raises:
         errors.InputError: If surfaces do not fit each other or an obstacle.
@@ -86,6 +88,8 @@ def find_constraints(
         place = f"obstacle {count} ({type(obstacle).__name__.lower()} at '{obstacle.on}')"
         chosen.append(NodeToObstacle(obstacle, place, len(chosen)))
     taken = np.zeros((*fixed.shape, fixed.shape[1]))
+    if solid is not None:
+        taken[solid] = np.eye(fixed.shape[1])
     parts: dict[int, Constraints] = {}
     # where supports hold one side, the other one must be the host; the first contact takes
     # precedence

@@ -20,7 +20,7 @@ from perfplast_fenicsx.contact.surfaces.surface_nodes import (
     extent,
     surface_nodes,
 )
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import send_rows
 
@@ -71,7 +71,7 @@ class NodeToNode:
         size = extent(comm, np.concatenate([primary["x"], secondary["x"]]))
         matching = match_nodes(comm, primary, secondary, MATCHING_TOLERANCE * size)
         normal, gap = normals_and_gaps(comm, self.place, contact, matching, size)
-        pairs = _to_hosts(comm, matching, normal, gap, contact.rubs)
+        pairs = _to_hosts(comm, self.place, matching, normal, gap, contact.rubs)
         every, coefficient = np.arange(len(pairs)), pairs["sign"][:, None] * pairs["normal"]
         host = pairs["host"] + V.dofmap.index_map.local_range[0]
         return make_constraints(
@@ -105,12 +105,20 @@ def _pair_type(gdim: int) -> np.dtype:
 
 
 def _to_hosts(
-    comm: MPI.Intracomm, matching: Matching, normal: Floats, gap: Floats, friction: bool
+    comm: MPI.Intracomm,
+    place: str,
+    matching: Matching,
+    normal: Floats,
+    gap: Floats,
+    friction: bool,
 ) -> npt.NDArray[np.void]:
     """Return the pairs on the ranks of their hosts, after choosing each pair's host. Collective.
 
     Returns:
         The pairs hosted by this rank.
+
+    Raises:
+        InputError: If a rigid body that moves is opposite a node that supports hold.
     """
     primary, secondary = matching.primary, matching.secondary
     on_primary = can_host(primary, normal)
@@ -132,4 +140,14 @@ def _to_hosts(
     pairs["sign"] = np.where(on_primary, 1.0, -1.0)
     pairs["area"] = np.minimum(primary["weight"], secondary["weight"])
     movable = on_primary | can_host(secondary, normal)
+    follows = [np.trace(side["taken"], axis1=1, axis2=2) > 0 for side in (primary, secondary)]
+    held = [~side["free"].any(axis=1) for side in (primary, secondary)]
+    lost = ~movable & ((follows[0] & held[0]) | (follows[1] & held[1]))
+    raise_together(
+        comm,
+        f"{place}: supports or ties hold nodes along the normal that a body with law = 'rigid'"
+        " touches; leave these nodes out of the support or of the contact surface."
+        if lost.any()
+        else None,
+    )
     return send_rows(comm, pairs[movable], host["rank"][movable])

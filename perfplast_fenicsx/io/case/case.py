@@ -175,7 +175,7 @@ class Case:
         tagged_mesh, left = tagged_mesh.left_glued(named, self.cracks)
         glued = [Tie(*pair) for pair in left]
         with at(self.path.name):
-            return Problem(
+            problem = Problem(
                 tagged_mesh,
                 self.materials,
                 self.supports,
@@ -187,6 +187,7 @@ class Case:
                 [*self.ties, *glued],
                 self.rigid,
             )
+            return problem if self.loading.of_body else problem.with_rigid_motions()
 
     def loads_on(self, bodies: TaggedMesh | Problem) -> list[Load]:
         """Return the loads, with the pressure of seepage. Collective.

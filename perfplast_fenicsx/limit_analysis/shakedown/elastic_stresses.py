@@ -30,6 +30,7 @@ from perfplast_fenicsx.limit_analysis.discrete.conic_stiffness import ConicStiff
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains, RatesAtPoints
 from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
 from perfplast_fenicsx.limit_analysis.shakedown.corner_program import Frames
+from perfplast_fenicsx.materials.elastic import Rigid
 from perfplast_fenicsx.materials.mandel import mandel_size, numbers_of
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
@@ -191,6 +192,21 @@ def hooke_at_points(problem: Problem) -> Floats:
         hooke = np.column_stack([numbers_of(elastic.hooke(unit)) for unit in units])
         found[points[points < count]] = hooke
     return found
+
+
+def check_elastic(materials: Mapping[str, object]) -> None:
+    """Refuse bodies without elastic stresses.
+
+    Raises:
+        InputError: Naming the first one.
+    """
+    rigid = sorted(name for name, of in materials.items() if isinstance(of, Rigid))
+    if rigid:
+        raise InputError(
+            f"the body '{rigid[0]}' has law = 'rigid', which has no elastic stresses, and"
+            " control = 'shakedown' adds these up; give it law = 'elastic' with a young that is"
+            " 1e5 times as large as that of the bodies beside it."
+        )
 
 
 def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Sequence[str]) -> None:

@@ -1,4 +1,6 @@
-"""Assemble all rows B u = 0: of ties, of rigid surfaces, and of supports along a normal."""
+"""Assemble all rows B u = 0: of ties, rigid bodies and surfaces, and supports along a normal."""
+
+import itertools
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +13,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.guides import Guides, find_guides
 from perfplast_fenicsx.problem.assembled.prescribed_displacement import check_moved_ties
+from perfplast_fenicsx.problem.assembled.rigid_bodies import RigidBodies, check_touching
 from perfplast_fenicsx.problem.assembled.rigid_rows import rigid_rows
 from perfplast_fenicsx.problem.declared.given import Given
 from perfplast_fenicsx.profiling import phase
@@ -23,6 +26,7 @@ def glued_rows(
     given: Given,
     fixed: npt.NDArray[np.bool_],
     displacement: Floats,
+    bodies: RigidBodies | None = None,
 ) -> tuple[Constraints, Guides, npt.NDArray[np.bool_]]:
     """Return the rows, the guides and the components that contact cannot use. Collective.
 
@@ -33,6 +37,7 @@ def glued_rows(
         fixed: Components held by supports at each local node, shape (num_nodes, gdim).
         displacement: u_D at each local node (length): the constant part and the part times ζ, shape
             (2, num_nodes, gdim).
+        bodies: Rigid bodies, whose nodes host no other rows.
 
     Returns:
         The rows, with those of guides last. The guides. The components of local nodes that contact
@@ -41,7 +46,13 @@ def glued_rows(
     Raises:
         InputError: If names or surfaces do not fit.
     """
-    taken = fixed.copy()
+    taken, solid = fixed.copy(), list[Constraints]()
+    if bodies is not None:
+        check_touching(V, tagged_mesh, given, bodies)
+        taken[bodies.of_node >= 0] = True
+        solid = bodies.rows
+        for part, rows in itertools.product(displacement, solid):
+            check_moved_ties(V, rows, part)
     guides, held = find_guides(V, tagged_mesh, given.supports, taken, displacement)
     glued = tied_rows(V, tagged_mesh, given.ties, taken)
     for part in displacement:
@@ -55,4 +66,4 @@ def glued_rows(
             )
     taken[glued.host, np.argmax(glued.normal, axis=1)] = True
     parts = rigid_rows(V, tagged_mesh, given.rigid, taken)
-    return joined(V, [glued, *parts, held]), guides, taken
+    return joined(V, [*solid, glued, *parts, held]), guides, taken

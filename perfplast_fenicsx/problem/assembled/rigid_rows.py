@@ -113,11 +113,11 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     # ranks.
     alike = 1e-9
 
-    def farthest(distance: Floats) -> tuple[float, int, Floats]:
-        return _farthest(comm, distance, number, x, alike * size)
+    def leading(distance: Floats) -> tuple[float, int, Floats]:
+        return farthest(comm, distance, number, x, alike * size)
 
-    _, a, x_a = farthest(np.linalg.norm(x - middle, axis=1))
-    length, b, x_b = farthest(np.linalg.norm(x - x_a, axis=1))
+    _, a, x_a = leading(np.linalg.norm(x - middle, axis=1))
+    length, b, x_b = leading(np.linalg.norm(x - x_a, axis=1))
     chosen, places, height = [a, b], [x_a, x_b], length
     # Nodes nearer to a point or a line than this, relative to the surface, are not leaders.
     in_line = 1e-6
@@ -126,7 +126,7 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
         frame = [along, np.array([-along[1], along[0]])]
     else:
         arms = x - x_a
-        height, c, x_c = farthest(np.linalg.norm(arms - np.outer(arms @ along, along), axis=1))
+        height, c, x_c = leading(np.linalg.norm(arms - np.outer(arms @ along, along), axis=1))
         across = x_c - x_a - ((x_c - x_a) @ along) * along
         across /= max(height, in_line * size, np.finfo(float).tiny)
         chosen, places = [a, b, c], [x_a, x_b, x_c]
@@ -258,7 +258,7 @@ def _rows_of_slide(
     return make_constraints(V, host, np.zeros(len(host)), along, surface, terms)
 
 
-def _farthest(
+def farthest(
     comm: MPI.Intracomm, distance: Floats, number: Longs, x: Floats, alike: float
 ) -> tuple[float, int, Floats]:
     """Return the largest distance and its node; among equal distances coordinates decide.

@@ -1,0 +1,344 @@
+"""Rigid bodies at levels: rows B u = 0 by which all nodes of a body follow few.
+
+The motions q of a body are few: three in the plane, six in space. Some components that supports
+hold, and directions at up to three nodes, determine q. All other components are linear in these.
+The rows do no work on rigid motions, so that their forces balance on each body, and what loads it
+arrives at its supports, its contacts and its glued surfaces.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.materials.elastic import Rigid
+from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.mesh.connected_bodies import components
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import bounding_box
+from perfplast_fenicsx.problem.assembled.rigid_rows import farthest
+from perfplast_fenicsx.problem.declared.given import Given
+
+ROUNDING = 1e-9
+"""Motions of a body of unit size that are smaller are rounding."""
+
+
+@dataclass(frozen=True)
+class Supported:
+    """Components that supports hold; arrays of local nodes, ghosts too.
+
+    Attributes:
+        fixed: Whether they do, shape (num_nodes, gdim).
+        displacement: u_D (length), its constant part and that which ζ multiplies, shape (2,
+            num_nodes, gdim).
+        holder: Number of the support, −1 for none, shape (num_nodes, gdim).
+    """
+
+    fixed: npt.NDArray[np.bool_]
+    displacement: Floats
+    holder: Ints
+
+
+@dataclass(frozen=True)
+class RigidBodies:
+    """Bodies whose nodes follow rigid motions.
+
+    Attributes:
+        of_node: Number of the rigid body of each local node, ghosts too; −1 for bodies that deform.
+        rows: The rows of each body.
+        moving: Nodes of bodies that supports do not hold altogether, shape (num_nodes,).
+    """
+
+    of_node: Ints
+    rows: list[Constraints]
+    moving: npt.NDArray[np.bool_]
+
+
+def rigid_bodies(
+    V: fem.FunctionSpace,
+    tagged_mesh: TaggedMesh,
+    materials: Mapping[str, Material],
+    supported: Supported,
+) -> RigidBodies:
+    """Make the rows of bodies of :class:`Rigid`. Collective.
+
+    Components that supports of a body imply are added to ``supported``, with their displacement.
+
+    Args:
+        V: Displacement space.
+        tagged_mesh: Mesh with names.
+        materials: Materials of each volume.
+        supported: What supports hold.
+
+    Raises:
+        InputError: If bodies are of revolution, or supports move one otherwise than as a rigid one.
+    """
+    if tagged_mesh.axisymmetric:
+        raise InputError(
+            "a body of revolution has law = 'rigid', which levels do not know; give law ="
+            " 'elastic' with a young that is 1e5 times as large as that of the bodies beside it."
+        )
+    count, of_node = _find(V, tagged_mesh, materials)
+    rows = []
+    for number in range(count):
+        nodes = np.flatnonzero(of_node == number)
+        body = _Body(V, tagged_mesh, nodes)
+        held = body.held_rows(supported.fixed)
+        body.imply(held, supported)
+        rows.append(body.rows(held, supported.fixed, number))
+    moving = (of_node >= 0) & ~supported.fixed.all(axis=1)
+    return RigidBodies(of_node, rows, moving)
+
+
+def check_touching(
+    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, given: Given, bodies: RigidBodies
+) -> None:
+    """Refuse rigid bodies that touch each other or obstacles, or that are guided. Collective.
+
+    A row of contact or of a tie has a node of its own, which deforms.
+
+    Raises:
+        InputError: Naming the surfaces.
+    """
+    comm, fdim = V.mesh.comm, V.mesh.topology.dim - 1
+    remedy = (
+        "give one of the bodies law = 'elastic' with a young that is 1e5 times as large as that of"
+        " the bodies beside it"
+    )
+
+    def moves(name: str) -> bool:
+        nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(name))
+        return bool(comm.allreduce(bool(bodies.moving[nodes].any()), MPI.LOR))
+
+    pairs: list[Contact | Tie] = [*given.contacts, *given.ties]
+    for pair in pairs:
+        if moves(pair.primary) and moves(pair.secondary):
+            raise InputError(
+                f"the surfaces '{pair.primary}' and '{pair.secondary}' are both of bodies with law"
+                f" = 'rigid', between which levels do not determine the forces; {remedy}."
+            )
+    for obstacle in given.obstacles:
+        if moves(obstacle.on):
+            raise InputError(
+                f"the obstacle on '{obstacle.on}' touches a body with law = 'rigid', which levels"
+                f" do not know; {remedy}."
+            )
+    for support in given.supports:
+        if support.guides and moves(support.on):
+            raise InputError(
+                f"components = 'normal' of the support on '{support.on}' is not for bodies with"
+                " law = 'rigid' at levels; give letters of axes."
+            )
+
+
+class _Body:
+    """A rigid body: its local nodes and their components in its motions."""
+
+    def __init__(self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, nodes: Longs) -> None:
+        """Measure the body. Collective.
+
+        Args:
+            V: Displacement space.
+            tagged_mesh: Mesh with names.
+            nodes: Local nodes of the body, ghosts too.
+        """
+        self._V, self._kinematics = V, tagged_mesh.kinematics
+        self._comm, self._nodes = V.mesh.comm, nodes
+        x = V.tabulate_dof_coordinates()[nodes]
+        self._owned = nodes < V.dofmap.index_map.size_local
+        low, high = bounding_box(self._comm, x)
+        size = float(np.linalg.norm(high - low))
+        self._x: Floats = np.asarray((x - (low + high) / 2) / size, dtype=np.float64)
+        self._motions = self._kinematics.rigid_modes(self._x)
+        self._numbers = V.dofmap.index_map.local_to_global(nodes.astype(np.int32))
+        self._gdim, self._count = self._motions.shape[1:]
+
+    def held_rows(self, fixed: npt.NDArray[np.bool_]) -> "_Leaders":
+        """Return as many independent components that supports hold as there are. Collective."""
+        found = _Leaders.none(self._gdim, self._count)
+        held = fixed[self._nodes] & self._owned[:, None]
+        node, axis = np.nonzero(held)
+        # Supports that hold a motion by less, relative to the body, do not hold it.
+        least = 1e-6
+        place: Floats = np.column_stack([self._x[node], axis.astype(np.float64)])
+        number = self._numbers[node] * self._gdim + axis
+        any_held = self._comm.allreduce(len(node)) > 0
+        while any_held and len(found) < self._count:
+            left = self._motions[node, axis] @ found.complement()
+            sizes = np.linalg.norm(left, axis=1)
+            largest, which, at = farthest(self._comm, sizes, number, place, ROUNDING)
+            if largest <= least:
+                break
+            along = np.eye(self._gdim)[[which % self._gdim]]
+            motions = self._kinematics.rigid_modes(at[None, :3])[0]
+            found = found.and_at(which // self._gdim, along, motions)
+        return found
+
+    def imply(self, held: "_Leaders", supported: Supported) -> None:
+        """Hold all that these components imply, and move it as they move. Collective.
+
+        Raises:
+            InputError: If supports move the body otherwise than as a rigid one.
+        """
+        if not len(held):
+            return
+        fixed, nodes, comm = supported.fixed, self._nodes, self._comm
+        left = np.linalg.norm(self._motions @ held.complement(), axis=2)
+        implied = left <= ROUNDING
+        known = fixed[nodes]
+        mine = known & self._owned[:, None]
+        rows = self._motions[mine]
+        gram = comm.allreduce(rows.T @ rows)
+        wanted: Floats = supported.displacement[:, nodes]
+        apart = 0.0
+        most = comm.allreduce(float(np.abs(wanted).max(initial=0)), MPI.MAX)
+        for part in range(len(wanted)):
+            given = wanted[part]
+            right = comm.allreduce(rows.T @ given[mine])
+            moved = self._motions @ np.linalg.lstsq(gram, right, rcond=ROUNDING)[0]
+            apart = max(apart, float(np.abs(moved - given)[known].max(initial=0)))
+            supported.displacement[part, nodes] = np.where(implied & ~known, moved, given)
+        rounding = 1e-9  # of displacements, relative to the largest
+        message = None
+        if comm.allreduce(apart, MPI.MAX) > rounding * most:
+            message = (
+                "supports move nodes of a body with law = 'rigid' otherwise than as a rigid body;"
+                " give them values of a translation and a rotation, or leave all but one out."
+            )
+        raise_together(comm, message)
+        holder = supported.holder[nodes]
+        none = np.iinfo(np.int32).max
+        first: Longs = np.where(holder >= 0, holder, none).min(axis=0, initial=none)
+        comm.Allreduce(MPI.IN_PLACE, first, MPI.MIN)
+        first = np.where(first == none, first.min(), first)
+        new = implied & ~known
+        supported.holder[nodes] = np.where(new, first, holder)
+        supported.fixed[nodes] = known | implied
+
+    def rows(self, held: "_Leaders", fixed: npt.NDArray[np.bool_], number: int) -> Constraints:
+        """Return the rows of all that is not held and does not lead. Collective.
+
+        Args:
+            held: The components of supports that lead.
+            fixed: Components that supports hold, shape (num_nodes, gdim).
+            number: Number of the body.
+        """
+        gdim = self._gdim
+        free = ~fixed[self._nodes]
+        owned, taken, leaders = self._owned, ~free, held
+        node: list[Longs] = []
+        along: list[Floats] = []
+        while len(leaders) < self._count:
+            left = (self._motions @ leaders.complement()) * free[:, :, None]
+            sizes = np.linalg.norm(left, axis=(1, 2))
+            told = (self._comm, sizes[owned], self._numbers[owned], self._x[owned])
+            _, which, at = farthest(*told, ROUNDING)
+            here = np.flatnonzero(owned & (self._numbers == which))
+            mine = free[here[0]].tolist() if len(here) else None
+            loose = next(it for it in self._comm.allgather(mine) if it is not None)
+            axes = np.eye(gdim)[loose]
+            motions = self._kinematics.rigid_modes(at[None])[0]
+            parts, strengths, _ = np.linalg.svd(axes @ motions @ leaders.complement())
+            # Directions that the other leaders leave with less freedom, of the most, follow.
+            least = 1e-6
+            lead = int((strengths > least * strengths[0]).sum())
+            directions = parts.T @ axes
+            leaders = leaders.and_at(which, directions[:lead], motions)
+            rest = directions[lead:]
+            node.append(np.repeat(here, len(rest)))
+            along.append(np.tile(rest, (len(here), 1)))
+            taken = taken | (self._numbers == which)[:, None]
+        plain, axis = np.nonzero(~taken & owned[:, None])
+        node.append(plain)
+        along.append(np.eye(gdim)[axis])
+        return self._constraints(leaders, np.concatenate(node), np.concatenate(along), number)
+
+    def _constraints(
+        self, leaders: "_Leaders", node: Longs, along: Floats, number: int
+    ) -> Constraints:
+        """Return a row for each of these directions at nodes of the body. Collective."""
+        every, host = np.arange(len(node)), self._nodes[node].astype(np.int32)
+        shares = np.einsum("ni,nim->nm", along, self._motions[node]) @ leaders.motions_of()
+        terms = [(every, self._numbers[node], along)]
+        terms += [
+            (every, np.full(len(every), leader), -shares[:, [place]] * direction)
+            for place, (leader, direction) in enumerate(
+                zip(leaders.number, leaders.along, strict=True)
+            )
+        ]
+        of_body = np.full(len(host), number, dtype=np.int32)
+        return make_constraints(self._V, host, np.zeros(len(host)), along, of_body, terms)
+
+
+@dataclass(frozen=True)
+class _Leaders:
+    """Displacements d·u of nodes that determine motions of a body.
+
+    Attributes:
+        number: Global block dof of each node, shape (n,).
+        along: d, shape (n, gdim).
+        rows: d·u of each motion, shape (n, num_motions).
+    """
+
+    number: Longs
+    along: Floats
+    rows: Floats
+
+    @classmethod
+    def none(cls, gdim: int, count: int) -> "_Leaders":
+        """Return no leaders of a body with so many motions."""
+        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, gdim)), np.zeros((0, count)))
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+    def and_at(self, number: int, along: Floats, motions: Floats) -> "_Leaders":
+        """Return these and directions at a node, which has these motions, (gdim, num_motions)."""
+        return _Leaders(
+            np.append(self.number, np.full(len(along), number)),
+            np.concatenate([self.along, along]),
+            np.concatenate([self.rows, along @ motions]),
+        )
+
+    def complement(self) -> Floats:
+        """Return an orthonormal basis of the motions that the leaders leave, as columns."""
+        if not len(self):
+            return np.eye(self.rows.shape[1])
+        return np.asarray(np.linalg.svd(self.rows)[2][len(self) :].T)
+
+    def motions_of(self) -> Floats:
+        """Return the motion of a unit displacement of each leader, as columns."""
+        return np.asarray(np.linalg.inv(self.rows), dtype=np.float64)
+
+
+def _find(
+    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, materials: Mapping[str, Material]
+) -> tuple[int, Ints]:
+    """Return the number of rigid bodies, and that of each local node; −1 elsewhere. Collective."""
+    comm, index_map = V.mesh.comm, V.dofmap.index_map
+    names = sorted(name for name, of in materials.items() if isinstance(of, Rigid))
+    cells = np.concatenate([np.zeros(0, dtype=np.int32), *map(tagged_mesh.cells, names)])
+    corners = V.dofmap.list[cells]
+    marked = la.vector(index_map, 1)
+    marked.array[np.unique(corners)] = 1.0
+    marked.scatter_reverse(la.InsertMode.add)
+    marked.scatter_forward()
+    rigid = marked.array > 0
+    others = np.flatnonzero(~rigid).astype(np.int32)
+    pairs: Sequence[npt.NDArray[np.int32]] = [
+        np.stack([np.repeat(corners[:, 0], corners.shape[1]), corners.ravel()], axis=1),
+        np.stack([np.repeat(others[:1], len(others)), others], axis=1),
+    ]
+    _, piece = components(comm, index_map, np.concatenate(pairs))
+    pieces = np.unique(np.concatenate(comm.allgather(np.unique(piece[rigid]))))
+    of_node = np.where(rigid, np.searchsorted(pieces, piece), -1).astype(np.int32)
+    return len(pieces), of_node
