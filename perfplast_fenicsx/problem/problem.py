@@ -365,8 +365,8 @@ class Problem:
     ) -> JumpBasis:
         """Return a basis in which the contact rows are bound constraints. Collective."""
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
-        solid = None if self.rigid_bodies is None else self.rigid_bodies.moving
-        rows = find_constraints(V, tagged_mesh, contacts, obstacles, taken, solid)
+        solid = () if self.rigid_bodies is None else (self.rigid_bodies.moving,)
+        rows = find_constraints(V, tagged_mesh, contacts, obstacles, taken, *solid)
         self.constraints: Constraints = named(self.comm, rows)
         touching = [name for a in contacts for name in (a.primary, a.secondary)]
         touching += [source.on for source in self.constraints.sources if source.on]
