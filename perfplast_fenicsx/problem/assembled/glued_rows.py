@@ -1,7 +1,5 @@
 """Assemble all rows B u = 0: of ties, rigid bodies and surfaces, and supports along a normal."""
 
-import itertools
-
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
@@ -51,8 +49,9 @@ def glued_rows(
         check_touching(V, tagged_mesh, given, bodies)
         taken[bodies.of_node >= 0] = True
         solid = bodies.rows
-        for part, rows in itertools.product(displacement, solid):
-            check_moved_ties(V, rows, part)
+        for part in displacement:
+            for rows in solid:
+                check_moved_ties(V, rows, part)
     guides, held = find_guides(V, tagged_mesh, given.supports, taken, displacement)
     glued = tied_rows(V, tagged_mesh, given.ties, taken)
     for part in displacement:
