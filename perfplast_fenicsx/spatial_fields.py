@@ -325,10 +325,11 @@ def spatial_field(value: object, folder: Path) -> SpatialField:
     if isinstance(value, dict) and set(value) == {"file", "column"}:
         file, column = value["file"], value["column"]
         if isinstance(file, str) and isinstance(column, str):
+            path = folder / file
+            if path.exists() and not path.is_file():  # a pipe would never end
+                raise InputError(f"'{file}' is not a regular file; give a .csv or .vtu file.")
             by_cells = file.lower().endswith(".vtu")
-            return (
-                read_vtu(folder / file, column) if by_cells else read_points(folder / file, column)
-            )
+            return read_vtu(path, column) if by_cells else read_points(path, column)
     if isinstance(value, Sequence) and all(_is_pair(row) for row in value):
         return DepthTable(tuple((float(row[0]), float(row[1])) for row in value))
     raise InputError(

@@ -55,6 +55,8 @@ def read_dxf(path: Path) -> DxfDrawing:
         InputError: If the package ezdxf is missing, or the file cannot be read. Also if it has no
             line, a line has several z, or lines of one layer branch.
     """
+    if path.exists() and not path.is_file():  # a pipe would never end
+        raise InputError(f"'{path.name}' is not a regular file; give a DXF file.")
     try:
         ezdxf, paths = import_module("ezdxf"), import_module("ezdxf.path")
     except ImportError as missing:

@@ -1,5 +1,6 @@
 """Ground from DXF files: regions and lines by the names of layers."""
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -135,6 +136,12 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "bad.dxf").write_bytes(b"\xff\x00 no drawing")
     with pytest.raises(InputError, match=r"'bad\.dxf' cannot be read as DXF"):
         read_dxf(tmp_path / "bad.dxf")
+
+
+def test_a_pipe_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.dxf")
+    with pytest.raises(InputError, match=r"'pipe\.dxf' is not a regular file"):
+        read_dxf(tmp_path / "pipe.dxf")
 
 
 def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,7 @@
 """Strict bounds of bodies whose strength varies in space."""
 
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,7 @@ from perfplast_fenicsx.spatial_fields import (
     Strength,
     read_points,
     read_vtu,
+    spatial_field,
 )
 from perfplast_fenicsx.vtu_points import read_vtu_points
 from tests.limit_analysis.test_linear_tractions import SQUARE, cube
@@ -426,3 +428,10 @@ def test_files_that_vtk_writes(tmp_path: Path, mode: str) -> None:
         assert np.allclose(found.points, grid.points, rtol=0.0, atol=1e-9)
         assert np.allclose(found.values, grid.point_data["c"], rtol=0.0, atol=1e-9)
         assert np.array_equal(found.cells, cells)
+
+
+@pytest.mark.parametrize("name", ["pipe.csv", "pipe.vtu"])
+def test_a_pipe_is_no_field(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InputError, match=f"'{name}' is not a regular file"):
+        spatial_field({"file": name, "column": "c"}, tmp_path)
