@@ -108,9 +108,8 @@ class Terminal:
         except BrokenPipeError:
             self._speaks = self._live = False
             self._shown = 0
-            with open(
-                os.devnull, "w"
-            ) as nowhere:  # otherwise Python would flush the rest at its end
+            # otherwise Python would write the rest to the closed stream at its end
+            with open(os.devnull, "w") as nowhere:
                 os.dup2(nowhere.fileno(), self._stream.fileno())
 
     def header(

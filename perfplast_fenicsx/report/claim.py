@@ -7,7 +7,6 @@ from typing import Any
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.result_files import FALLS, PROOF, STANDS
 from perfplast_fenicsx.pictures.result_reader import ResultReader
-from perfplast_fenicsx.proof.verdict import Checked
 from perfplast_fenicsx.report.case_words import CaseWords
 from perfplast_fenicsx.report.proof_section import fingerprint, proofs_of
 from perfplast_fenicsx.report.stored_summary import check_summary
@@ -80,20 +79,19 @@ def claim_of(folder: str | Path) -> Claim:
             " that dilates by less; there is no claim."
         )
     names = {"lower": STANDS, "upper": FALLS} if strength else {"lower": PROOF, "upper": PROOF}
-    halves = {
-        kind: half
-        for kind, name in names.items()
-        if (half := proofs.get(name, {}).get(kind)) is not None and half.proven is not None
+    found = {kind: proofs.get(name, {}).get(kind) for kind, name in names.items()}
+    halves = {kind: half for kind, half in found.items() if half is not None}
+    numbers = {
+        kind: float(strength[kind]) if strength else half.proven
+        for kind, half in halves.items()
+        if half.proven is not None
     }
-    if not halves:
+    if not numbers:
         reasons = "; ".join(body.get("why_not", [])) or "no run for bounds has ended there"
         raise InputError(
             f"nothing is proven in '{folder}' ({reasons}), so there is no claim; run the case with"
             ' control = "bounds" or "strength".'
         )
-    numbers = {
-        kind: float(strength[kind]) if strength else _number(half) for kind, half in halves.items()
-    }
     standing = bool(body.get("standing"))
     words = CaseWords(summary.given, summary.units, summary.model["axes"])
     meaning = words.meaning(reader.scene.driven)
@@ -115,13 +113,13 @@ def claim_of(folder: str | Path) -> Claim:
                 "sha256": fingerprint([reader.path / names[kind]]),
                 "check": f"python3 -m perfplast_fenicsx.proof {Path(folder) / names[kind]}",
             }
-            for kind in halves
+            for kind in numbers
         ),
         taken_as_written=tuple(
             dict.fromkeys(
                 text
-                for half in halves.values()
-                for text in half.words
+                for kind in numbers
+                for text in halves[kind].words
                 if text.startswith("Taken as written")
             )
         ),
@@ -130,11 +128,6 @@ def claim_of(folder: str | Path) -> Claim:
         units={kind: unit for kind, unit in summary.units.items() if unit},
         version=summary.version,
     )
-
-
-def _number(half: Checked) -> float:
-    """Return the bound that a half proves."""
-    return float(half.proven or 0.0)
 
 
 def _sentence(letter: str, numbers: dict[str, float]) -> str:

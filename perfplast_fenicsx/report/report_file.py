@@ -46,12 +46,13 @@ def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
             written.
     """
     reader = ResultReader(folder)
+    return write_page(output, reader.path / "report.html", lambda: _checked_page(reader))
 
-    def page() -> str:
-        check_summary(reader)
-        return page_of(reader, view_data(reader))
 
-    return write_page(output, reader.path / "report.html", page)
+def _checked_page(reader: ResultReader, running: str = "") -> str:
+    """Return the HTML of a report of results that are checked first."""
+    check_summary(reader)
+    return page_of(reader, view_data(reader), running)
 
 
 def report_on(folder: "ResultFolder") -> Path | None:
@@ -90,9 +91,7 @@ class LiveReport:
         """Write the page of what is on file now. Collective."""
         if self._folder.comm.rank == 0:
             try:
-                reader = ResultReader(self._folder.path)
-                check_summary(reader)
-                self._page = page_of(reader, view_data(reader), MARK)
+                self._page = _checked_page(ResultReader(self._folder.path), MARK)
                 self._results_at = _clock()
                 self._write()
             except InputError as error:
