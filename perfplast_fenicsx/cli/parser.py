@@ -346,10 +346,12 @@ def _add_pages(commands: Any) -> None:
         "mcp",
         help="serve tools for programs by the Model Context Protocol",
         description="Serve the tools describe, template, mesh, check, run, status, claim and prove"
-        " on standard input and output. They read and write in the given folders alone. This needs"
-        " the package mcp of PyPI.",
+        " on standard input and output. They take paths in the given folders only; a case file may"
+        " name files elsewhere. This needs the package mcp of PyPI.",
     )
-    tools.add_argument("folders", metavar="FOLDER", nargs="+", help="may be read and written")
+    tools.add_argument(
+        "folders", metavar="FOLDER", nargs="+", help="folder with files of the tools"
+    )
 
     exported = commands.add_parser(
         "export",

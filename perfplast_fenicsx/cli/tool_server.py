@@ -1,7 +1,8 @@
 """``perfplast mcp FOLDER``: tools for programs, by the Model Context Protocol on standard input.
 
 Each tool runs a command of this program in a process of its own, so that a fault of one ends
-nothing else. Files outside the given folders are refused. The package ``mcp`` is optional.
+nothing else. A path outside the given folders is refused; a case file may still name a mesh or a
+table that lies elsewhere. The package ``mcp`` is optional.
 """
 
 import json
@@ -32,7 +33,7 @@ class Tools:
     """The tools, for files in some folders.
 
     Attributes:
-        folders: The folders that may be read and written, resolved.
+        folders: The folders in which paths have to be, resolved.
     """
 
     folders: tuple[Path, ...]
@@ -195,7 +196,7 @@ def serve(folders: Sequence[str]) -> int:
     """Serve the tools on standard input and output until that ends. Not collective.
 
     Args:
-        folders: The folders that may be read and written.
+        folders: The folders in which paths have to be.
 
     Raises:
         InputError: If a folder does not exist, or the package ``mcp`` is missing.
