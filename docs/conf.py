@@ -24,6 +24,7 @@ extensions = [
     "docs.case_reference",
     "docs.api_pages",
     "docs.command_reference",
+    "docs.refusals",
     "docs.repository",
 ]
 exclude_patterns = ["_build"]
