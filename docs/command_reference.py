@@ -4,13 +4,22 @@ Sphinx puts it into ``command_line.md`` in place of :data:`MARK`.
 """
 
 import argparse
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 from docs.marks import replace_mark
+from perfplast_fenicsx.cli.json_answer import COMMON, FIELDS
 from perfplast_fenicsx.cli.parser import make_parser
 
 MARK = "<!-- the commands, from the program -->"
+
+JSON = (
+    "With `--json` a command prints one JSON object on standard output, and its lines and progress"
+    " on standard error. The exit status is the same. After a refusal, `error` has its"
+    " [code](codes.md), and the keys of the command are null. A fault of the program on one of"
+    " several ranks can leave standard output empty. Every answer has these keys:"
+)
 
 WIDTH = 96
 """Characters in a line of help."""
@@ -24,7 +33,15 @@ def reference() -> str:
         if isinstance(action, argparse._SubParsersAction):
             for name, command in action.choices.items():
                 text += f"\n## `perfplast {name}`\n\n{_help(command)}"
-    return text
+                if name in FIELDS:
+                    text += f"\nWith `--json` the object has also:\n\n{_keys(FIELDS[name])}"
+    return text + f"\n## JSON\n\n{JSON}\n\n{_keys(COMMON)}"
+
+
+def _keys(meaning: Mapping[str, str]) -> str:
+    """A table of keys."""
+    rows = "".join(f"| `{key}` | {text} |\n" for key, text in meaning.items())
+    return f"| key | value |\n|---|---|\n{rows}"
 
 
 def _help(parser: argparse.ArgumentParser) -> str:

@@ -9,8 +9,16 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
+from perfplast_fenicsx.cli.json_answer import (
+    FIELDS,
+    Answer,
+    answer_by,
+    libraries_on_stderr,
+    wants_json,
+)
 from perfplast_fenicsx.cli.launch import launched_first, prepare
 from perfplast_fenicsx.cli.parser import BAD_INPUT, FAULT, read_arguments
 from perfplast_fenicsx.environment import forms_fault
@@ -32,27 +40,45 @@ def main(argv: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):  # a reason may have a Greek letter in it
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if wants_json(arguments):
+        return answer_by(lambda answer: _run(arguments, answer), launched_first)
+    return _run(arguments, None)
+
+
+def _run(arguments: Sequence[str], answer: Answer | None) -> int:
+    """Run a command, and return the exit status.
+
+    Args:
+        arguments: The arguments.
+        answer: The answer that is printed as JSON; None without ``--json``.
+    """
+    kept = answer or Answer()
+    kept.command = next((word for word in arguments if word in FIELDS), "")
     try:
-        arguments = list(sys.argv[1:] if argv is None else argv)
         chosen = read_arguments(arguments)
+        kept.command = chosen.command
         if chosen.command == "doctor":
             from perfplast_fenicsx.cli.doctor import doctor
 
-            return doctor()
+            return doctor(kept)
         if chosen.command == "mcp":
             from perfplast_fenicsx.cli.tool_server import serve
 
             return serve(chosen.folders)
         fault = prepare(chosen, arguments)
         if fault is not None:  # MPI may be what is wrong
+            kept.refuse(InputError(fault))
             if launched_first():
                 print(f"perfplast: {fault}", file=sys.stderr, flush=True)
             return BAD_INPUT
 
         from perfplast_fenicsx.cli.commands import execute
 
-        status = execute(_world(), chosen)
+        with libraries_on_stderr() if answer else nullcontext():
+            status = execute(_world(), chosen, kept)
     except InputError as error:
+        kept.refuse(error)
         if _world().rank == 0:
             print(f"perfplast: {error}", file=sys.stderr, flush=True)
         status = BAD_INPUT
@@ -61,12 +87,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as stop:
         number = signal.Signals(stop.args[0] if stop.args else signal.SIGINT)
         told = f"perfplast: ended at once by {number.name}; levels that were solved are on file."
+        kept.fail("interrupted", told)
         return _at_once(told, 128 + number)
     except Exception as error:
         # a form that is not among the compiled ones, where nothing can be compiled
         fault = forms_fault() if _while_compiling(error) else None
         if fault is not None:
+            kept.refuse(InputError(fault))
             return _at_once(f"perfplast: {fault}", BAD_INPUT)
+        kept.fail("fault", f"{type(error).__name__}: {error}")
         return _at_once(traceback.format_exc().rstrip(), FAULT)
     _world().barrier()  # a launcher may end the others as soon as one rank has ended
     return status

@@ -39,7 +39,7 @@ UNLISTED = "unlisted"
 NAMED_PLACE = re.compile(r"[^:;\n]*?(?:\.[A-Za-z]\w*'?|\]|--[a-z-]+)(?: \d+)?(?:, [^:;\n]*)?: ")
 """The beginning of a message that names a file, a table or an option."""
 
-NAMED_FIELD = re.compile(r"'([^']+)'|(\w+) = ")
+NAMED_FIELD = re.compile(r"(\w+) = |.*?(?<!\w)'([^']+)'(?!\w)")
 """The beginning of a message that names a field, or a thing in quotes."""
 
 

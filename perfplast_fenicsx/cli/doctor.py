@@ -18,6 +18,7 @@ from pathlib import Path
 from perfplast_fenicsx import environment
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.child_process import environment_apart, environment_with_package
+from perfplast_fenicsx.cli.json_answer import Answer
 from perfplast_fenicsx.cli.launch import find_launcher
 
 SOUND, FAULTY = 0, 2
@@ -52,15 +53,24 @@ class Finding:
     text: str
 
 
-def doctor() -> int:
-    """Return the exit status: 0 if all that is installed works, 2 otherwise. Not collective."""
+def doctor(answer: Answer) -> int:
+    """Print a line for each test. Not collective.
+
+    Args:
+        answer: The answer as JSON, which gets the tests.
+
+    Returns:
+        The exit status: 0 if all that is installed works, 2 otherwise.
+    """
     print(
         f"perfplast {__version__}, Python {sys.version.split()[0]} ({sys.executable})", flush=True
     )
     findings = []
+    tests = answer.fields["tests"] = []
     for name, trial in TRIALS.items():
         finding = trial()
         findings.append(finding)
+        tests.append({"name": name} | asdict(finding))
         print(f"{name:<14}  {finding.verdict:<5}  {finding.text}", flush=True)
     faults = sum(finding.verdict == "FAULT" for finding in findings)
     print(

@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -17,6 +18,7 @@ from perfplast_fenicsx.cli.mesh_folder import (
     PICTURE,
     SCHEMA_LINE,
     check_free,
+    files_in,
     fill,
     written,
 )
@@ -48,7 +50,7 @@ def mesh(
     glued: Glued = Glued.SHARED,
     force: bool = False,
     trust: bool = False,
-) -> None:
+) -> Survey | None:
     """Mesh a geometry file, print its contents, and write the mesh and a first case. Collective.
 
     Args:
@@ -60,6 +62,9 @@ def mesh(
         glued: Which joints are glued.
         force: Whether to replace an existing mesh and case file.
         trust: Whether to run a .geo script.
+
+    Returns:
+        The survey, on rank 0.
 
     Raises:
         InputError: If the file cannot be meshed, or if the folder already has a case file.
@@ -82,6 +87,34 @@ def mesh(
             f"with {PAGE}, or fill in the lines marked with <- in {CASE}; then: perfplast "
             f"run {case} -o {Path(output) / 'results'}"
         )
+    return survey
+
+
+def surveyed(survey: Survey, folder: str) -> dict[str, Any]:
+    """Return a survey, with the files that were written, for JSON."""
+    return {
+        "folder": folder,
+        "files": files_in(Path(folder)),
+        "bodies": [
+            {"name": one.name, "elements": one.cells, "volume": one.volume}
+            | {"low": one.low, "high": one.high}
+            for one in survey.bodies
+        ],
+        "faces": [
+            {"number": one.number, "name": one.name, "body": one.body, "shape": _shape(one)}
+            | {"area": one.area, "centre": one.centre}
+            for one in survey.faces
+        ],
+        "sets": [
+            {"name": one.name, "faces": one.faces, "why": one.why, "area": one.area}
+            for one in survey.sets
+        ],
+        "joints": [
+            {"surfaces": one.surfaces, "bodies": one.bodies, "area": one.area}
+            for one in survey.joints
+        ],
+        "remarks": survey.remarks,
+    }
 
 
 def meshing_options(chosen: argparse.Namespace) -> MeshingOptions:
@@ -254,14 +287,14 @@ def _page(title: str, skin: Path, survey: Survey, case: str, glued: Glued) -> st
             name: {"length": one.length, "force": one.force, "stress": one.stress}
             for name, one in SYSTEMS.items()
         },
-        "library": {name: _library(name) for name in SYSTEMS},
+        "library": {name: library(name) for name in SYSTEMS},
     }
     rows = [_face_row(face, survey) for face in survey.faces]
     size = "Area" if survey.dim == 3 else "Length"
     return setup_page(title, skin, rows, setup, tables, size)
 
 
-def _library(system: Name) -> list[dict[str, object]]:
+def library(system: Name) -> list[dict[str, object]]:
     """Return common materials and soils in a system of units, with their keys as TOML."""
     found: list[dict[str, object]] = []
     for one in (material.in_system(system) for material in MATERIALS):

@@ -61,6 +61,16 @@ def written(output: Path) -> str:
     return ", ".join(name for name in (MESH, PICTURE, PAGE, CASE) if (output / name).exists())
 
 
+def files_in(folder: Path) -> list[str]:
+    """Return the names of the files in a folder."""
+    return sorted(path.name for path in folder.iterdir() if path.is_file())
+
+
+def address_of(folder: str) -> str:
+    """Return the address of the page that sets up a case."""
+    return (Path(folder) / PAGE).resolve().as_uri()
+
+
 def open_page(folder: str) -> str:
     """Open the page that sets up a case in a browser, where there is a screen.
 
@@ -78,7 +88,7 @@ def open_page(folder: str) -> str:
         raise InputError(
             f"the folder '{folder}' has no {PAGE}; perfplast mesh DRAWING -o {folder} writes it."
         )
-    address = page.resolve().as_uri()
+    address = address_of(folder)
     screen = sys.platform == "darwin" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
     if screen and webbrowser.open(address):
         return f"Opened {address}"

@@ -44,12 +44,15 @@ def is_model(path: str) -> bool:
     return Path(path).suffix.lower() in MODELS
 
 
-def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> None:
+def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> Survey | None:
     """Read a model, print its contents, and write mesh and first case. Collective.
 
     Args:
         comm: The ranks; rank 0 does the work.
         chosen: The arguments of ``perfplast mesh``.
+
+    Returns:
+        The survey, on rank 0.
 
     Raises:
         InputError: If the file cannot be used, if the folder already has a case, or for options
@@ -70,14 +73,16 @@ def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> None:
             terminal.clear()
 
     found = on_rank0(comm, made)
-    if found is not None:
-        survey, complete = found
-        terminal.say(describe(survey))
-        fill = "" if complete else f" fill in the lines marked with <- in {CASE};"
-        terminal.say(
-            f"\nWritten to {output}: {written(output)}. Next:{fill} perfplast run"
-            f" {output / CASE} -o {output / 'results'}"
-        )
+    if found is None:
+        return None
+    survey, complete = found
+    terminal.say(describe(survey))
+    fill = "" if complete else f" fill in the lines marked with <- in {CASE};"
+    terminal.say(
+        f"\nWritten to {output}: {written(output)}. Next:{fill} perfplast run"
+        f" {output / CASE} -o {output / 'results'}"
+    )
+    return survey
 
 
 def _made(source: Path, output: Path, material: str | None, force: bool) -> tuple[Survey, bool]:

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
 from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.cli.json_answer import FIELDS, OPTION
 from perfplast_fenicsx.cli.mesh_arguments import add_mesh
 from perfplast_fenicsx.cli.shell_completion import complete
 from perfplast_fenicsx.errors import InputError, nearest
@@ -192,6 +193,13 @@ def make_parser() -> _Parser:
     _add_pictures(commands)
     _add_pages(commands)
     _add_references(commands, scripts)
+    for name, command in commands.choices.items():
+        if name in FIELDS:
+            command.add_argument(
+                OPTION,
+                action="store_true",
+                help="print one JSON object on standard output, and the lines on standard error",
+            )
     return parser
 
 
@@ -340,7 +348,6 @@ def _add_pages(commands: Any) -> None:
         " why, with exit status 2.",
     )
     claim.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
-    claim.add_argument("--json", action="store_true", help="as JSON, for programs")
 
     tools = commands.add_parser(
         "mcp",

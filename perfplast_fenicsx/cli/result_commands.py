@@ -1,13 +1,15 @@
 """Implement commands that read results: pictures, animations, reports, files for other programs."""
 
+import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 from perfplast_fenicsx.cli.follow import Follower
-from perfplast_fenicsx.cli.parser import SOLVED
+from perfplast_fenicsx.cli.mesh_folder import files_in
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.export.exported_files import export
@@ -17,7 +19,7 @@ from perfplast_fenicsx.report.claim import claim_of
 from perfplast_fenicsx.report.report_file import write_report
 
 
-def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -> int:
+def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -> None:
     """Show and draw the results of a run until it ends, on rank 0. Collective.
 
     Args:
@@ -38,11 +40,10 @@ def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -
             terminal.clear()
 
     on_rank0(comm, watch)
-    return SOLVED
 
 
-def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) -> int:
-    """Draw pictures or an animation of results on rank 0. Collective.
+def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) -> list[str]:
+    """Draw pictures or an animation of results on rank 0, and return their paths. Collective.
 
     Args:
         comm: The ranks; all but rank 0 wait.
@@ -54,20 +55,24 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
         InputError: If there are no results, or if nothing can be drawn.
     """
     terminal = Terminal(comm)
+    told: list[str] = []
 
     def write() -> None:
         terminal.status("drawing")
         try:
-            {"plot": plot, "animate": animate}[command](results, output, terminal.say)
+            {"plot": plot, "animate": animate}[command](results, output, _heard(terminal, told))
         finally:
             terminal.clear()
 
     on_rank0(comm, write)
-    return SOLVED
+    return [line for line in told if Path(line).is_file()]
 
 
-def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> int:
+def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> list[str]:
     """Write a page about a run, or about two side by side, on rank 0. Collective.
+
+    Returns:
+        The path of the page, on rank 0.
 
     Args:
         comm: The ranks; all but rank 0 wait.
@@ -78,43 +83,45 @@ def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> i
         InputError: If there are no results, or not one or two folders.
     """
     terminal = Terminal(comm)
+    told: list[str] = []
 
     def write() -> None:
         terminal.status("writing the page")
         try:
             one = len(folders) == 1
             page = write_report(folders[0], output) if one else write_beside(folders, output)
-            terminal.say(str(page))
+            _heard(terminal, told)(str(page))
         finally:
             terminal.clear()
 
     on_rank0(comm, write)
-    return SOLVED
+    return told
 
 
-def claim(comm: MPI.Intracomm, folder: str, as_json: bool) -> int:
+def claim(comm: MPI.Intracomm, folder: str) -> dict[str, Any]:
     """Print what the proof files of a run prove, on rank 0. Collective.
 
     Args:
         comm: The ranks; the others wait.
         folder: Folder of the results.
-        as_json: Print JSON instead of sentences.
+
+    Returns:
+        The claim for JSON, on rank 0.
 
     Raises:
         InputError: If there are no results, or nothing is proven.
     """
-
-    def words() -> str:
-        found = claim_of(folder)
-        text = json.dumps(found.table(), indent=2, ensure_ascii=False, allow_nan=False)
-        return text if as_json else found.in_words()
-
-    Terminal(comm).say(on_rank0(comm, words) or "")
-    return SOLVED
+    found = on_rank0(comm, lambda: claim_of(folder))
+    if found is None:
+        return {}
+    Terminal(comm).say(found.in_words())
+    return found.table()
 
 
-def export_results(comm: MPI.Intracomm, results: str, output: str | None, kinds: set[str]) -> int:
-    """Write fields and tables for other programs, on rank 0. Collective.
+def export_results(
+    comm: MPI.Intracomm, results: str, output: str | None, kinds: set[str]
+) -> list[str]:
+    """Write fields and tables for other programs, on rank 0, and return their paths. Collective.
 
     Args:
         comm: The ranks; all but rank 0 wait.
@@ -126,7 +133,41 @@ def export_results(comm: MPI.Intracomm, results: str, output: str | None, kinds:
         InputError: If there are no results, if they cannot be read, or if the files cannot be
             written.
     """
-    terminal = Terminal(comm)
+    told: list[str] = []
+    say = _heard(Terminal(comm), told)
     wanted = {kind: kind in kinds or not kinds for kind in ("vtu", "csv")}
-    on_rank0(comm, lambda: export(results, output, **wanted, say=terminal.say))
-    return SOLVED
+    on_rank0(comm, lambda: export(results, output, **wanted, say=say))
+    return told
+
+
+def results_in(folder: str, command: str) -> dict[str, Any]:
+    """Return what a run or a sweep has written, for JSON.
+
+    Args:
+        folder: Result folder.
+        command: "run" or "sweep".
+    """
+    path = Path(folder)
+    found: dict[str, Any] = {"folder": folder, "files": files_in(path)}
+    if command == "sweep":
+        table = path / "sweep.csv"
+        lines = table.read_text(encoding="utf-8").splitlines() if table.is_file() else []
+        return found | {"rows": list(csv.DictReader(lines))}
+    summary = path / "summary.json"
+    known = summary.is_file()
+    return found | {"summary": json.loads(summary.read_text(encoding="utf-8")) if known else None}
+
+
+def pictures_in(folder: str) -> list[str]:
+    """Return the paths of the pictures in a folder."""
+    return [str(path) for path in sorted(Path(folder).glob("*.png"))]
+
+
+def _heard(terminal: Terminal, told: list[str]) -> Callable[[str], None]:
+    """Return a function that prints a line and keeps it."""
+
+    def say(line: str) -> None:
+        told.append(line)
+        terminal.say(line)
+
+    return say

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.cli.parser import LOG_LEVELS
 from perfplast_fenicsx.cli.system_info import petsc_options, surroundings, versions
-from perfplast_fenicsx.errors import InputError, raise_together, visible
+from perfplast_fenicsx.errors import InputError, code_of_record, raise_together, visible
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.run_lock import BEGUN, ENDED, hold
@@ -208,6 +208,18 @@ def kept_warnings(comm: MPI.Intracomm) -> Iterator[list[str]]:
 
     with _handled(comm, Handler(), "warning"):
         yield kept
+
+
+@contextmanager
+def coded_warnings(comm: MPI.Intracomm, kept: list[dict[str, str]]) -> Iterator[None]:
+    """Append code and message of the library's warnings to a list on rank 0."""
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            kept.append({"code": code_of_record(record), "message": record.getMessage()})
+
+    with _handled(comm, Handler(), "warning"):
+        yield
 
 
 class _Once(logging.Filter):

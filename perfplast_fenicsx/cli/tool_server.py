@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from perfplast_fenicsx.child_process import environment_with_package
+from perfplast_fenicsx.cli.json_answer import OPTION
 from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.run_lock import ENDED, is_held
@@ -23,8 +24,8 @@ Answer = dict[str, Any]
 
 INSTRUCTIONS = (
     "Limit loads of elastic-plastic bodies in contact. Call a number a bound only if 'claim' has"
-    " returned it. A refusal names the field, the value and a remedy; a number that is missing has"
-    " to be asked for, because no tool guesses one."
+    " returned it. A refusal has 'ok': false, and 'error' with its code, place and remedy. A number"
+    " that is missing has to be asked for, because no tool guesses one."
 )
 
 
@@ -128,8 +129,7 @@ class Tools:
         Args:
             folder: Folder of the results.
         """
-        found = self._command("claim", self._inside(folder), "--json")
-        return found if not found["ok"] else {"ok": True, "claim": json.loads(found["text"])}
+        return self._command("claim", self._inside(folder))
 
     def prove(self, file: str) -> Answer:
         """Return the verdict of the checker on a proof file.
@@ -137,10 +137,18 @@ class Tools:
         Args:
             file: A proof file, such as bounds.h5.
         """
-        return _answer([sys.executable, "-m", "perfplast_fenicsx.proof", self._inside(file)])
+        done = _ended([sys.executable, "-m", "perfplast_fenicsx.proof", self._inside(file)])
+        text = (done.stdout + done.stderr).decode("utf-8", "replace").splitlines()
+        return {"ok": done.returncode == SOLVED, "exit_status": done.returncode, "text": text}
 
     def _command(self, *arguments: str) -> Answer:
-        return _answer([*_PROGRAM, *arguments])
+        done = _ended([*_PROGRAM, *arguments, OPTION])
+        try:
+            return {"ok": done.returncode == SOLVED} | json.loads(done.stdout)
+        except ValueError:  # a fault that ended the process
+            last = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:]
+            fault = {"code": "fault", "message": " ".join(last), "where": "", "remedy": ""}
+            return {"ok": False, "exit_status": done.returncode, "error": fault}
 
     def _inside(self, path: str) -> str:
         """Return a path, resolved.
@@ -162,21 +170,12 @@ NAMES = ("describe", "template", "mesh", "check", "run", "status", "claim", "pro
 """The tools, by the names of their methods."""
 
 
-def _answer(command: Sequence[str]) -> Answer:
-    """Return what a command printed, and how it ended."""
-    done = subprocess.run(
-        command,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        env=environment_with_package(),
-        check=False,
+def _ended(command: Sequence[str]) -> subprocess.CompletedProcess[bytes]:
+    """Run a command to its end."""
+    environment = environment_with_package()
+    return subprocess.run(
+        command, stdin=subprocess.DEVNULL, capture_output=True, env=environment, check=False
     )
-    text = done.stdout.decode("utf-8", "replace").strip()
-    told = done.stderr.decode("utf-8", "replace").strip()
-    answer: Answer = {"ok": done.returncode == SOLVED, "exit_status": done.returncode, "text": text}
-    if told:
-        answer["refusal" if done.returncode else "warnings"] = told
-    return answer
 
 
 def answering(tool: Callable[..., Answer]) -> Callable[..., Answer]:
@@ -187,7 +186,7 @@ def answering(tool: Callable[..., Answer]) -> Callable[..., Answer]:
         try:
             return tool(*args, **kwargs)
         except InputError as error:
-            return {"ok": False, "refusal": str(error)}
+            return {"ok": False, "error": error.table()}
 
     return answered
 
