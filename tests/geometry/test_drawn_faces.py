@@ -256,7 +256,7 @@ def test_faces_of_solids_are_as_drawn(
     survey = surveyed(source, tmp_path / "part.msh")
     areas = sorted(face.cad or 0.0 for face in survey.faces)
     drawn = drawn_areas(source, 2)
-    assert areas == pytest.approx(drawn, rel=1e-6 if kind == "iges" else EXACT)  # sewn, of splines
+    assert areas == pytest.approx(drawn, rel=EXACT)
     for face in survey.faces:
         straight = face.shape == "flat" and make not in (round_pad, washer, half_bearing)
         straight &= make not in (clevis, lug, bolt_circle, split_bore, split_clevis, stepped_shaft)
@@ -265,7 +265,7 @@ def test_faces_of_solids_are_as_drawn(
     for name, (count, area) in sets.items():
         called = [other for other in found if name in other.split("_") or name == other]
         assert len(called) == 1, (name, found)
-        assert found[called[0]] == (count, pytest.approx(area, rel=1e-6))
+        assert found[called[0]] == (count, pytest.approx(area, rel=EXACT))
     assert not any(one.why == "the whole side" for one in survey.sets if one.name not in sets)
     check_areas(survey, tmp_path / "part.msh")
 
