@@ -13,9 +13,8 @@ from typing import Any
 
 from docs.marks import replace_mark
 from perfplast_fenicsx import docstrings
-from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
+from perfplast_fenicsx.contact.declared.contact import INTERFACES, Tie
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
-from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region, Stratum
 from perfplast_fenicsx.geometry.face_choice import NamedFace

@@ -2,10 +2,10 @@ from ._version import __version__ as __version__
 from .cli.terminal import Terminal as Terminal
 from .compat import interpolation_points as interpolation_points
 from .contact.declared.contact import Contact as Contact
+from .contact.declared.contact import Tie as Tie
 from .contact.declared.obstacles import Cylinder as Cylinder
 from .contact.declared.obstacles import Plane as Plane
 from .contact.declared.obstacles import Sphere as Sphere
-from .contact.declared.tie import Tie as Tie
 from .errors import InputError as InputError
 from .errors import raise_together as raise_together
 from .export.run_results import RunResults as RunResults

@@ -1,10 +1,10 @@
 from .declared.contact import Contact as Contact
+from .declared.contact import Tie as Tie
 from .declared.obstacles import OBSTACLES as OBSTACLES
 from .declared.obstacles import Cylinder as Cylinder
 from .declared.obstacles import Obstacle as Obstacle
 from .declared.obstacles import Plane as Plane
 from .declared.obstacles import Sphere as Sphere
-from .declared.tie import Tie as Tie
 from .rows.constraints import Constraints as Constraints
 from .rows.constraints import Formulation as Formulation
 from .rows.constraints import Source as Source

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.mesh.refinement import check_refinable, refine
 from perfplast_fenicsx.problem.problem import Problem
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.contact.formulations.tangential_rows import rows_that_rub
-from perfplast_fenicsx.contact.surfaces.surface_nodes import can_host, surface_nodes
+from perfplast_fenicsx.contact.surfaces.surface_facets import can_host, surface_nodes
 from perfplast_fenicsx.problem.problem import Problem
 
 

@@ -20,17 +20,15 @@ import ufl
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
-from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.contact import Contact, Tie
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
-from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.contact.formulations.formulation import find_constraints
 from perfplast_fenicsx.contact.formulations.tangential_rows import tangential_rows
 from perfplast_fenicsx.contact.rows.constraints import Constraints, named, stacked
-from perfplast_fenicsx.contact.rows.free_motions import FreeMotions, held_motions
 from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.contact.rows.jump_basis import JumpBasis, make_basis
 from perfplast_fenicsx.contact.rows.loose_bodies import warn_of_loose_motions
-from perfplast_fenicsx.contact.rows.rigid_motions import RigidMotions
+from perfplast_fenicsx.contact.rows.rigid_motions import FreeMotions, RigidMotions, held_motions
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.elastic import Rigid, with_stand_ins
 from perfplast_fenicsx.materials.law import Material

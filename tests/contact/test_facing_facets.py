@@ -5,7 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.contact.mortar.facing_facets import facing_facets
+from perfplast_fenicsx.contact.mortar.mortar_contact import facing_facets
 from perfplast_fenicsx.mesh.kinematics import KINDS
 from tests.contact.test_clipping import area, grid
 

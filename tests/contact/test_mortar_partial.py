@@ -15,7 +15,7 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx import Contact, Newton, Pressure, Problem, Support, VonMises
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.surfaces.surface_normals import surface_facets
+from perfplast_fenicsx.contact.surfaces.surface_facets import surface_facets
 from perfplast_fenicsx.problem import LoadCase
 from tests.checks import assert_solved, largest
 from tests.contact.blocks_apart import blocks_apart

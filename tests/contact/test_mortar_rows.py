@@ -5,8 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.contact.mortar.mortar_integrals import integrate
-from perfplast_fenicsx.contact.mortar.mortar_rows import mortar_rows
+from perfplast_fenicsx.contact.mortar.mortar_rows import integrate, mortar_rows
 from perfplast_fenicsx.mesh.kinematics import KINDS
 from tests.contact.test_clipping import grid, number_nodes
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
-from perfplast_fenicsx.contact.surfaces.surface_nodes import surface_node_type
+from perfplast_fenicsx.contact.surfaces.surface_facets import surface_node_type
 
 
 @pytest.mark.mpi3

@@ -14,9 +14,8 @@ from docs import api_pages, case_reference, command_reference, commands
 from docs.repository import LINK
 from perfplast_fenicsx.__main__ import main as command_line
 from perfplast_fenicsx.cli.parser import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED, make_parser
-from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.contact import Contact, Tie
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
-from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region, Stratum
 from perfplast_fenicsx.geometry.face_choice import NamedFace

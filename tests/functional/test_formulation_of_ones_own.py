@@ -15,7 +15,7 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.contact import Constraints, Source, make_constraints
 from perfplast_fenicsx.contact.rows.constraints import stacked
-from perfplast_fenicsx.contact.surfaces.surface_nodes import can_host, surface_nodes
+from perfplast_fenicsx.contact.surfaces.surface_facets import can_host, surface_nodes
 from perfplast_fenicsx.problem import problem as problem_module
 from tests.models import case_text, write_case
 

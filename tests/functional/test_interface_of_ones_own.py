@@ -16,7 +16,7 @@ import pytest
 from perfplast_fenicsx import Contact, InputError, Support, VonMises
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
-from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
+from perfplast_fenicsx.contact.declared.contact import INTERFACES
 from perfplast_fenicsx.io.case.scene import read_scene
 from perfplast_fenicsx.proof import check
 from tests.models import case_text, write_case

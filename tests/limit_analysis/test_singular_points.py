@@ -11,7 +11,7 @@ from meshes.platens import write_platens
 from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
 from meshes.tube_polygon import write_tube_polygon
 from perfplast_fenicsx import Contact, Pressure, Support, TaggedMesh
-from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.marking import largest_shares
 from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
 from perfplast_fenicsx.limit_analysis.body.singular_points import (

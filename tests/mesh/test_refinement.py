@@ -13,7 +13,7 @@ from meshes.strip_footing import write_strip_footing
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Contact, InputError, TaggedMesh, stacked_blocks, two_blocks
 from perfplast_fenicsx.compat import geometry_dofmap
-from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.mesh import Refined, fan, refine
 from perfplast_fenicsx.mesh.bisection import cut, edges_of_simplex
 from perfplast_fenicsx.mesh.refinement import fan_around

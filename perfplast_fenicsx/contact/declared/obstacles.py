@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.declared.friction_terms import FrictionTerms
+from perfplast_fenicsx.contact.declared.contact import FrictionTerms
 from perfplast_fenicsx.errors import InputError
 
 

@@ -16,8 +16,8 @@ from perfplast_fenicsx.contact.formulations.node_to_node import NodeToNode
 from perfplast_fenicsx.contact.formulations.node_to_obstacle import NodeToObstacle
 from perfplast_fenicsx.contact.mortar.mortar_contact import Mortar
 from perfplast_fenicsx.contact.rows.constraints import Constraints, Formulation, Source, joined
-from perfplast_fenicsx.contact.surfaces.gap_function import NoPartners
-from perfplast_fenicsx.contact.surfaces.surface_nodes import directions
+from perfplast_fenicsx.contact.surfaces.node_matching import NoPartners
+from perfplast_fenicsx.contact.surfaces.surface_facets import directions
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
@@ -30,7 +30,7 @@ class NodesOrMortar:
         place: Place in the input, which messages name.
         number: Number of the contact.
         taken: Directions already taken at each local node, see
-            :func:`surface_nodes.surface_node_type`; None for no directions.
+            :func:`surface_facets.surface_node_type`; None for no directions.
     """
 
     contact: Contact

@@ -11,9 +11,13 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
-from perfplast_fenicsx.contact.surfaces.gap_function import MATCHING_TOLERANCE, normals_and_gaps
-from perfplast_fenicsx.contact.surfaces.node_matching import Matching, match_nodes
-from perfplast_fenicsx.contact.surfaces.surface_nodes import (
+from perfplast_fenicsx.contact.surfaces.node_matching import (
+    MATCHING_TOLERANCE,
+    Matching,
+    match_nodes,
+    normals_and_gaps,
+)
+from perfplast_fenicsx.contact.surfaces.surface_facets import (
     can_host,
     check_outside,
     crowded,
@@ -39,7 +43,7 @@ class NodeToNode:
         place: Place in the input, which messages name.
         number: Number of the contact.
         taken: Directions already taken at each local node, see
-            :func:`surface_nodes.surface_node_type`; None for no directions.
+            :func:`surface_facets.surface_node_type`; None for no directions.
     """
 
     contact: Contact

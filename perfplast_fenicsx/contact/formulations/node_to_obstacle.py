@@ -9,14 +9,14 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
-from perfplast_fenicsx.contact.surfaces.gap_function import without_overlap
-from perfplast_fenicsx.contact.surfaces.surface_nodes import (
+from perfplast_fenicsx.contact.surfaces.node_matching import without_overlap
+from perfplast_fenicsx.contact.surfaces.surface_facets import (
+    SHARP,
     SurfaceNodes,
     can_host,
     extent,
     surface_nodes,
 )
-from perfplast_fenicsx.contact.surfaces.surface_normals import SHARP
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 

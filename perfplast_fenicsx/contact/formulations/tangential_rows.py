@@ -14,12 +14,15 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.contact import Contact, Tie
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
-from perfplast_fenicsx.contact.declared.tie import Tie
-from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
+from perfplast_fenicsx.contact.rows.constraints import (
+    Constraints,
+    entries_of,
+    make_constraints,
+    matrix_of_entries,
+)
 from perfplast_fenicsx.contact.rows.friction import Friction
-from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_entries
 from perfplast_fenicsx.errors import InputError
 
 NOTHING = 1e-9

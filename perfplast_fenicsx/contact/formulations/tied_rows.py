@@ -10,11 +10,10 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import PairFlags
-from perfplast_fenicsx.contact.declared.tie import Tie
-from perfplast_fenicsx.contact.mortar.mortar_sides import Surface, choose_side
+from perfplast_fenicsx.contact.declared.contact import Tie
+from perfplast_fenicsx.contact.mortar.mortar_contact import Surface, choose_side
 from perfplast_fenicsx.contact.rows.constraints import Constraints, joined, make_constraints
-from perfplast_fenicsx.contact.surfaces.surface_facets import nodes_and_facets
-from perfplast_fenicsx.contact.surfaces.surface_nodes import SurfaceNodes, extent
+from perfplast_fenicsx.contact.surfaces.surface_facets import SurfaceNodes, extent, nodes_and_facets
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 

@@ -1,7 +1,8 @@
-"""Form contact of surfaces whose nodes need not match: dual mortar."""
+"""Form contact of surfaces whose nodes need not match (dual mortar): sides, distances, rows."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from mpi4py import MPI
 
@@ -11,14 +12,396 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.contact.declared.contact import Contact
-from perfplast_fenicsx.contact.mortar.mortar_gap import in_basis
-from perfplast_fenicsx.contact.mortar.mortar_sides import Side, Surface, choose_side
+from perfplast_fenicsx.contact.mortar.facet_overlap import rendezvous
+from perfplast_fenicsx.contact.mortar.mortar_rows import (
+    Integrals,
+    MortarRows,
+    coupled,
+    integrate,
+    mortar_rows,
+    own_basis,
+    turning,
+)
 from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
-from perfplast_fenicsx.contact.surfaces.gap_function import OVERLAP, given_gap, without_overlap
-from perfplast_fenicsx.contact.surfaces.surface_facets import nodes_and_facets
-from perfplast_fenicsx.contact.surfaces.surface_nodes import SurfaceNodes, can_host, extent
+from perfplast_fenicsx.contact.surfaces.node_matching import OVERLAP, given_gap, without_overlap
+from perfplast_fenicsx.contact.surfaces.surface_facets import (
+    Facets,
+    SurfaceNodes,
+    can_host,
+    check_outside,
+    extent,
+    nodes_and_facets,
+    pieces_of,
+    shape_functions,
+)
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import Exchange, send_rows
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Distances of the nodes of this rank from the other surface.
+
+    Attributes:
+        along: Distance along the node's normal, negative for a node inside; inf if nothing is
+            opposite. Shape (num_nodes,).
+        slack: Geometric error of the facets (length): two curved surfaces in contact may appear
+            apart, or overlapping, by this much, because facets differ from the curved surfaces.
+    """
+
+    along: Floats
+    slack: Floats
+
+
+def distances(
+    comm: MPI.Intracomm, hosts: Facets, guests: Facets, found: Integrals, count: int
+) -> Distances:
+    """Return the distances from each corner of a host facet to the guest facets that it overlaps.
+
+    Collective.
+
+    The distance uses the guest facet that the normal meets. If it meets none, as at the border of
+    the covered part, the plane or curve of the nearest facet is extended.
+
+    Args:
+        comm: The ranks.
+        hosts: The host facets on this rank.
+        guests: The guest facets.
+        found: Their overlaps.
+        count: Number of nodes of the host surface that this rank owns.
+    """
+    each = hosts["node"].shape[1]
+    h, g = np.repeat(found.host, each), np.repeat(found.guest, each)
+    corner = np.tile(np.arange(each), len(found.host))
+    aside, along = _met(hosts["at"][h, corner], hosts["normal"][h, corner], guests["x"][g])
+    rows: npt.NDArray[np.void] = np.empty(
+        len(h),
+        dtype=[("place", np.int64), ("aside", np.float64), ("along", np.float64), ("slack", "f8")],
+    )
+    rows["place"], rows["aside"], rows["along"] = hosts["place"][h, corner], aside, along
+    rows["slack"] = _sagitta(hosts)[h] + _sagitta(guests)[g]
+    rows = send_rows(comm, rows, hosts["rank"][h, corner])
+    sideways = 1e-9  # a normal that misses a facet by this share of its size still meets it
+    order = np.lexsort([np.abs(rows["along"]), np.maximum(rows["aside"], sideways), rows["place"]])
+    rows = rows[order]
+    place, first = np.unique(rows["place"], return_index=True)
+    result = Distances(np.full(count, np.inf), np.zeros(count))
+    result.along[place] = rows["along"][first]
+    np.maximum.at(result.slack, rows["place"], rows["slack"])
+    return result
+
+
+def in_basis(comm: MPI.Intracomm, hosts: Facets, found: Integrals, gap: Floats) -> Floats:
+    """Return the coefficients of a gap in the functions of its rows. Collective.
+
+    The coefficients equal nodal values except on triangles of second order, with Bernstein
+    functions.
+
+    Args:
+        comm: The ranks.
+        hosts: The host facets on this rank.
+        found: The covered parts of the facets.
+        gap: The gap at the host surface's owned nodes (length), inf where it is unknown.
+    """
+    each, gdim = hosts["node"].shape[1], hosts["x"].shape[2]
+    if not coupled(gdim, each):
+        return gap
+    hosts = hosts[found.covered > 0]
+    corners = Exchange(comm, hosts["rank"].ravel())
+    place = corners.forward(hosts["place"].ravel())
+    on_facets = corners.back(gap[place]).reshape(hosts["node"].shape)
+    inside = on_facets @ np.linalg.inv(own_basis(gdim, each))
+    known = np.isfinite(inside)
+    rows = corners.forward(np.where(known, inside, 0.0).ravel())
+    counts = np.bincount(place, corners.forward(known.ravel()), len(gap))
+    sums = np.bincount(place, rows, len(gap))
+    return np.where(counts > 0, sums / np.maximum(counts, 1), gap)
+
+
+def _met(x: Floats, normal: Floats, facet: Floats) -> tuple[Floats, Floats]:
+    """Return where lines x + t·normal meet facets, one line for each facet.
+
+    Returns:
+        The share of the facet by which the line misses it, 0 if it meets it; and t. Both have shape
+        (n,).
+    """
+    n, points, gdim = facet.shape
+    at: Floats = np.full((n, gdim - 1), 1 / gdim)
+    along: Floats = np.zeros(n)
+    steps = 6  # Newton steps to the intersection of a normal with a curved facet
+    for _ in range(steps if points > gdim else 1):
+        functions = shape_functions(gdim, points, at)
+        slopes = shape_functions(gdim, points, at, 1)
+        tangents = np.einsum("rnp,npi->nir", slopes, facet)
+        residual = np.einsum("np,npi->ni", functions, facet) - x - along[:, None] * normal
+        matrix = np.concatenate([tangents, -normal[:, :, None]], axis=2)
+        change = -np.linalg.solve(matrix, residual[:, :, None])[:, :, 0]
+        at = at + change[:, :-1]
+        if points > gdim:
+            at = np.clip(at, -1.0, 2.0)  # a parabola extrapolates badly far outside the facet
+        along = along + change[:, -1]
+    least = np.minimum(at.min(axis=1), 1 - at.sum(axis=1))
+    return np.maximum(-least, 0.0), along
+
+
+def _sagitta(facets: Facets) -> Floats:
+    """Return how far facets may deviate from the smooth surface, shape (n,)."""
+    x, normal = facets["x"], facets["normal"]
+    gdim = x.shape[2]
+    longest = np.max([np.linalg.norm(x[:, i] - x[:, i - 1], axis=1) for i in range(gdim)], axis=0)
+    flat = _facet_normals(x[:, :gdim])
+    mean = flat * np.sign(np.einsum("ni,ni->n", flat, normal.mean(axis=1)))[:, None]
+    turn = np.linalg.norm(normal - mean[:, None], axis=2).max(axis=1, initial=0)
+    order = 3 if x.shape[1] > gdim else 1
+    return np.asarray(longest * turn**order / 4, dtype=np.float64)
+
+
+def _facet_normals(x: Floats) -> Floats:
+    if x.shape[2] == 2:
+        along = x[:, 1] - x[:, 0]
+        normal: npt.NDArray[Any] = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    else:
+        normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
+
+
+@dataclass(frozen=True)
+class Facing:
+    """Host facets, each on one rank, and the guest facets on that rank that they overlap.
+
+    Attributes:
+        hosts: All host facets.
+        guests: Overlapping facets of the other surface; some occur more than once.
+        found: Integrals over their overlaps.
+    """
+
+    hosts: Facets
+    guests: Facets
+    found: Integrals
+
+
+def facing_facets(
+    comm: MPI.Intracomm,
+    hosts: Facets,
+    guests: Facets,
+    size: float,
+    around: Callable[[Floats], Floats],
+    onward: bool,
+) -> Facing:
+    """Return the facets that are opposite each other. Collective.
+
+    The search doubles the reach until it finds an overlap. With ``onward``, host facets without an
+    overlap then continue the search. They search only in front. A guest deeper inside than the
+    first successful reach is not an overlap of bodies. Partly covered facets search farther by the
+    distance by which facing surfaces can diverge along them.
+
+    Args:
+        comm: The ranks.
+        hosts: This rank's facets of the surface that carries the multipliers.
+        guests: This rank's facets of the other surface.
+        size: Size of both surfaces (length).
+        around: See :func:`mortar_rows.integrate`.
+        onward: Whether each host facet searches up to this size.
+    """
+    parts: list[Facing] = []
+    # Initial search distance as a share of the size of both surfaces.
+    first_reach = 0.1
+    reach, behind = first_reach * size, np.inf
+    lean = 3 * sum(comm.allreduce(_radius(facets), MPI.MAX) for facets in (hosts, guests))
+    along = comm.allreduce(bool(turning(hosts).any()), MPI.LOR)
+    whole = 1 - 1e-9  # a facet with this covered share counts as fully covered
+    while True:
+        here, there = rendezvous(comm, hosts, guests, reach + lean)
+        found = integrate(here, there, reach, around, min(reach, behind), along)
+        covered = found.covered > 0
+        partly = covered & onward & (found.covered < whole * found.whole)
+        if partly.any():
+            more = integrate(here[partly], there, reach + lean, around, min(reach, behind), along)
+            parts.append(Facing(here[partly], there, more))
+        some, alone = comm.allreduce(np.array([covered.sum(), (~covered).sum()]))
+        last = reach > size or not alone or (not onward and some)
+        done = ~partly if last else covered & ~partly
+        parts.append(Facing(here[done], there, _of(found, done)))
+        if last:
+            return _joined(parts)
+        if some:
+            hosts, behind = here[~covered], min(reach, behind)
+        reach *= 2
+
+
+def _radius(facets: Facets) -> float:
+    """Return the largest distance of a point of this rank's facets from its facet's centre."""
+    apart = facets["x"] - facets["x"].mean(axis=1, keepdims=True)
+    return float(np.linalg.norm(apart, axis=2).max(initial=0))
+
+
+def _of(found: Integrals, some: PairFlags) -> Integrals:
+    """Return the integrals of some host facets, renumbered."""
+    number, kept = np.cumsum(some) - 1, some[found.host]
+    return Integrals(
+        number[found.host[kept]],
+        found.guest[kept],
+        found.M[kept],
+        None if found.along is None else found.along[kept],
+        found.d[some],
+        found.full[some],
+        found.covered[some],
+        found.whole[some],
+        found.on_guest[some],
+    )
+
+
+def _joined(parts: list[Facing]) -> Facing:
+    found = [part.found for part in parts]
+    along = [one.along for one in found if one.along is not None]
+    hosts = np.cumsum([0, *(len(part.hosts) for part in parts)])
+    guests = np.cumsum([0, *(len(part.guests) for part in parts)])
+    return Facing(
+        np.concatenate([part.hosts for part in parts]),
+        np.concatenate([part.guests for part in parts]),
+        Integrals(
+            np.concatenate([one.host + k for one, k in zip(found, hosts, strict=False)]),
+            np.concatenate([one.guest + k for one, k in zip(found, guests, strict=False)]),
+            np.concatenate([one.M for one in found]),
+            np.concatenate(along) if len(along) == len(found) else None,
+            np.concatenate([one.d for one in found]),
+            np.concatenate([one.full for one in found]),
+            np.concatenate([one.covered for one in found]),
+            np.concatenate([one.whole for one in found]),
+            np.concatenate([one.on_guest for one in found]),
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A named surface: its owned nodes and the facets of this rank."""
+
+    name: str
+    nodes: SurfaceNodes
+    facets: Facets
+
+    def measure(self, comm: MPI.Intracomm) -> tuple[float, float]:
+        """Return the length or area of the surface, and the mean of its facets. Collective."""
+        local = np.array([pieces_of(self.facets).measure.sum(), len(self.facets)])
+        area, count = comm.allreduce(local)
+        return float(area), float(area / max(count, 1))
+
+
+@dataclass(frozen=True)
+class Side:
+    """The result of choosing the host surface.
+
+    Attributes:
+        host: The host surface.
+        guest: The other surface.
+        facing: Facing facets.
+        rows: The rows, one set for each way in which nodes may host.
+        distances: Distances of the host's nodes to the guest.
+        covered: Covered shares of both surfaces, the host's first.
+    """
+
+    host: Surface
+    guest: Surface
+    facing: Facing
+    rows: Sequence[MortarRows]
+    distances: Distances
+    covered: tuple[float, float]
+
+    @property
+    def lost(self) -> int:
+        """Return the number of nodes that can neither host nor be replaced, in all ways."""
+        return sum(rows.lost for rows in self.rows)
+
+
+Able = Callable[[SurfaceNodes], Sequence[PairFlags]]
+"""A function that returns which nodes supports let host, in several ways if several sets of rows
+are needed."""
+
+
+def choose_side(
+    comm: MPI.Intracomm,
+    place: str,
+    surfaces: Sequence[Surface],
+    hosts: str | None,
+    able: Able,
+    kinematics: Kinematics,
+    onward: bool,
+) -> Side:
+    """Return the host surface and its rows. Collective.
+
+    Args:
+        comm: The ranks.
+        place: Place of the contact, which messages name.
+        surfaces: The primary and the secondary surface.
+        hosts: "primary" or "secondary" if the user gives it.
+        able: Function that returns which nodes may host.
+        kinematics: Kinematics of the mesh.
+        onward: See :func:`mortar_contact.facing_facets`.
+
+    Raises:
+        InputError: For surfaces that are nowhere opposite each other, and for hosts that supports
+            hold.
+    """
+    measures = [surface.measure(comm) for surface in surfaces]
+    for surface in surfaces:
+        check_outside(comm, place, surface.name, surface.nodes)
+    # Facets below this share of the other surface's mean size count as smaller.
+    finer_by = 0.99
+    finer = measures[1][1] < finer_by * measures[0][1]
+    first = int(finer) if hosts is None else ("primary", "secondary").index(hosts)
+
+    def side(host: int) -> Side:
+        areas = (measures[host][0], measures[1 - host][0])
+        return _side(comm, surfaces[host], surfaces[1 - host], areas, able, kinematics, onward)
+
+    chosen = side(first)
+    if not chosen.covered[0]:
+        raise InputError(
+            f"{place}: the surfaces are nowhere opposite each other; name two surfaces that face"
+            " each other and whose projections along their normals overlap."
+        )
+    whole = 0.99  # a surface counts as covered from this share on
+    better_covered = chosen.covered[0] < whole <= chosen.covered[1]
+    if hosts is None and (better_covered or chosen.lost):
+        other = side(1 - first)
+        if other.covered[0] and (better_covered or other.lost < chosen.lost):
+            chosen = other
+    if chosen.lost:
+        raise InputError(
+            f"{place}: supports or ties hold {chosen.lost} nodes of '{chosen.host.name}', "
+            "and no neighbouring node can carry the forces there; remove held nodes from "
+            f"this surface, or let '{chosen.guest.name}' host."
+        )
+    return chosen
+
+
+def _side(
+    comm: MPI.Intracomm,
+    host: Surface,
+    guest: Surface,
+    areas: tuple[float, float],
+    able: Able,
+    kinematics: Kinematics,
+    onward: bool,
+) -> Side:
+    """Return the rows for a given host surface. Collective."""
+    corners = np.concatenate([surface.nodes["x"] for surface in (host, guest)])
+    facing = facing_facets(
+        comm, host.facets, guest.facets, extent(comm, corners), kinematics.around, onward
+    )
+    here, there, found = facing.hosts, facing.guests, facing.found
+    covered = comm.allreduce(np.array([found.covered.sum(), found.on_guest.sum()]))
+    return Side(
+        host,
+        guest,
+        facing,
+        [mortar_rows(comm, here, there, found, flags) for flags in able(host.nodes)],
+        distances(comm, here, there, found, len(host.nodes)),
+        (float(covered[0] / areas[0]), float(covered[1] / areas[1])),
+    )
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,20 @@
-"""Form the rows of mortar contact, sum them on the owners of hosts, and replace unfit hosts.
+"""Integrate dual functions over the overlap of two surfaces, and form the rows of mortar contact.
+
+The multipliers are defined on the host's facets e. Over the covered part e' of each facet, the dual
+functions φ = D_e M_e⁻¹ Ñ are biorthogonal to the host's functions Ñ: ∫φ_i Ñ_k = δ_ik ∫Ñ_k. They sum
+to 1 (Cichosz and Bischoff, CMAME 200, 2011, doi 10.1016/j.cma.2010.11.004). So a row has one host
+on its own surface, and its weights on the other surface sum to the host's weight.
+
+On triangles of second order, the functions N of vertices have ∫N = 0, which no multiplier can use.
+There the functions are Ñ_v = N_v + α Σ N_m over the midsides m next to v, and Ñ_m = (1 − 2α) N_m
+(Popp, Wohlmuth, Gee and Wall, SIAM J. Sci. Comput. 34, 2012, doi 10.1137/110848190). With α = 1/4
+they are Bernstein polynomials, which are nowhere negative. The weights d are then positive whatever
+part is covered.
+
+The module sums the integrals of all overlapping pieces by pairs of facets, and makes them dual for
+each facet. Where the host has Bernstein functions and its normal n varies, there are also integrals
+with n, interpolated between the nodes. Coefficients of a displacement vector times a nodal normal
+differ by O(h²) from the coefficients of the normal component.
 
 A node cannot carry a multiplier if almost none of it is covered or if supports hold it. The same
 holds for a vertex of quadratic facets on an axis of revolution, where ∫Ñ is 0. Such a node is
@@ -6,18 +22,305 @@ retired: its function goes in equal parts to neighbours that can carry a multipl
 are divided by their weight d. So the functions still sum to 1, and forces and moments balance.
 """
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
 
 from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
-from perfplast_fenicsx.contact.mortar.dual_functions import coupled, own_basis
-from perfplast_fenicsx.contact.mortar.mortar_integrals import Integrals
-from perfplast_fenicsx.contact.surfaces.surface_facets import EDGES, Facets
+from perfplast_fenicsx.contact.mortar.facet_overlap import (
+    Overlaps,
+    area_elements,
+    candidates,
+    overlap_points,
+    overlaps,
+    rule,
+)
+from perfplast_fenicsx.contact.surfaces.surface_facets import (
+    EDGES,
+    STRAIGHT,
+    Facets,
+    Pieces,
+    pieces_of,
+    shape_functions,
+)
 from perfplast_fenicsx.parallel import Exchange, send_rows
+
+
+def coupled(gdim: int, count: int) -> bool:
+    """Return whether the functions Ñ of a facet with ``count`` nodes differ from N."""
+    return count == 6 and gdim == 3
+
+
+def own_basis(gdim: int, count: int) -> Floats:
+    """Return the matrix of Ñ = basis · N on a host facet, shape (count, count)."""
+    basis = np.eye(count)
+    if coupled(gdim, count):
+        alpha = 0.25  # α of the functions on triangles of second order
+        basis[3:, 3:] *= 1 - 2 * alpha
+        for middle, ends in enumerate(EDGES[3], start=3):
+            basis[ends, middle] = alpha
+    return basis
+
+
+def turning(hosts: Facets) -> PairFlags:
+    """Return which facets with Ñ ≠ N have a varying normal, shape (num_hosts,)."""
+    if not coupled(hosts["x"].shape[2], hosts["node"].shape[1]):
+        return np.zeros(len(hosts), dtype=np.bool_)
+    return np.asarray(np.ptp(hosts["normal"], axis=1).max(axis=1) > STRAIGHT)
+
+
+def dual_factors(mass: Floats, d: Floats) -> Floats:
+    """Return D_e M_e⁻¹ of each host facet, shape (num_hosts, nodes, nodes).
+
+    If almost nothing of a facet is covered, M_e cannot be inverted. All its functions are then
+    constants, φ_i = d_i / |e'|, which preserve balance and constant pressures.
+
+    Args:
+        mass: M_e = ∫ÑÑ of each facet, same shape.
+        d: Integrals ∫Ñ, shape (num_hosts, nodes).
+    """
+    diagonal = np.einsum("nii->ni", mass)
+    size = np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
+    scaled = mass / (size[:, :, None] * size[:, None, :])
+    values, vectors = np.linalg.eigh(scaled)
+    # Smallest eigenvalue at which a facet's mass matrix, scaled to a diagonal of 1, is inverted.
+    singular = 1e-14
+    sound = (values[:, 0] > singular) & (d.sum(axis=1) > 0)
+    roots = np.where(sound[:, None], values, 1.0)
+    inverse = np.einsum("nij,nj,nkj->nik", vectors, 1 / roots, vectors)
+    inverse /= size[:, :, None] * size[:, None, :]
+    total = d.sum(axis=1)
+    constant = d / np.where(total > 0, total, 1.0)[:, None]
+    ones = np.broadcast_to(constant[:, :, None], mass.shape)
+    dual: Floats = np.where(sound[:, None, None], d[:, :, None] * inverse, ones)
+    return dual
+
+
+@dataclass(frozen=True)
+class Integrals:
+    """Integrals over the facets on this rank, for the nodes of the host.
+
+    Attributes:
+        host: Number of the host facet of each pair of facets, shape (num_pairs,).
+        guest: Number of the guest facet of each pair, same shape.
+        M: ∫φ_i N_l of each pair, shape (num_pairs, nodes of a host, nodes of a guest).
+        along: Integrals ∫φ_i n N_l with the host's normal n, shape (num_pairs, nodes of a host,
+            gdim, nodes of a guest). None if not requested, or if Ñ = N, whose coefficients are
+            nodal values.
+        d: Integrals ∫Ñ_i over the covered part of each host facet, shape (num_hosts, nodes).
+        full: Integrals ∫Ñ_i over the whole host facet, same shape.
+        covered: Covered length or area of the pieces of each host facet, shape (num_hosts,).
+        whole: Length or area of all pieces, same shape.
+        on_guest: Length or area of the covered part measured on the guest, same shape.
+    """
+
+    host: Longs
+    guest: Longs
+    M: Floats
+    along: Floats | None
+    d: Floats
+    full: Floats
+    covered: Floats
+    whole: Floats
+    on_guest: Floats
+
+
+def integrate(
+    hosts: Facets,
+    guests: Facets,
+    reach: float,
+    around: Callable[[Floats], Floats],
+    behind: float | None = None,
+    along: bool = True,
+) -> Integrals:
+    """Return the integrals over the overlap of facets. Not collective.
+
+    Args:
+        hosts: Facets that carry multipliers, each on one rank.
+        guests: All facets of the other surface within reach of the hosts.
+        reach: Largest distance (length).
+        around: Extent of host points out of the mesh's plane
+            (:meth:`kinematics.Kinematics.around`).
+        behind: Largest overlap (length); None for the value of ``reach``.
+        along: Whether to integrate with the normal where functions are not N.
+    """
+    host, guest = pieces_of(hosts), pieces_of(guests)
+    first, second = candidates(host, guest, reach, reach if behind is None else behind)
+    (count, each), gdim = hosts["node"].shape, hosts["x"].shape[2]
+    turns = turning(hosts)
+    mass, d = np.zeros((count, each, each)), np.zeros((count, each))
+    covered, on_guest = np.zeros((2, count))
+    mixed_parts: list[_Sums] = []
+    along_parts: list[_Sums] = []
+    for chunk in _chunks(first):
+        numbers = (first[chunk], second[chunk])
+        part = _products(hosts, guests, (host, guest), numbers, turns, around)
+        mixed_parts.append(part.mixed)
+        along_parts.append(part.along)
+        mass += part.mass
+        d += part.d
+        covered += part.covered
+        on_guest += part.on_guest
+    pair, mixed = _joined(mixed_parts)
+    of_host, dual = pair // max(len(guests), 1), dual_factors(mass, d)
+    normals = None
+    if along and coupled(gdim, each):
+        at_nodes = hosts["normal"]
+        mixed_with = mixed[:, :, None, :] * at_nodes[of_host][:, :1, :, None]
+        turned, values = _joined(along_parts)
+        mixed_with[np.searchsorted(pair, turned)] = values.reshape(-1, *mixed_with.shape[1:])
+        shape = mixed_with.shape
+        normals = (dual[of_host] @ mixed_with.reshape(len(pair), each, gdim * each)).reshape(shape)
+        own = d[:, :, None] * (np.linalg.inv(own_basis(gdim, each)).T @ at_nodes)
+        normals = _balanced(normals, mixed, of_host, d, own)
+    return Integrals(
+        host=of_host,
+        guest=pair % max(len(guests), 1),
+        M=_balanced(dual[of_host] @ mixed, mixed, of_host, d, d),
+        along=normals,
+        d=d,
+        full=_full(hosts, host, around),
+        covered=covered,
+        whole=_at(host.facet, count, host.measure),
+        on_guest=on_guest,
+    )
+
+
+def _chunks(first: Longs) -> list[slice]:
+    """Return at least one slice of a sorted list, split between different entries."""
+    borders = [0]
+    chunk = 50_000  # number of pairs of pieces that are clipped together
+    while borders[-1] < len(first):
+        last = min(borders[-1] + chunk, len(first)) - 1
+        borders.append(int(np.searchsorted(first, first[last], side="right")))
+    return [slice(*ends) for ends in pairwise(borders)] or [slice(0, 0)]
+
+
+_Sums = tuple[Longs, Floats]
+"""Keys of pairs of facets, and the data of each pair."""
+
+
+@dataclass(frozen=True)
+class _Products:
+    """Integrals ∫ÑN and ∫ÑnN of pairs of facets, and ∫ÑÑ, ∫Ñ and ∫1 of each host, for some pieces.
+
+    The integrals ∫ÑnN exist only for hosts along which n varies.
+    """
+
+    mixed: _Sums
+    along: _Sums
+    mass: Floats
+    d: Floats
+    covered: Floats
+    on_guest: Floats
+
+
+def _products(
+    hosts: Facets,
+    guests: Facets,
+    pieces: tuple[Pieces, Pieces],
+    numbers: tuple[Longs, Longs],
+    turns: PairFlags,
+    around: Callable[[Floats], Floats],
+) -> _Products:
+    (host, guest), (h, g) = pieces, numbers
+    (count, each), gdim = hosts["node"].shape, hosts["x"].shape[2]
+    found = overlaps(host.x[h], guest.x[g])
+    h, g = h[found.pair], g[found.pair]
+    near = _nearest(host, guest, h, g, found.host.mean(axis=1), found.guest.mean(axis=1))
+    h, g = h[near], g[near]
+    found = Overlaps(found.pair[near], found.host[near], found.guest[near], found.share[near])
+    degree = 2 if each == gdim else 4
+    at = overlap_points(hosts, guests, pieces, (h, g), found, degree)
+    own, other = at.own @ own_basis(gdim, each).T, at.other
+    weighted = own * (at.weight * around(at.x))[:, :, None]
+    turned, e = weighted.transpose(0, 2, 1), at.host
+    key, some = e * max(len(guests), 1) + at.guest, np.flatnonzero(turns[e])
+    along = (at.normal[some][:, :, :, None] * other[some][:, :, None, :]).reshape(
+        *other[some].shape[:2], gdim * each
+    )
+    cosine = np.abs(np.einsum("ni,ni->n", host.normal[h], guest.normal[g]))
+    area = found.share * host.measure[h]
+    return _Products(
+        _added(key, turned @ other),
+        _added(key[some], turned[some] @ along),
+        _at(e, count, turned @ own),
+        _at(e, count, weighted.sum(axis=1)),
+        _at(e, count, area),
+        _at(e, count, area / cosine),
+    )
+
+
+def _nearest(
+    host: Pieces, guest: Pieces, h: Longs, g: Longs, in_host: Floats, in_guest: Floats
+) -> Longs:
+    """Return the overlaps with the first layer along the host's normal."""
+    between = np.einsum("nc,nci->ni", in_guest, guest.x[g])
+    between -= np.einsum("nc,nci->ni", in_host, host.x[h])
+    far = np.abs(np.einsum("ni,ni->n", between, host.normal[h]))
+    closest = np.full(len(host.facet), np.inf)
+    np.minimum.at(closest, h, far)
+    return np.flatnonzero(far <= closest[h] + 2 * (host.radius[h] + guest.radius[g]))
+
+
+def _joined(parts: list[_Sums]) -> _Sums:
+    keys, values = zip(*parts, strict=True)
+    return _added(np.concatenate(keys), np.concatenate(values))
+
+
+def _added(key: Longs, values: Floats) -> tuple[Longs, Floats]:
+    """Return the distinct keys, sorted, and the sums of their values."""
+    keys, group = np.unique(key, return_inverse=True)
+    return keys, _at(group, len(keys), values)
+
+
+def _at(group: Longs, count: int, values: Floats) -> Floats:
+    """Return sums of values by group, shape (count, ...)."""
+    every = np.arange(len(group) + 1)
+    rows = csr_array((np.ones(len(group)), group, every), shape=(len(group), count)).T.tocsr()
+    sums: Floats = (rows @ values.reshape(len(values), math.prod(values.shape[1:]))).reshape(
+        count, *values.shape[1:]
+    )
+    return sums
+
+
+def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats, own: Floats) -> Floats:
+    """Return M corrected so that its rows sum to those of the host.
+
+    Args:
+        M: Where M_e is almost singular, the correction is a constant. The integrals ∫φ_i N_l or
+            ∫φ_i n N_l of each pair have shape (num_pairs, i, ..., l).
+        mixed: Integrals ∫Ñ_i N_l.
+        of_host: Host facet of each pair.
+        d: Integrals ∫Ñ_i of each host.
+        own: Required sums of M, shape (num_hosts, i, ...).
+    """
+    missing = own - _at(of_host, len(d), M.sum(axis=-1))
+    area = np.maximum(d.sum(axis=1), np.finfo(float).tiny).reshape(-1, *[1] * (own.ndim - 1))
+    of_guest = mixed.sum(axis=1).reshape(len(M), *[1] * (M.ndim - 2), M.shape[-1])
+    balanced: Floats = M + (missing / area)[of_host][..., None] * of_guest
+    return balanced
+
+
+def _full(hosts: Facets, pieces: Pieces, around: Callable[[Floats], Floats]) -> Floats:
+    """Return ∫Ñ over whole facets."""
+    (count, each), gdim = hosts["node"].shape, hosts["x"].shape[2]
+    points, weights = rule(gdim, 2)
+    at = points @ pieces.at
+    x = hosts["x"][pieces.facet]
+    weight = weights * pieces.measure[:, None]
+    bent = pieces.curved
+    weight[bent] = weights * pieces.part[bent, None] * area_elements(x[bent], at[bent])
+    weight *= around(shape_functions(gdim, x.shape[1], at) @ x)
+    own = shape_functions(gdim, each, at) @ own_basis(gdim, each).T
+    return _at(pieces.facet, count, np.einsum("nq,nqi->ni", weight, own))
 
 
 @dataclass(frozen=True)

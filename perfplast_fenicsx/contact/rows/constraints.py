@@ -10,19 +10,60 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from scipy.sparse import coo_array
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.contact.declared.friction_terms import FrictionTerms
-from perfplast_fenicsx.contact.rows.sparse_rows import (
-    Entries,
-    SharedEntries,
-    Sizes,
-    entries_of,
-    matrix_of_entries,
-    unknowns,
-)
+from perfplast_fenicsx.contact.declared.contact import FrictionTerms
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.parallel import lasting
+
+Sizes = tuple[int, int]
+"""Number of rows or columns that this rank owns, and their number on all ranks."""
+
+Entries = tuple[npt.NDArray[np.integer], npt.NDArray[np.integer], Floats]
+"""Local rows, global columns and values, shape (n,) each."""
+
+SharedEntries = tuple[npt.NDArray[np.integer], npt.NDArray[np.integer], Floats, Floats]
+"""Rows, nodes and coefficients of terms, and their shares in the row."""
+
+
+def matrix_of_entries(
+    comm: MPI.Intracomm | PETSc.Comm,
+    rows: Sizes,
+    columns: Sizes,
+    entries: Sequence[Entries],
+    block_size: int = 1,
+) -> PETSc.Mat:
+    """Return a sparse matrix from entries in any order, without zeros. Collective.
+
+    Args:
+        comm: The ranks.
+        rows: Rows of the matrix.
+        columns: Columns of the matrix.
+        entries: Entries in any number of parts; repeated entries are added.
+        block_size: Block size of rows and columns.
+    """
+    none: Entries = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+    row, column, value = (np.concatenate(parts) for parts in zip(none, *entries, strict=True))
+    kept = value != 0
+    place = (row[kept].astype(np.int64), column[kept].astype(np.int64))
+    A = coo_array((value[kept], place), shape=(rows[0], columns[1])).tocsr()
+    csr = (A.indptr.astype(PETSc.IntType), A.indices.astype(PETSc.IntType), A.data)
+    return PETSc.Mat().createAIJ((rows, columns), bsize=block_size, csr=csr, comm=lasting(comm))
+
+
+def entries_of(A: PETSc.Mat) -> tuple[Longs, Longs, Floats]:
+    """Return the owned entries, row by row."""
+    pointer, column, value = A.getValuesCSR()
+    row = np.repeat(np.arange(len(pointer) - 1), np.diff(pointer))
+    return row, column.astype(np.int64), value
+
+
+def unknowns(V: fem.FunctionSpace) -> Sizes:
+    """Return the sizes of rows or columns of displacement unknowns."""
+    index_map, gdim = V.dofmap.index_map, V.dofmap.index_map_bs
+    return index_map.size_local * gdim, index_map.size_global * gdim
 
 
 @dataclass(frozen=True)
@@ -33,8 +74,8 @@ class Source(FrictionTerms):
         name: Name in resultants.
         on: Surface of its hosts, which messages and pressures name.
         called: Name in stages.
-        tresca: See :class:`friction_terms.FrictionTerms`.
-        coulomb: See :class:`friction_terms.FrictionTerms`.
+        tresca: See :class:`contact.FrictionTerms`.
+        coulomb: See :class:`contact.FrictionTerms`.
         move: Given motion of the opposite side for ζ = 1 (length, one number for each direction);
             empty without motion.
         grows: Whether ζ multiplies the overlap of its bodies.
@@ -128,7 +169,7 @@ class Formulation(Protocol):
         """Return the rows of these surfaces. Collective.
 
         Each host has a component that no support holds and that appears in the row
-        (:func:`surface_nodes.can_host`).
+        (:func:`surface_facets.can_host`).
 
         Args:
             V: Displacement space.

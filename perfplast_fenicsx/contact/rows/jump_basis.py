@@ -21,8 +21,8 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
-from perfplast_fenicsx.contact.rows.constraints import Constraints
-from perfplast_fenicsx.contact.rows.sparse_rows import (
+from perfplast_fenicsx.contact.rows.constraints import (
+    Constraints,
     Entries,
     entries_of,
     matrix_of_entries,

@@ -17,8 +17,7 @@ from scipy.linalg import eigh
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.rows.constraints import Constraints
-from perfplast_fenicsx.contact.rows.rigid_motion_names import motion_name
-from perfplast_fenicsx.contact.rows.rigid_motions import rigid_jumps
+from perfplast_fenicsx.contact.rows.rigid_motions import motion_name, rigid_jumps
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
 from perfplast_fenicsx.parallel import bounding_box
 

@@ -1,4 +1,20 @@
-"""Determine whether any body can still move as a rigid body."""
+"""Find rigid motions that neither supports nor contact resist, name them, and fix them without force.
+
+All motions v with v = 0 where supports, ties and friction hold, and B v ≤ 0 at all pairs, form a
+cone. The energy of bodies that move in this way changes only by the work of the loads. If this work
+is positive for one v, no equilibrium exists, whatever the material.
+
+A round frictionless pin may rotate in its hole, and a block may slide on another. If no load does
+work on such a motion, bodies are in equilibrium in any position along it, and the stiffness K is
+singular. The module therefore adds a spring for each motion: K + Σ k e eᵀ. The springs carry no
+force. For motions F with KF = 0 and eᵀF invertible, and a right-hand side with Fᵀb = 0, the
+equation (K + Σ k e eᵀ)δ = b implies Fᵀe k eᵀδ = 0, so eᵀδ = 0. So δ solves Kδ = b, and the springs
+take no part of the loads.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -6,11 +22,15 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
-from perfplast_fenicsx.arrays import Floats, Longs, PairFlags
-from perfplast_fenicsx.contact.rows.constraints import Constraints
-from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_entries
+from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
+from perfplast_fenicsx.contact.rows.constraints import Constraints, entries_of, matrix_of_entries
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.connected_bodies import Bodies
+
+log = logging.getLogger(__name__)
 
 
 class RigidMotions:
@@ -149,3 +169,371 @@ def _supported(V: fem.FunctionSpace, bodies: Bodies, fixed: npt.NDArray[np.bool_
     nodes, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])
     x = V.tabulate_dof_coordinates()[nodes]
     return bodies.functionals(bodies.of_node[nodes], x, np.eye(fixed.shape[1])[axes])
+
+
+def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
+    """Return a rigid motion of a body in words.
+
+    Args:
+        bodies: Bodies with their rigid motions.
+        v: Coefficients of the motion, shape (num_modes,).
+        middle: Position of the body, shape (gdim,): a motion that hardly rotates there is a
+            translation. None accepts only exact translations.
+    """
+    gdim = bodies.gdim
+    if bodies.num_modes == 1:
+        return bodies.kinematics.motions[0]
+    spin = v[gdim:]
+    if middle is None:
+        along = v[:gdim]
+        # Share of rotation in a rigid motion that makes it a rotation, if the body's position is
+        # unknown.
+        least_spin = 1e-6
+        turns = np.linalg.norm(spin) > least_spin * np.linalg.norm(v)
+    else:
+        along = bodies.rigid_modes(np.pad(middle, (0, 3 - gdim))[None])[0] @ v
+        turns = np.linalg.norm(along) <= np.linalg.norm(spin)
+    if not turns:
+        return f"translation {_direction(along, 'in')}"
+    return f"rotation {_direction(spin, 'about')}" if gdim == 3 else "rotation"
+
+
+def _direction(d: Floats, axis: str) -> str:
+    """Return a unit vector in words, first large component positive; an axis by its letter."""
+    d = d / np.linalg.norm(d)
+    d *= np.sign(d[np.argmax(np.abs(d))])
+    rounded = np.round(d, 2) + 0.0
+    if np.count_nonzero(rounded) == 1:
+        return f"{axis} {'xyz'[int(np.argmax(rounded))]}"
+    oblique = "along" if axis == "in" else axis
+    return f"{oblique} (" + ", ".join(f"{a:.2f}" for a in rounded) + ")"
+
+
+AWAY = 1e-6
+"""Work on a motion relative to its largest possible value, or mean opening, above the level of
+rounding."""
+
+
+@dataclass(frozen=True)
+class OneSidedMotions:
+    """Motions that contact stops only one way.
+
+    Attributes:
+        V: Displacement space.
+        bodies: The bodies that move.
+        names: Names of the bodies, which messages use.
+        basis: Motions that supports, ties and friction leave free, except those that contact stops
+            in neither direction, as columns of coefficients of all bodies' rigid motions.
+        jumps: Closing of the pairs hosted by this rank by these motions, shape (num_pairs, number
+            of motions).
+    """
+
+    V: fem.FunctionSpace
+    bodies: Bodies
+    names: Sequence[str]
+    basis: Floats
+    jumps: Floats
+
+    def pushed_away(self, force: PETSc.Vec) -> str | None:
+        """Return why no equilibrium exists if nodal forces push a body away, else None.
+
+        Collective.
+        """
+        gain = self._gain(force)
+        v = self._most(gain, [])
+        if v is None or not gain @ v > AWAY:
+            return None
+        return (
+            f"no equilibrium exists: the loads push {self._moving(v)} away from the "
+            "surface in contact, and nothing holds it there"
+        )
+
+    def warn(self, forces: Sequence[PETSc.Vec]) -> None:
+        """Log bodies that may separate while these forces do no work. Collective."""
+        comm = self.V.mesh.comm
+        pairs = max(comm.allreduce(len(self.jumps)), 1)
+        opening = -comm.allreduce(self.jumps.sum(axis=0)) / pairs
+        gains = [self._gain(force) for force in forces]
+        v = self._most(opening, [sign * gain for gain in gains for sign in (1, -1)])
+        if v is None or not opening @ v > AWAY or comm.rank:
+            return
+        log.warning(
+            "%s may move away from the surface in contact: contact stops it only one way, "
+            "and no load presses it there, so that its position is not determined",
+            self._moving(v),
+        )
+
+    def _gain(self, force: PETSc.Vec) -> Floats:
+        """Return the work of nodal forces on each motion, relative to Σ ‖force‖. Collective."""
+        bodies, owned = self.bodies, self.V.dofmap.index_map.size_local
+        f = force.array_r.reshape(owned, bodies.gdim)
+        modes = bodies.rigid_modes(self.V.tabulate_dof_coordinates()[:owned])
+        sums = np.zeros((bodies.count, bodies.num_modes))
+        np.add.at(sums, bodies.of_node[:owned], np.einsum("nim,ni->nm", modes, f))
+        total = np.append(sums.ravel(), np.linalg.norm(f, axis=1).sum())
+        total = force.comm.tompi4py().allreduce(total)
+        gain: Floats = self.basis.T @ total[:-1] / (total[-1] or 1.0)
+        return gain
+
+    def _most(self, gain: Floats, least: Sequence[Floats]) -> Floats | None:
+        """Return the motion in the cone with the largest gain and no coefficient beyond ±1.
+
+        Collective.
+
+        The function solves a linear program and adds rows of pairs that a motion would close.
+
+        Args:
+            gain: Gain of each coefficient.
+            least: Gain of each coefficient for a load; no motion may have a negative total.
+
+        Returns:
+            The coefficients of the motion; None if the linear program has no solution.
+        """
+        comm = self.V.mesh.comm
+        if not len(gain):
+            return None
+        rows: Floats = -np.reshape([*least], (-1, len(gain))).astype(np.float64)
+        still = 1e-9  # relative work on a motion that counts as zero
+        room: Floats = np.full(len(rows), still)
+        # Number of pairs of a rank that join a linear program at once if a motion would close them.
+        at_once = 20
+        # Largest number of linear programs; if they do not suffice, the function returns None.
+        most_programs = 60
+        closed = 1e-8  # jumps below this value, for motions of unit size, are rounding
+        for _ in range(most_programs):
+            v = comm.bcast(_best(rows, room, gain) if comm.rank == 0 else None)
+            if v is None:
+                return None
+            closing = self.jumps @ v
+            worst = np.argsort(-closing)[:at_once]
+            new = np.concatenate(comm.allgather(self.jumps[worst[closing[worst] > closed]]))
+            if not len(new):
+                return np.asarray(v)
+            rows, room = np.concatenate([rows, new]), np.append(room, np.zeros(len(new)))
+        return None
+
+    def _moving(self, v: Floats) -> str:
+        """Return the names of the bodies that move in a motion."""
+        each = np.abs(self.basis @ v).reshape(self.bodies.count, -1).max(axis=1)
+        moving = sorted(self.names[body] for body in np.flatnonzero(each > AWAY))
+        return f"the {'body' if len(moving) == 1 else 'bodies'} {', '.join(moving)}"
+
+
+def _best(rows: Floats, room: Floats, gain: Floats) -> Floats | None:
+    """Return the v that maximises gain·v subject to rows·v ≤ room."""
+    exact = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    limits = (rows, room) if len(rows) else (None, None)
+    from scipy.optimize import (
+        linprog,
+    )  # importing it takes a tenth of a second, and few bodies need it
+
+    found = linprog(-gain, *limits, bounds=(-1, 1), method="highs", options=exact)
+    return np.asarray(found.x, dtype=np.float64) if found.success else None
+
+
+APART = 1e-8
+"""Entries of a projector on free motions below this value do not couple two bodies."""
+
+
+@dataclass(frozen=True)
+class FreeMotions:
+    """Motions F of bodies that supports, ties and contact do not resist, and their springs.
+
+    Attributes:
+        bodies: All bodies.
+        names: Names of the bodies, which messages use.
+        basis: F, orthonormal, as columns of coefficients of all bodies' rigid motions, shape
+            (bodies.count * bodies.num_modes, count).
+        at_nodes: F at the owned displacement unknowns, shape (num_unknowns, count).
+        unknowns: The unknowns with springs.
+        leaving: Motions that contact stops only one way.
+    """
+
+    bodies: Bodies
+    names: Sequence[str]
+    basis: Floats
+    at_nodes: csr_array
+    unknowns: Ints
+    leaving: OneSidedMotions
+
+    @property
+    def count(self) -> int:
+        """Return the number of motions."""
+        return int(self.basis.shape[1])
+
+    def hold(self, stiffness: PETSc.Mat) -> None:
+        """Add the springs to K, with the stiffness of K at their unknowns. Collective."""
+        if not self.count:
+            return
+        diagonal = stiffness.getDiagonal()
+        diagonal.array[self.unknowns] *= 2
+        stiffness.setDiagonal(diagonal)
+        diagonal.destroy()
+
+    def drive(self, force: PETSc.Vec) -> Floats:
+        """Return the work of nodal forces on each motion, relative to Σ ‖force‖‖motion‖.
+
+        Collective.
+
+        Returns:
+            The values are between −1 and 1, and 0 if no force acts on the moving nodes. Work, shape
+            (count,).
+        """
+        F, f = self.at_nodes, force.array_r
+        unknowns = np.arange(len(f) + 1)
+        of_node = csr_array((np.ones(len(f)), unknowns[:-1], unknowns[:: self.bodies.gdim]))
+        speed2 = of_node @ F.multiply(F).tocsr()
+        sizes = np.sqrt(speed2).T @ np.sqrt(of_node @ f**2)
+        sums = np.stack([F.T @ f, sizes])
+        sums = force.comm.tompi4py().allreduce(sums)
+        return np.divide(sums[0], sums[1], out=np.zeros(self.count), where=sums[1] > 0)
+
+    def driven(self, forces: Sequence[PETSc.Vec]) -> str | None:
+        """Return why there is no equilibrium if one of these forces works on a motion, else None.
+
+        Collective.
+        """
+        if not self.count:
+            return None
+        drives = np.abs([self.drive(force) for force in forces]).max(axis=0)
+        # Smallest work of a load on a motion that is not rounding, relative to the work if all
+        # nodal forces acted along the motion.
+        driven = 1e-8
+        some = np.flatnonzero(drives > driven)
+        if not some.size:
+            return None
+        return (
+            f"{self.words(some)} can move as a rigid body, and a load does work on this "
+            "motion: neither supports nor contact prevent it; add a support, or a contact "
+            "that stops this motion."
+        )
+
+    def check(self, forces: Sequence[PETSc.Vec]) -> None:
+        """Refuse motions on which these forces do work, and log others. Collective.
+
+        Raises:
+            InputError: Naming bodies and motions.
+        """
+        refusal = self.driven(forces)
+        if refusal is not None:
+            raise InputError(refusal)
+        self.leaving.warn(forces)
+        if self.count and forces[0].comm.rank == 0:
+            log.warning(
+                "nothing resists a rigid motion of %s, and no load does work on it: it is "
+                "fixed without any force",
+                self.words(np.arange(self.count)),
+            )
+
+    def centre(self, u: fem.Function) -> None:
+        """Subtract from a displacement its part in F, in the mean over all nodes. Collective."""
+        if not self.count:
+            return
+        F, here = self.at_nodes, slice(self.at_nodes.shape[0])
+        both = np.column_stack([(F.T @ F).toarray(), F.T @ u.x.array[here]])
+        sums = u.function_space.mesh.comm.allreduce(both)
+        u.x.array[here] -= F @ np.linalg.solve(sums[:, :-1], sums[:, -1])
+        u.x.scatter_forward()
+
+    def words(self, some: npt.NDArray[np.integer]) -> str:
+        """Return which bodies move in the given motions, and how."""
+        each = self.basis.reshape(self.bodies.count, self.bodies.num_modes, -1)
+        told: dict[tuple[int, ...], list[str]] = {}
+        for number in some:
+            size = np.abs(each[:, :, number]).max(axis=1)
+            moving = tuple(int(body) for body in np.flatnonzero(size > APART))
+            strongest = int(np.argmax(size))
+            told.setdefault(moving, []).append(motion_name(self.bodies, each[strongest, :, number]))
+        return "; ".join(
+            sorted(
+                f"{_together(sorted(self.names[body] for body in moving))} ({', '.join(motions)})"
+                for moving, motions in told.items()
+            )
+        )
+
+
+def _together(names: Sequence[str]) -> str:
+    if len(names) == 1:
+        return f"the body {names[0]}"
+    return f"the bodies {', '.join(names[:-1])} and {names[-1]} together"
+
+
+def held_motions(
+    V: fem.FunctionSpace, bodies: Bodies, names: Sequence[str], motions: RigidMotions
+) -> FreeMotions:
+    """Return the free motions with the nodes at which they are fixed. Collective.
+
+    Args:
+        V: Displacement space.
+        bodies: The bodies that move.
+        names: Names of the bodies, which messages use.
+        motions: Constraints of supports and contact on the motions.
+    """
+    free = motions.free()
+    leaving = OneSidedMotions(V, bodies, names, *motions.one_sided(free))
+    basis, groups = _untangled(bodies, free)
+    nodes, gdim = V.dofmap.index_map.size_local, bodies.gdim
+    row, column, value, chosen = [], [], [], []
+    for moving, numbers in groups:
+        some = np.flatnonzero(np.isin(bodies.of_node[:nodes], moving))
+        each = basis[:, numbers].reshape(bodies.count, bodies.num_modes, len(numbers))
+        modes = bodies.rigid_modes(V.tabulate_dof_coordinates()[some])
+        moved = (modes @ each[bodies.of_node[some]]).reshape(-1, len(numbers))
+        unknowns = (some[:, None] * gdim + np.arange(gdim)).ravel()
+        row.append(np.repeat(unknowns, len(numbers)))
+        column.append(np.tile(numbers, len(unknowns)))
+        value.append(moved.ravel())
+        chosen.append(unknowns[_pivots(V.mesh.comm, moved)])
+    shape = (nodes * gdim, free.shape[1])
+    if not groups:
+        return FreeMotions(
+            bodies, names, basis, csr_array(shape), np.zeros(0, dtype=np.int32), leaving
+        )
+    entries = (np.concatenate(value), (np.concatenate(row), np.concatenate(column)))
+    held = np.concatenate(chosen).astype(np.int32)
+    return FreeMotions(bodies, names, basis, csr_array(entries, shape), held, leaving)
+
+
+def _untangled(bodies: Bodies, free: Floats) -> tuple[Floats, list[tuple[Ints, Ints]]]:
+    """Return another orthonormal basis, in which each motion has few bodies and axes.
+
+    Returns:
+        The basis; and for each set of bodies that move together, the bodies and the numbers of the
+        motions.
+    """
+    projector = free @ free.T
+    shape = (bodies.count, bodies.num_modes) * 2
+    coupled = np.abs(projector).reshape(shape).max(axis=(1, 3)) > APART
+    _, group = connected_components(coupled, directed=False)
+    of_entry = np.repeat(group, bodies.num_modes)
+    basis, of_motion = np.zeros_like(free), np.zeros(free.shape[1], dtype=group.dtype)
+    for column in range(free.shape[1]):
+        strongest = int(np.argmax(np.round(projector.diagonal(), 6)))
+        v = projector[:, strongest] / np.sqrt(projector[strongest, strongest])
+        of_motion[column] = of_entry[strongest]
+        basis[:, column] = np.where(of_entry == of_motion[column], v, 0.0)
+        projector -= np.outer(v, v)
+    return basis, [
+        (
+            np.flatnonzero(group == g).astype(np.int32),
+            np.flatnonzero(of_motion == g).astype(np.int32),
+        )
+        for g in np.unique(of_motion)
+    ]
+
+
+def _pivots(comm: MPI.Intracomm, motions: Floats) -> Ints:
+    """Return owned rows that distinguish the motions best, one for each motion. Collective."""
+    left, chosen = motions.copy(), []
+    for _ in range(motions.shape[1]):
+        squares = np.einsum("nk,nk->n", left, left)
+        largest = float(squares.max(initial=-1.0))
+        _, rank = comm.allreduce((largest, comm.rank), MPI.MAXLOC)
+        row = np.zeros(motions.shape[1])
+        if comm.rank == rank:
+            number = int(np.argmax(squares))
+            row[:] = left[number] / np.sqrt(largest)
+            chosen.append(number)
+        comm.Bcast(row, root=rank)
+        left -= np.outer(left @ row, row)
+    return np.array(chosen, dtype=np.int32)

@@ -1,20 +1,26 @@
-"""Match opposite nodes of two surfaces without gathering either.
+"""Match opposite nodes of two surfaces, and compute their normals and gaps.
 
 Each node travels to the rank of its slab of space, where a k-d tree matches it; matched nodes may
 travel on. A node is a row of a structured type. The matching reads its coordinates "x" and its
 outward unit "normal".
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.contact.surfaces.surface_nodes import SurfaceNodes
+from perfplast_fenicsx.contact.declared.contact import Contact, Tie
+from perfplast_fenicsx.contact.surfaces.surface_facets import SurfaceNodes, extent, surface_nodes
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.formulas import evaluate
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box, send_rows
 
 
@@ -168,3 +174,153 @@ def _misfit(primary: SurfaceNodes, secondary: SurfaceNodes, rounding: float) -> 
     sideways = np.linalg.norm(between - apart[..., None] * mean, axis=-1)
     far = np.linalg.norm(between, axis=-1)
     return np.asarray(sideways + (1 + facing) * (0.1 * far + rounding))
+
+
+MATCHING_TOLERANCE = 1e-6
+"""Largest distance of touching nodes, relative to the size of the contact surfaces."""
+
+
+OVERLAP = 1e-9
+"""Overlap, relative to the size of the surfaces, that counts as rounding."""
+
+
+class NoPartners(InputError):
+    """Raised for surfaces whose nodes do not match; the same on every rank."""
+
+
+def normals_and_gaps(
+    comm: MPI.Intracomm,
+    place: str,
+    contact: Contact,
+    matching: Matching,
+    size: float,
+) -> tuple[Floats, Floats]:
+    """Return normal and gap of matched nodes, after checking that they can be in contact.
+
+    Collective.
+
+    Args:
+        comm: The ranks.
+        place: Place of the contact in the input, which messages name.
+        contact: The contact, with its gap (a number or a formula, or None to measure it) and
+            whether the gap may be negative.
+        matching: Nodes of both surfaces, rows of :func:`surface_facets.surface_node_type`.
+        size: Size of the surfaces (length).
+
+    Raises:
+        NoPartners: For nodes without an opposite partner.
+        InputError: For surfaces that do not face each other or that overlap, or for a negative gap.
+    """
+    if matching.alone:
+        far = matching.farthest
+        away = f" (the nearest is up to {far:.3g} away)" if 0 < far < np.inf else ""
+        raise NoPartners(
+            f"{place}: {matching.alone} nodes have no partner of their own on the other"
+            f" surface{away}; choose formulation = 'mortar', or mesh the two"
+            " surfaces with the same nodes, for instance by fragmenting and splitting in gmsh."
+        )
+    primary, secondary = matching.primary, matching.secondary
+    facing = np.einsum("ni,ni->n", primary["normal"], secondary["normal"])
+    same_side = comm.allreduce(int((facing > 0).sum()))
+    if same_side:
+        raise InputError(
+            f"{place}: at {same_side} nodes the outward normals of the two surfaces point to the"
+            " same side, so they do not face each other; name one surface of each body."
+        )
+    normal = primary["normal"] - secondary["normal"]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    between = (secondary["x"] - primary["x"])[:, : normal.shape[1]]
+    apart = np.einsum("ni,ni->n", between, normal)
+    sideways = np.linalg.norm(between - apart[:, None] * normal, axis=1)
+    least = MATCHING_TOLERANCE * size
+    mesh_size = np.minimum(primary["size"], secondary["size"])
+    # Nodes that are apart may be shifted sideways by this share of their distance (and of the mesh
+    # size). Matching surfaces that are not parallel show such a shift along their mean normal.
+    tilt = 0.5
+    allowed = least + tilt * np.minimum(np.abs(apart), mesh_size)
+    shifted = comm.allreduce(int((sideways > allowed).sum()))
+    if shifted:
+        farthest = comm.allreduce(float(sideways.max(initial=0)), MPI.MAX)
+        raise NoPartners(
+            f"{place}: {shifted} nodes have no partner opposite them (the nearest is up to"
+            f" {farthest:.3g} aside); choose formulation = 'mortar', or mesh the two surfaces with"
+            " the same nodes, for instance by fragmenting and splitting in gmsh."
+        )
+    if contact.gap is not None:
+        return normal, given_gap(comm, place, contact, primary["x"], size)
+    if contact.interference:
+        return normal, np.where(np.abs(apart) > OVERLAP * size, apart, 0.0)
+    return normal, without_overlap(comm, place, apart, size)
+
+
+def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -> Floats:
+    """Return measured gaps without rounding errors. Collective.
+
+    Raises:
+        InputError: If the bodies overlap.
+    """
+    overlap = -comm.allreduce(float(gap.min(initial=0)), MPI.MIN)
+    if overlap > OVERLAP * size:
+        raise InputError(
+            f"{place}: the surfaces initially overlap by up to {overlap:.6g}, or face away "
+            "from each other like two sides of one body; move one of them, name two that "
+            "face each other, or give the contact interference = true if the overlap is "
+            "intended."
+        )
+    return np.where(gap > OVERLAP * size, gap, 0.0)
+
+
+def given_gap(comm: MPI.Intracomm, place: str, contact: Contact, x: Floats, size: float) -> Floats:
+    """Return gaps from a number or formula at points, negative only for interference.
+
+    Collective.
+    """
+    message: str | None = None
+    gap = 0.0 if contact.gap is None else contact.gap
+    gaps: Floats = np.zeros(len(x))
+    try:
+        gaps = evaluate(gap, x, f"{place}: gap")
+        if not contact.interference and (gaps < -OVERLAP * size).any():
+            message = (
+                f"{place}: gap = {gap} is negative ({gaps.min():.6g}) at some nodes, but "
+                "bodies cannot overlap initially; give a gap of zero or more, or "
+                "interference = true if the overlap is intended."
+            )
+    except InputError as error:
+        message = str(error)
+    raise_together(comm, message)
+    return gaps if contact.interference else np.maximum(gaps, 0.0)
+
+
+def opposite_vertices(tagged_mesh: TaggedMesh, contacts: Sequence[Contact | Tie]) -> Longs:
+    """Return pairs of vertices that coincide, or that are opposite each other across a gap.
+
+    Collective.
+
+    Args:
+        tagged_mesh: The bodies.
+        contacts: Their contacts or ties; for surfaces that do not match, only the matching vertices
+            count.
+
+    Returns:
+        Global numbers of vertices, shape (num_pairs, 2); each pair is on exactly one rank.
+    """
+    comm, topology = tagged_mesh.mesh.comm, tagged_mesh.mesh.topology
+    V = fem.functionspace(tagged_mesh.mesh, ("Lagrange", 1, (topology.dim,)))
+    nodes = V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts
+    fixed = np.zeros((nodes, topology.dim), dtype=np.bool_)
+    vertices = topology.connectivity(topology.dim, 0).array
+    number = np.empty(nodes, dtype=np.int64)
+    number[V.dofmap.list.ravel()] = topology.index_map(0).local_to_global(vertices)
+    pairs = [np.empty((0, 2), dtype=np.int64)]
+    for contact in contacts:
+        one, other = (
+            surface_nodes(V, tagged_mesh, name, fixed)
+            for name in (contact.primary, contact.secondary)
+        )
+        for rows in (one, other):
+            rows["number"] = number[rows["node"]]
+        size = extent(comm, np.concatenate([one["x"], other["x"]]))
+        found = match_nodes(comm, one, other, MATCHING_TOLERANCE * size)
+        pairs.append(np.column_stack([found.primary["number"], found.secondary["number"]]))
+    return np.concatenate(pairs)

@@ -16,9 +16,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.contact import Contact, Tie
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
-from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.io.case.combinations import Combination, weakened

@@ -6,8 +6,8 @@ from typing import Any, get_args, get_type_hints
 
 from mpi4py import MPI
 
+from perfplast_fenicsx.contact.declared.contact import Tie
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES, Obstacle
-from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.io.case.case import Case

@@ -13,9 +13,8 @@ import typing
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
-from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
+from perfplast_fenicsx.contact.declared.contact import INTERFACES, Tie
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
-from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.docstrings import arguments, summary
 from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region, Stratum

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.contact.declared.contact import Contact
-from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
+from perfplast_fenicsx.contact.declared.contact import INTERFACES, Contact
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES, Obstacle
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.problem.declared.loads import Load, kind_of, load_kinds

@@ -3,8 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from perfplast_fenicsx.contact.declared.contact import Contact
-from perfplast_fenicsx.contact.declared.interfaces import INTERFACES
+from perfplast_fenicsx.contact.declared.contact import INTERFACES, Contact
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, Turn

@@ -5,7 +5,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_matrix
-from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_entries
+from perfplast_fenicsx.contact.rows.constraints import entries_of, matrix_of_entries
 from perfplast_fenicsx.problem.judged.certificate import friction_forces
 from perfplast_fenicsx.problem.judged.slip import slipped
 from perfplast_fenicsx.problem.judged.state import Level

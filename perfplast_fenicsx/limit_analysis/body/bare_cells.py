@@ -5,7 +5,7 @@ import logging
 import numpy as np
 from dolfinx.mesh import exterior_facet_indices
 
-from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.sheared_edges import with_sheared_edges_divided
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.facets.bare_vertices import bare_vertices

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from dolfinx import la
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.contact.surfaces.opposite_vertices import opposite_vertices
+from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.singular_edges import angles_at_edges
 from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody, bound_body
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells

@@ -15,13 +15,13 @@ from dataclasses import replace
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
-from perfplast_fenicsx.contact.rows.friction import Friction
-from perfplast_fenicsx.contact.rows.sparse_rows import (
+from perfplast_fenicsx.contact.rows.constraints import (
     Entries,
     entries_of,
     matrix_of_entries,
     unknowns,
 )
+from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.limit_analysis.facets.entering import without_entering
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant

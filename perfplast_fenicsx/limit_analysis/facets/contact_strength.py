@@ -19,7 +19,7 @@ the whole set.
 
 from dataclasses import dataclass
 
-from perfplast_fenicsx.contact.declared.friction_terms import FrictionTerms
+from perfplast_fenicsx.contact.declared.contact import FrictionTerms
 from perfplast_fenicsx.problem.problem import Problem
 
 

@@ -8,8 +8,7 @@ the nodes of both.
 import logging
 from dataclasses import replace
 
-from perfplast_fenicsx.contact.declared.contact import Contact
-from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.contact.declared.contact import Contact, Tie
 from perfplast_fenicsx.mesh.chord_points import farthest
 from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.divided_surfaces import divided, surface_ends

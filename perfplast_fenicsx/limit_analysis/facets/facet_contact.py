@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints, stacked
 from perfplast_fenicsx.contact.rows.jump_basis import make_basis
-from perfplast_fenicsx.contact.surfaces.surface_nodes import LEAST_COSINE
+from perfplast_fenicsx.contact.surfaces.surface_facets import LEAST_COSINE
 from perfplast_fenicsx.limit_analysis.facets.enclosing_cones import enclosing_cones
 from perfplast_fenicsx.limit_analysis.facets.facing_nodes import FacingNodes, facing_nodes, owners
 from perfplast_fenicsx.limit_analysis.facets.matched_facets import matched_facets

@@ -19,7 +19,7 @@ from dolfinx import fem, la
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
-from perfplast_fenicsx.contact.surfaces.surface_normals import face_nodes, surface_facets
+from perfplast_fenicsx.contact.surfaces.surface_facets import face_nodes, surface_facets
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.prescribed_displacement import motion_of

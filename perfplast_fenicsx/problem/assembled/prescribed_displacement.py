@@ -11,8 +11,7 @@ from dolfinx import default_scalar_type, fem, la
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.rows.constraints import Constraints
 from perfplast_fenicsx.contact.rows.rigid_motions import nodes_of
-from perfplast_fenicsx.contact.surfaces.surface_nodes import LEAST_COSINE
-from perfplast_fenicsx.contact.surfaces.surface_normals import face_nodes
+from perfplast_fenicsx.contact.surfaces.surface_facets import LEAST_COSINE, face_nodes
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box

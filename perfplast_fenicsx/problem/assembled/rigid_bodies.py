@@ -16,8 +16,7 @@ import numpy.typing as npt
 from dolfinx import fem, la
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.contact.declared.contact import Contact
-from perfplast_fenicsx.contact.declared.tie import Tie
+from perfplast_fenicsx.contact.declared.contact import Contact, Tie
 from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constraints
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.materials.elastic import Rigid

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.contact import Contact, Tie
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
-from perfplast_fenicsx.contact.declared.tie import Tie
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.problem.declared.initial import Initial

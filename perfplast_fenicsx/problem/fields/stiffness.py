@@ -5,7 +5,7 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx.fem import petsc as fem_petsc
 
-from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_entries
+from perfplast_fenicsx.contact.rows.constraints import entries_of, matrix_of_entries
 from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.fields.tangent_form import TangentForm
 from perfplast_fenicsx.problem.problem import Problem

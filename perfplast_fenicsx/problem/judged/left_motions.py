@@ -11,9 +11,8 @@ from scipy.linalg import block_diag
 from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.contact.rows.rigid_motion_names import motion_name
-from perfplast_fenicsx.contact.rows.rigid_motions import null_space, rigid_jumps
-from perfplast_fenicsx.contact.surfaces.surface_normals import face_nodes
+from perfplast_fenicsx.contact.rows.rigid_motions import motion_name, null_space, rigid_jumps
+from perfplast_fenicsx.contact.surfaces.surface_facets import face_nodes
 from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
 from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.problem import Problem

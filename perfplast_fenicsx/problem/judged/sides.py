@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.contact.surfaces.surface_normals import SHARP, exterior_facets, outer_facets
+from perfplast_fenicsx.contact.surfaces.surface_facets import SHARP, exterior_facets, outer_facets
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 

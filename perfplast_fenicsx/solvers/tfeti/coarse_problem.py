@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.sparse import csr_array, diags_array, hstack
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.contact.rows.sparse_rows import entries_of, matrix_of_entries
+from perfplast_fenicsx.contact.rows.constraints import entries_of, matrix_of_entries
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
 from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
 

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.contact.rows.constraints import Constraints
-from perfplast_fenicsx.contact.rows.sparse_rows import (
+from perfplast_fenicsx.contact.rows.constraints import (
+    Constraints,
     Entries,
     Sizes,
     entries_of,
