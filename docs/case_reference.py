@@ -30,8 +30,7 @@ from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import CONIC, SOLVERS, USUAL
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
-from perfplast_fenicsx.problem.declared.bolt import Bolt
-from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
+from perfplast_fenicsx.problem.declared.initial import Bolt, InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.stage import Stage
 from perfplast_fenicsx.seepage.declared import Head, Seepage
 from perfplast_fenicsx.solvers.methods import METHODS

@@ -19,7 +19,7 @@ def force_rows(
     """Return the rows of loads at ζ = 1 and at collapse, and of supports at the lower bound.
 
     Args:
-        loads: Tables of :class:`load_resultants.LoadResultant`.
+        loads: Tables of :class:`resultants.LoadResultant`.
         lower: Load factor that the bodies carry for certain.
         upper: One at which they collapse for certain.
         at_limit: Table of :class:`limit_forces.LimitForces`, by which loads and supports balance:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from perfplast_fenicsx.force_rows import Row, force_rows
-from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.problem.judged.state import LevelReport
 
 
 def force_lines(

@@ -82,7 +82,7 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
     """
     from petsc4py import PETSc
 
-    from perfplast_fenicsx.solvers.linear.option_trial import check_options
+    from perfplast_fenicsx.solvers.linear.petsc_options import check_options
 
     options = PETSc.Options()
     name = None

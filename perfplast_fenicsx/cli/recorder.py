@@ -27,8 +27,7 @@ from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
-from perfplast_fenicsx.problem.judged.report import Iteration
-from perfplast_fenicsx.problem.judged.state import Level
+from perfplast_fenicsx.problem.judged.state import Iteration, Level
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.report.report_file import LiveReport
 

@@ -45,12 +45,11 @@ from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, Limi
 from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
 from perfplast_fenicsx.materials.nonassociated_flow import flow_words
 from perfplast_fenicsx.pictures.drawing_process import draw
-from perfplast_fenicsx.problem.halved import halved
+from perfplast_fenicsx.problem.contact_check import left_out
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
-from perfplast_fenicsx.problem.judged.slip import check_slip_is_true
-from perfplast_fenicsx.problem.left_out import left_out
+from perfplast_fenicsx.problem.judged.state import check_slip_is_true
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.variant import halved, variant
 from perfplast_fenicsx.report.report_file import LiveReport, Reporting, report_on
 
 log = logging.getLogger(__name__)

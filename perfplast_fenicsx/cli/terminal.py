@@ -26,7 +26,7 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorSte
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.path_bracket import NO_PAIR, SAID, PathBracket
-from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
+from perfplast_fenicsx.problem.judged.state import Iteration, LevelReport
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.linear.linear_solver import chosen_solver

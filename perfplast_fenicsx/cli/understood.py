@@ -21,14 +21,13 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
 from perfplast_fenicsx.materials.elastic import ElasticLaw
 from perfplast_fenicsx.pictures import drawing_process
 from perfplast_fenicsx.problem.declared.loads import Load, kind_of
-from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
-from perfplast_fenicsx.problem.declared.supports import Support
+from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
 from perfplast_fenicsx.problem.judged.left_motions import (
     HeldAgainst,
     held_against,
     left_motions,
 )
-from perfplast_fenicsx.problem.judged.load_resultants import LoadResultant, sized_resultants
+from perfplast_fenicsx.problem.judged.resultants import LoadResultant, sized_resultants
 from perfplast_fenicsx.problem.judged.sides import Cover, Sides, find_sides
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING

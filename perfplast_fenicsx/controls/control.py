@@ -28,10 +28,9 @@ from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.declared.stage import Stage
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
-from perfplast_fenicsx.problem.judged.report import Iteration
-from perfplast_fenicsx.problem.judged.state import Level, State
+from perfplast_fenicsx.problem.judged.state import Iteration, Level, State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.solvers.next_work import Reached
+from perfplast_fenicsx.solvers.load_stepping import Reached
 
 Moved = Callable[[str, str], bool]
 """Function of a name, which may be empty, and a surface: whether the loading moves it."""

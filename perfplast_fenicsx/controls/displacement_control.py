@@ -12,7 +12,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
-from perfplast_fenicsx.solvers.stroke import stroke
+from perfplast_fenicsx.solvers.load_stepping import stroke
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ from typing import ClassVar
 
 from perfplast_fenicsx.controls.control import Moved, OfLevels, Run
 from perfplast_fenicsx.controls.given import Given
-from perfplast_fenicsx.problem.declared.bolt import Bolt
-from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
+from perfplast_fenicsx.problem.declared.initial import Bolt, Initial, Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.declared.stage import Stage, called

@@ -21,7 +21,7 @@ def level_rows(reader: ResultReader) -> list[Row]:
         reader: The results.
 
     Returns:
-        Rows with the ``level`` (from 1) and what :class:`~report.LevelReport` has, reactions apart
+        Rows with the ``level`` (from 1) and what :class:`~state.LevelReport` has, reactions apart
         (:func:`resultant_rows`); of stages a column such as ``factor_push`` for each name.
 
     Raises:

@@ -23,9 +23,8 @@ from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.load_stepping import Reached, work_path
-from perfplast_fenicsx.solvers.newton import Newton
-from perfplast_fenicsx.solvers.verdicts import SLIDES
-from perfplast_fenicsx.solvers.work_newton import WorkNewton
+from perfplast_fenicsx.solvers.newton import Newton, WorkNewton
+from perfplast_fenicsx.solvers.progress import SLIDES
 
 SHARES = (0.5, 0.25, 0.75)
 """Where between a load that is carried and one that is refused the next one is tried: in the middle

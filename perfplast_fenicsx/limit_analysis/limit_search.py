@@ -25,11 +25,10 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
 )
 from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
-from perfplast_fenicsx.solvers.load_stepping import work_path
+from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
+from perfplast_fenicsx.solvers.load_stepping import Reached, work_path
+from perfplast_fenicsx.solvers.newton import WorkNewton
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions
-from perfplast_fenicsx.solvers.next_work import Reached
-from perfplast_fenicsx.solvers.work_newton import WorkNewton
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.problem.declared.loads import Load
-from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.problem.judged.state import LevelReport
 
 
 @dataclass(frozen=True)

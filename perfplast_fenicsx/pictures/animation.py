@@ -18,7 +18,7 @@ from perfplast_fenicsx.pictures.heading import heading
 from perfplast_fenicsx.pictures.loading_curve import draw_curve, draw_stroke
 from perfplast_fenicsx.pictures.renderer import Renderer
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
-from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.problem.judged.state import LevelReport
 
 LENGTH, FRAME, END = 8.0, (0.15, 1.0), 2.0
 """An animation takes so long, but each frame between these times, and the last so much more (s)."""

@@ -9,8 +9,7 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle, move_of
 from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.problem.declared.load import SpreadLoad
-from perfplast_fenicsx.problem.declared.loads import Bearing, Force, Load, Pressure
+from perfplast_fenicsx.problem.declared.loads import Bearing, Force, Load, Pressure, SpreadLoad
 
 
 @dataclass(frozen=True)

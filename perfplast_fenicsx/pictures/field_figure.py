@@ -13,7 +13,7 @@ from perfplast_fenicsx.pictures.figure_panels import compose, panels
 from perfplast_fenicsx.pictures.heading import heading
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.renderer import Renderer
-from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.problem.judged.state import LevelReport
 
 SHOWN_DEFORMATION, SHOWN_MECHANISM = 0.1, 0.04
 """The largest displacement is drawn about so large, relative to the size of the bodies."""

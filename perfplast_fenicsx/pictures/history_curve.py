@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from perfplast_fenicsx.pictures.heading import in_legend
-from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.problem.judged.state import LevelReport
 
 
 def draw_history(

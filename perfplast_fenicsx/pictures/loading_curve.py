@@ -17,7 +17,7 @@ from perfplast_fenicsx.pictures.history_curve import draw_history
 from perfplast_fenicsx.pictures.path_points import between, from_rest
 from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.stored_limit import FAR
-from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.problem.judged.state import LevelReport
 
 LINE, ELASTIC, LIMIT = "#3b6ea5", "#707070", "#d62020"
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.problem.judged.state import LevelReport
 from perfplast_fenicsx.rounding import ROUNDING
 
 

@@ -38,15 +38,15 @@ from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.notebook_table import notebook_table
 from perfplast_fenicsx.parallel import drop_garbage, lasting
-from perfplast_fenicsx.problem.assembled.declared_loads import declared_loads
-from perfplast_fenicsx.problem.assembled.given_motion import GivenMotion, given_motion
+from perfplast_fenicsx.problem.assembled.declared_loads import LoadCase, declared_loads
 from perfplast_fenicsx.problem.assembled.glued_rows import glued_rows
-from perfplast_fenicsx.problem.assembled.initial_strain import initial_strain
+from perfplast_fenicsx.problem.assembled.initial_strain import Shanks, initial_strain
 from perfplast_fenicsx.problem.assembled.law_on_cells import lay_out
-from perfplast_fenicsx.problem.assembled.load_case import LoadCase
 from perfplast_fenicsx.problem.assembled.prescribed_displacement import (
+    GivenMotion,
     check_moved_surfaces,
     conditions_at_rest,
+    given_motion,
     known_displacements,
 )
 from perfplast_fenicsx.problem.assembled.rigid_bodies import (
@@ -54,14 +54,12 @@ from perfplast_fenicsx.problem.assembled.rigid_bodies import (
     Supported,
     rigid_bodies,
 )
-from perfplast_fenicsx.problem.assembled.shanks import Shanks
 from perfplast_fenicsx.problem.assembled.spaces import Spaces, make_spaces, space_at_points
 from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
 from perfplast_fenicsx.problem.declared.given import Given
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
-from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, name_of
-from perfplast_fenicsx.problem.declared.supports import Support
+from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support, name_of
 from perfplast_fenicsx.profiling import phase
 
 

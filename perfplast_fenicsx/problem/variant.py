@@ -1,4 +1,4 @@
-"""Create a problem on the same bodies with other materials, loads, contact rows or points."""
+"""Create a problem on the same bodies with other materials, loads, contact rows, points or elements."""
 
 import copy
 from collections.abc import Mapping, Sequence
@@ -11,11 +11,12 @@ from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.contact.rows.constraints import Constraints
 from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.contact.rows.jump_basis import JumpBasis
+from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.mesh.refinement import check_refinable, refine
 from perfplast_fenicsx.problem.assembled.declared_loads import declared_loads
-from perfplast_fenicsx.problem.assembled.initial_strain import initial_strain
+from perfplast_fenicsx.problem.assembled.initial_strain import Shanks, initial_strain
 from perfplast_fenicsx.problem.assembled.law_on_cells import lay_out
-from perfplast_fenicsx.problem.assembled.shanks import Shanks
 from perfplast_fenicsx.problem.assembled.spaces import Spaces
 from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
 from perfplast_fenicsx.problem.declared.loads import Load
@@ -107,3 +108,20 @@ def _rub(problem: Problem, contacts: Sequence[Contact], obstacles: Sequence[Obst
     adhesion = tresca * friction.area
     bound = adhesion.copy()
     problem.friction = replace(friction, coulomb=coulomb, adhesion=adhesion, bound=bound)
+
+
+def halved(problem: Problem) -> Problem:
+    """Return the problem on a mesh all of whose edges are cut in half. Collective.
+
+    Coinciding vertices of bodies in contact coincide afterwards, and the bodies do not change:
+    polygons that approximate circles remain polygons.
+
+    Raises:
+        InputError: If cells are curved.
+    """
+    tagged_mesh = problem.tagged_mesh
+    check_refinable(tagged_mesh)
+    topology = tagged_mesh.mesh.topology
+    every = np.ones(topology.index_map(topology.dim).size_local, dtype=np.bool_)
+    opposite = opposite_vertices(tagged_mesh, problem.given.contacts)
+    return problem.on(refine(tagged_mesh, every, opposite).tagged_mesh)

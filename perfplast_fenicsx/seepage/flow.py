@@ -46,8 +46,7 @@ from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.mesh.whole_mesh import whole_mesh
 from perfplast_fenicsx.seepage.declared import Head, Seepage
-from perfplast_fenicsx.solvers.linear.option_trial import check_snes_vi
-from perfplast_fenicsx.solvers.linear.petsc_options import SEEPAGE, own_prefix
+from perfplast_fenicsx.solvers.linear.petsc_options import SEEPAGE, check_snes_vi, own_prefix
 
 COINCIDE = 1e-9
 """Distance of two vertices that are one for the water, over the size of the ground."""

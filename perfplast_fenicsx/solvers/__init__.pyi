@@ -7,10 +7,10 @@ from .load_stepping import extrapolate as extrapolate
 from .load_stepping import load_path as load_path
 from .load_stepping import work_path as work_path
 from .methods import METHODS as METHODS
+from .newton import BorderedNewton as BorderedNewton
 from .newton import Newton as Newton
+from .newton import WorkNewton as WorkNewton
 from .newton_options import Monitor as Monitor
 from .newton_options import NewtonOptions as NewtonOptions
 from .progress import Step as Step
 from .stage_stepping import stage_path as stage_path
-from .work_newton import BorderedNewton as BorderedNewton
-from .work_newton import WorkNewton as WorkNewton

@@ -12,9 +12,8 @@ from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, Held
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Subdivision
-from perfplast_fenicsx.solvers.tfeti.subdomains import make_subdomains
+from perfplast_fenicsx.solvers.tfeti.subdomains import TornStiffness, make_subdomains
 from perfplast_fenicsx.solvers.tfeti.tfeti_program import TfetiProgram
-from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
 
 
 class ContactSolver(Protocol):
@@ -50,7 +49,7 @@ class ContactSolver(Protocol):
 
 
 def counts(linear: LinearSolver, program: ContactSolver) -> dict[str, Any]:
-    """Return the counts so far, integers by names of :class:`report.LevelReport`."""
+    """Return the counts so far, integers by names of :class:`state.LevelReport`."""
     names = ("linear_solves", "setups", "linear_iterations")
     more = ("contact_programs", "snes_vi_programs", "snes_vi_iterations")
     return dict(zip((*names, *more), (*linear.counts(), *program.counts()), strict=True))

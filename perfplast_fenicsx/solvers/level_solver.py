@@ -17,9 +17,13 @@ from perfplast_fenicsx.errors import InputError, check_finite
 from perfplast_fenicsx.materials.elastic import check_deforms
 from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
-from perfplast_fenicsx.problem.judged.report import Iteration
-from perfplast_fenicsx.problem.judged.slip import check_slip_is_true, remember_slip
-from perfplast_fenicsx.problem.judged.state import Level, State
+from perfplast_fenicsx.problem.judged.state import (
+    Iteration,
+    Level,
+    State,
+    check_slip_is_true,
+    remember_slip,
+)
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
 from perfplast_fenicsx.solvers.active_set.friction_qp import FrictionProgram
@@ -28,9 +32,8 @@ from perfplast_fenicsx.solvers.coulomb import solve_coulomb
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor, Subdivision
-from perfplast_fenicsx.solvers.progress import Progress, Step
+from perfplast_fenicsx.solvers.progress import Progress, Step, no_convergence
 from perfplast_fenicsx.solvers.tightening import tighten
-from perfplast_fenicsx.solvers.verdicts import no_convergence
 
 MOST_DOUBTS = 60
 """How often a level continues after small steps at a state that is not a solution."""

@@ -1,4 +1,12 @@
-"""Load the bodies by a sequence of levels, each started from previous ones.
+"""Load the bodies by a sequence of levels, and choose the next step in α or in a given motion.
+
+If a body has reached a limit load of its own, ζ(α) is constant until a gap closes and another body
+supports it. The line through the last two levels predicts the closing; beyond it there is another
+curve.
+
+α grows by a factor that decreases where ζ(α) bends or a level needs many steps, and increases on
+the plateau, where a collapse mechanism may allow a longer step. Closing gaps end a step: a body
+that has reached its own limit load has a plateau too, until another body supports it.
 
 :func:`load_path` follows given values of ζ or α; :func:`work_path` chooses its own steps in α, from
 the elastic slope to the plateau of ζ(α).
@@ -9,24 +17,170 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.contact_solver import counts
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
+from perfplast_fenicsx.solvers.newton import WorkNewton
 from perfplast_fenicsx.solvers.newton_options import Monitor
-from perfplast_fenicsx.solvers.next_work import LARGEST_FACTOR, Leap, Reached, next_work
-from perfplast_fenicsx.solvers.work_newton import WorkNewton
+
+log = logging.getLogger(__name__)
+
+
+def closing_work(problem: Problem, before: State, last: State, alpha: float) -> float:
+    """Return the work at which half of the pairs that close before α have closed, or α itself.
+
+    Collective.
+
+    The result is α if no more pairs close than are already closed: contact then grows gradually, as
+    that of round bodies.
+
+    Args:
+        problem: Problem of the states.
+        before: State of the level before ``last``.
+        last: State of the last level.
+        alpha: The work of the next level, larger than that of the last one.
+    """
+    if not problem.has_gaps or last.alpha <= before.alpha:
+        return alpha
+    room, closed = _room(problem, last)
+    rate = (_room(problem, before)[0] - room) / (last.alpha - before.alpha)
+    open_ones = ~closed & (rate * (alpha - last.alpha) > room)
+    when = room[open_ones] / rate[open_ones]
+    counts = problem.comm.allreduce(np.array([len(when), np.count_nonzero(closed)]), MPI.SUM)
+    if counts[0] <= counts[1]:
+        return alpha
+    low, high = 0.0, alpha - last.alpha
+    # Number of binary digits of the step to which the closing work is found.
+    bisections = 20
+    for _ in range(bisections):
+        middle = (low + high) / 2
+        half = 2 * problem.comm.allreduce(int((when <= middle).sum())) >= counts[0]
+        low, high = (low, middle) if half else (middle, high)
+    return last.alpha + high
+
+
+def has_closed(problem: Problem, before: State, last: State) -> bool:
+    """Return whether more pairs closed in the last level than were closed before. Collective."""
+    if not problem.has_gaps:
+        return False
+    then, now = (np.count_nonzero(_room(problem, state)[1]) for state in (before, last))
+    counts = problem.comm.allreduce(np.array([then, now]), MPI.SUM)
+    return bool(counts[1] > 2 * counts[0])
+
+
+def _room(problem: Problem, state: State) -> tuple[Floats, PairFlags]:
+    """Return the room g − s of the pairs on this rank, shape (num_pairs,), and which have none.
+
+    Collective.
+    """
+    basis, jumps = problem.basis, problem.create_vector()
+    basis.M.mult(state.u.x.petsc_vec, jumps)
+    room = basis.gap - jumps.array_r[basis.index]
+    jumps.destroy()
+    size = np.abs(state.u.x.array).max(initial=0)
+    largest = float(problem.comm.allreduce(size, MPI.MAX))
+    closed = 1e-9  # room below this share of the largest displacement is zero
+    return room, room <= closed * largest
+
+
+LARGEST_FACTOR = 4.0
+"""Largest growth of α from one level to the next."""
+
+
+SMALLEST_FACTOR = 1.2
+"""Growth of α after levels with many steps."""
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Progress of a loading by chosen steps: all data for the next step.
+
+    Attributes:
+        last: State of the last level.
+        before: State of the level before it; None after the first one.
+        newton_iterations: Number of steps of the last level.
+        rest: α at ζ = 0, if other loads than ζ act on the bodies.
+    """
+
+    last: State
+    before: State | None
+    newton_iterations: int
+    rest: float = 0.0
+
+
+@dataclass(frozen=True)
+class Leap:
+    """A step of any length along a velocity at constant load.
+
+    Attributes:
+        alpha: The target work.
+        velocity: v with L(v) = 1.
+    """
+
+    alpha: float
+    velocity: fem.Function
+
+
+def next_work(
+    problem: Problem, reached: Reached, leap: Leap | None
+) -> tuple[float, State | None, Leap | None]:
+    """Return the work of the next level, and its start. Collective.
+
+    Args:
+        problem: The problem that is loaded.
+        reached: Progress of the loading.
+        leap: The suggestion of a mechanism, if there is one.
+
+    Returns:
+        α; the earlier of two states that define the line to the start, or the last state for no
+        line; and the leap, if it is taken.
+    """
+    last, before, rest = reached.last, reached.before, reached.rest
+    if before is not None and has_closed(problem, before, last):
+        return rest + (last.alpha - rest) * SMALLEST_FACTOR, last, None
+    if leap is not None:
+        alpha = leap.alpha
+    else:
+        alpha = rest + (last.alpha - rest) * _next_factor(reached)
+    if before is None:
+        return alpha, before, leap
+    event = closing_work(problem, before, last, alpha)
+    # Least growth of α to a closing gap, so that nearly closed pairs do not stop the path.
+    least_factor = 1.02
+    event = max(event, min(alpha, rest + (last.alpha - rest) * least_factor))
+    return event, before, leap if event >= alpha else None
+
+
+def _next_factor(reached: Reached) -> float:
+    last, before = reached.last, reached.before
+    first_factor = 3.0  # growth of α after first yield, and largest growth where ζ(α) bends
+    if before is None or before.alpha <= reached.rest:
+        return first_factor
+    factor = (last.alpha - reached.rest) / (before.alpha - reached.rest)
+    bend = 1 - before.zeta / last.zeta if last.zeta > 0 else 1.0
+    many_iterations = 20  # levels with more Newton steps reduce the next growth
+    if reached.newton_iterations > many_iterations:
+        return max(math.sqrt(factor), SMALLEST_FACTOR)
+    # Growth of ζ in a level above which steps in α decrease, and below which they increase.
+    bent, straight = 0.08, 0.02
+    if bend > bent:
+        return max(min(factor, first_factor), SMALLEST_FACTOR)
+    return min(factor * (2.0 if bend < straight else 1.2), LARGEST_FACTOR)
+
 
 MOST_HALVINGS = 6
 """Number of times that a failed step is halved."""
-
-log = logging.getLogger(__name__)
 
 
 def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
@@ -224,3 +378,36 @@ def extrapolate(
     alpha = last.alpha + stretch * (last.alpha - (before.alpha if before else 0.0))
     zeta = last.zeta + stretch * (last.zeta - (before.zeta if before else 0.0))
     return State(u, zeta, alpha, last.active, last.history)
+
+
+GROWTH = 1.5
+"""Growth from one load factor to the next."""
+
+
+def stroke(solver: LevelSolver, until: float) -> list[float]:
+    """Return load factors from first yield to the last one. Collective.
+
+    First yield is an estimate if there are gaps or constant loads.
+
+    Args:
+        solver: Solver of a problem in which ζ moves something; the function changes its iterate.
+        until: The last load factor.
+
+    Raises:
+        LinearFailure: If the elastic problem cannot be solved.
+    """
+    iterate, program = solver.iterate, solver.program
+    solver.problem.move_to(until)
+    active = iterate.begin(None)
+    program.set_operator(iterate.operator(1.0))
+    found = program.solve(iterate.gradient(until), iterate.room(), active, rtol=1e-8)
+    iterate.aim(found.delta)
+    iterate.advance(1.0)
+    overstress = iterate.fields.largest_overstress()
+    values = [until]
+    if overstress > 1:
+        first = until / overstress
+        while values[0] / first > GROWTH:
+            values.insert(0, values[0] / GROWTH)
+        values.insert(0, first)
+    return values

@@ -7,9 +7,8 @@ from perfplast_fenicsx.solvers.augmented_lagrangian import (
     AugmentedLagrangian,
     AugmentedLagrangianOptions,
 )
-from perfplast_fenicsx.solvers.newton import Newton
+from perfplast_fenicsx.solvers.newton import BorderedNewton, Newton, WorkNewton
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions
-from perfplast_fenicsx.solvers.work_newton import BorderedNewton, WorkNewton
 
 
 @dataclass(frozen=True)

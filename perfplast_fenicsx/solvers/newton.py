@@ -1,4 +1,4 @@
-"""ALG1: damped semismooth Newton method with the contact conditions in every step.
+"""ALG1, ALG3 and ALG4: damped semismooth Newton methods, for given loads or given work, with contact.
 
 Section 3.1 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013): δu minimises
 
@@ -6,28 +6,46 @@ Section 3.1 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013): δu minimises
 
 then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu). Beyond the paper, β may grow to 1.5
 if J_ζ still falls much at 1 and u + β δu stays in K_h.
+
+Both linearise (S)^α: find (ζ, u), u ∈ K_h, L(u) = α, with u minimising J_ζ over K_h (Section 4 of
+Čermák, Haslinger, Sysala, COMPLAS XII, 2013).
+
+ALG3 takes δu from the quadratic program of ALG1 without −ζL and with the equality L(δv) = α −
+L(u^k). ζ is its multiplier, and from the second step on, where L(δu) = 0, the line search minimises
+Ψ along δu. ALG4 is Newton's method for ζ and u together,
+
+    K v = ζ^k L − F(u^k),   K w = L,   δζ = (α − L(u^k + v))/L(w),   δu = v + δζ w,
+
+which the paper restricts to problems without contact. On a given active set both solves use the
+free unknowns, and they solve ALG3's quadratic program; the active set is updated until it is that
+of the solution. So both are one method in this module. ALG3 is damped, and ALG4 is damped only
+where it would diverge.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from petsc4py import PETSc
 
+import numpy as np
+
 from perfplast_fenicsx.arrays import PairFlags
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
-from perfplast_fenicsx.problem.judged.report import Iteration
-from perfplast_fenicsx.problem.judged.state import State
+from perfplast_fenicsx.problem.judged.state import Iteration, Level, State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
+from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, Held
 from perfplast_fenicsx.solvers.active_set.friction_qp import FrictionModel
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
 from perfplast_fenicsx.solvers.newton_options import (
+    Monitor,
     NewtonOptions,
     forcing,
     most_sets,
     regularisation,
 )
-from perfplast_fenicsx.solvers.progress import Step
-from perfplast_fenicsx.solvers.verdicts import BEYOND, above_limit
+from perfplast_fenicsx.solvers.progress import BEYOND, Step, above_limit
 
 
 class Newton(LevelSolver):
@@ -143,3 +161,190 @@ def newton_direction(
 def criterion_met(options: NewtonOptions) -> str:
     """Return the message of a level that has met its stopping criterion."""
     return f"{options.stopping} criterion met"
+
+
+class WorkNewton(LevelSolver):
+    """ALG3, which prescribes α: damped except in its first step."""
+
+    method = "work-newton"
+    prescribes = Prescribed.WORK
+    damped = True
+
+    def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
+        """Compile the forms and create the solvers. Collective.
+
+        Raises:
+            InputError: If all loads are constant, or if ζ moves something.
+        """
+        if not problem.loads.grows():
+            raise InputError(
+                "all loads are constant, so that no load has a work that can be "
+                "prescribed or grow to a limit; let a load grow, or prescribe load "
+                "factors."
+            )
+        if problem.motion.driven:
+            raise InputError(
+                "ζ moves supports, obstacles or overlaps, so that it cannot follow from a work of"
+                " the loads; let them be constant, or prescribe load factors."
+            )
+        self.options = options or NewtonOptions()
+        super().__init__(
+            problem,
+            (self.options.tolerance, self.options.max_iterations),
+            criterion_met(self.options),
+            subdivision=self.options.subdivision,
+        )
+
+    def solve(
+        self, value: float, start: State | None = None, monitor: Monitor | None = None
+    ) -> Level:
+        """Return the level with ζ, the multiplier of the work equality, and u with L₁(u) = α.
+
+        Collective.
+
+        Raises:
+            InputError: If α is not finite, or if it is negative although only ζ loads the bodies,
+                which have no history.
+        """
+        if value < 0 and not self.problem.loaded_at_zero() and not self.problem.history:
+            raise InputError(f"the work alpha = {value} is negative; give zero or more.")
+        return super().solve(value, start, monitor)
+
+    def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
+        """Start at the state, in K_h. Collective."""
+        return start.zeta if start else 0.0, self.iterate.begin(start)
+
+    def step(
+        self,
+        value: float,
+        zeta: float,
+        active: PairFlags,
+        history: Sequence[Iteration],
+    ) -> Step:
+        """Minimise the quadratic model with the work equality, whose multiplier changes ζ.
+
+        Collective.
+        """
+        options, iterate = self.options, self.iterate
+        rho, missing = regularisation(options, history, iterate.lifted), value - iterate.work()
+        found = newton_direction(self, options, zeta, active, history, rho, missing)
+        zeta += found.multiplier
+        iterate.aim(found.delta)
+        damp = options.damping and history and (self.damped or diverges(history))
+        halted = bool(history) and history[-1].beta <= 0
+        beta = iterate.line_search(zeta, halted=halted) if damp else 1.0
+        increment = iterate.take_step(beta, options.stopping)
+        change = _change(found.multiplier, zeta)
+        if increment < options.tolerance <= change:
+            change = iterate.load_change(found.multiplier, zeta)
+        increment = max(increment, change)
+        finished = increment < options.tolerance and found.settled and beta == 1
+        return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
+
+    def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
+        """Return None: a solution exists for every work of a displacement in K_h."""
+        return None
+
+    def at_rest(self, monitor: Monitor | None = None) -> Level:
+        """Return the level ζ = 0, where the work is α₀. Collective."""
+        return Newton(self.problem, self.options, lender=self).solve(0.0, None, monitor)
+
+    def first_step(self, rest: State) -> float:
+        """Return how far beyond α₀ the first work may be: where live loads alone would cause yield.
+
+        Collective.
+
+        It is an estimate, with elastic bodies and tied closed pairs.
+
+        Args:
+            rest: The state at ζ = 0.
+
+        Raises:
+            LinearFailure: If the elastic problem cannot be solved.
+        """
+        iterate, loads = self.iterate, self.problem.loads
+        active = iterate.begin(rest)
+        self.program.set_operator(iterate.operator(1.0))
+        sliding = self.problem.basis.sliding
+        stuck = Held(sliding, np.zeros(len(sliding))) if self.friction else NOTHING_HELD
+        iterate.aim(self.program.response(loads.live, active, rtol=1e-8, given=stuck))
+        unit = iterate.direction.du
+        iterate.fields.e.x.array[:] = iterate.direction.de.x.array
+        overstress = iterate.fields.largest_overstress()
+        return loads.alpha(unit.x.petsc_vec) / (overstress if overstress > 0 else 1.0)
+
+    def first_yield(self) -> State:
+        """Return the state at which the first point yields, if all gaps were closed. Collective.
+
+        Elastic bodies in contact without gaps respond in proportion to the load, so one elastic
+        contact problem is enough. If no body is plastic, it is the state at ζ = 1.
+
+        Raises:
+            InputError: If something other than ζ loads the bodies.
+            LinearFailure: If the elastic problem cannot be solved.
+        """
+        if not self.problem.is_elastic_at_first():
+            raise InputError(
+                "friction, moving supports, constant loads or initial strains are "
+                "present, so that the first yield is not a multiple of an elastic state; "
+                "remove what does not grow with the load factor."
+            )
+        return self._yielding(rtol=1e-8, rounds=None)
+
+    def near_yield(self) -> State:
+        """Return a state near :meth:`first_yield`, computed cheaply. Collective.
+
+        Its work is rounded to two digits, so that it does not depend on solver errors.
+
+        Raises:
+            LinearFailure: If the elastic problem cannot be solved.
+        """
+        # Tolerance of the linear solves for a state near first yield, and largest number of active
+        # set changes.
+        near, few = 1e-4, 3
+        state = self._yielding(rtol=near, rounds=few)
+        alpha = float(f"{state.alpha:.1e}")
+        scale = alpha / state.alpha if state.alpha > 0 else 1.0
+        state.u.x.array[:] *= scale
+        return State(state.u, scale * state.zeta, scale * state.alpha, state.active)
+
+    def _yielding(self, rtol: float, rounds: int | None) -> State:
+        """Return the multiple of an elastic state that yields first."""
+        iterate = self.iterate
+        closed = np.zeros_like(self.problem.basis.gap)
+        iterate.begin(None)
+        self.program.set_operator(iterate.operator(1.0))
+        gradient, active = iterate.gradient(1.0), closed <= 0
+        unit = self.program.solve(gradient, closed, active, rtol, None if rounds is None else 1)
+        for _ in range(rounds or 0):
+            if unit.settled:
+                break
+            unit = self.program.solve(gradient, closed, unit.active, rtol, most_sets=1)
+        iterate.aim(unit.delta)
+        iterate.advance(1.0)
+        overstress = iterate.fields.largest_overstress()
+        state = iterate.state(1.0, unit.active)
+        zeta = 1 / overstress if overstress > 0 else 1.0
+        state.u.x.array[:] *= zeta
+        return State(state.u, zeta, zeta * state.alpha, state.active)
+
+
+class BorderedNewton(WorkNewton):
+    """ALG4, which prescribes α: undamped Newton for ζ and u together, with contact.
+
+    Undamped steps need not converge from a distant start, with or without constant loads: once they
+    have grown, a level continues with ALG3's damping.
+    """
+
+    method = "bordered-newton"
+    damped = False
+
+
+def diverges(history: Sequence[Iteration]) -> bool:
+    """Return whether an increment has ever grown after the second one."""
+    sizes = [record.increment for record in history[1:]]
+    return any(a < b for a, b in pairwise(sizes))
+
+
+def _change(multiplier: float, zeta: float) -> float:
+    return abs(multiplier) / max(abs(zeta), 1e-300) if multiplier else 0.0

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.problem.assembled.load_case import LoadCase
-from perfplast_fenicsx.problem.assembled.shanks import Shanks
+from perfplast_fenicsx.problem.assembled.declared_loads import LoadCase
+from perfplast_fenicsx.problem.assembled.initial_strain import Shanks
 from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
 

@@ -193,8 +193,7 @@ def test_one_that_is_not_refined(
 
 def test_loads_that_are_scaled() -> None:
     """Numbers, formulas, and all that a load is given by."""
-    from perfplast_fenicsx.problem.declared.loads import Force
-    from perfplast_fenicsx.problem.declared.scaled_load import scaled
+    from perfplast_fenicsx.problem.declared.loads import Force, scaled
 
     assert scaled(Pressure("top", "2*x"), 1.5).value == "1.5*(2*x)"
     assert scaled(Traction("top", (1.0, "z")), 2.0).value == [2.0, "2.0*(z)"]

@@ -12,8 +12,8 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.io.case.case_reader import read_case
+from perfplast_fenicsx.solvers.load_stepping import GROWTH, stroke
 from perfplast_fenicsx.solvers.newton import Newton
-from perfplast_fenicsx.solvers.stroke import GROWTH, stroke
 from tests.functional.test_restart import path_of, same_path
 from tests.functional.test_restart import run_until as run_until  # a fixture
 from tests.models import STACK_HEIGHTS, write_case

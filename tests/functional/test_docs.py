@@ -29,8 +29,7 @@ from perfplast_fenicsx.io.case.water_table import WaterTable
 from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.sample_meshes import BUILDERS
-from perfplast_fenicsx.problem.declared.bolt import Bolt
-from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
+from perfplast_fenicsx.problem.declared.initial import Bolt, InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.stage import Stage
 from perfplast_fenicsx.report.claim import Claim
 from perfplast_fenicsx.seepage import Head, Seepage

@@ -18,8 +18,8 @@ from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.geometry_table import GroundInCase
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.assembled.total_loads import area_of
-from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
+from perfplast_fenicsx.problem.assembled.spread_forces import area_of
+from perfplast_fenicsx.problem.judged.resultants import load_resultants
 from perfplast_fenicsx.problem.variant import variant
 
 SOIL = '{{ law = "mohr-coulomb", young = 1e4, poisson = 0.3, cohesion = {}, friction_angle = {} }}'

@@ -42,7 +42,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io.results.output_fields import OutputFields
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
-from perfplast_fenicsx.solvers.active_set.condensed_qp import closed_pairs
+from perfplast_fenicsx.solvers.active_set.contact_qp import closed_pairs
 from tests.checks import assert_solved, largest
 from tests.models import STEEL, Read
 

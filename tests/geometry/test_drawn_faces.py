@@ -26,7 +26,7 @@ from perfplast_fenicsx.geometry.mesher import mesh_file
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.mesh import gmsh_session
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
-from perfplast_fenicsx.problem.assembled.total_loads import area_of
+from perfplast_fenicsx.problem.assembled.spread_forces import area_of
 from perfplast_fenicsx.problem.declared.loads import Load
 from tests.geometry.files import write
 

@@ -10,7 +10,7 @@ from dolfinx import fem
 
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Contact, Pressure, Problem, State, Support, limit_load, read_gmsh
-from perfplast_fenicsx.solvers.closing import closing_work, has_closed
+from perfplast_fenicsx.solvers.load_stepping import closing_work, has_closed
 from tests.models import STEEL
 
 GAP = 0.03

@@ -27,7 +27,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, 
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.proof import check
-from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
+from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
 from tests.limit_analysis.test_dead_loads import K, footing
 from tests.limit_analysis.test_nonassociated_ground import column, ground
 from tests.limit_analysis.test_rings import disc

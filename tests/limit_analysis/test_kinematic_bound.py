@@ -21,7 +21,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.limit_analysis.path import flow_system, kinematic_bound, viscous_flow
 from perfplast_fenicsx.materials import Material
-from perfplast_fenicsx.solvers.linear import mumps_memory
+from perfplast_fenicsx.solvers.linear import factorisation
 from tests.models import stack_problem
 
 WEAK = VonMises(2e5, 0.3, 300.0)
@@ -84,7 +84,7 @@ def test_why_there_is_none(
 def short_of_memory(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
     """Factors do not fit by MUMPS's analysis, or do not in the end (MB)."""
     monkeypatch.setattr(flow_system, "LARGE", 10)
-    for module in (flow_system, mumps_memory):
+    for module in (flow_system, factorisation):
         monkeypatch.setattr(module, "spare_memory", lambda comm: request.param)
 
 

@@ -30,10 +30,10 @@ from perfplast_fenicsx.limit_analysis.limit_search import limit_load
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Judge, Search
 from perfplast_fenicsx.limit_analysis.path.plateau import extrapolated_limit
 from perfplast_fenicsx.problem import Level
-from perfplast_fenicsx.problem.assembled.integrals import Integral
-from perfplast_fenicsx.solvers.linear import mumps_memory
+from perfplast_fenicsx.problem.assembled.spaces import Integral
+from perfplast_fenicsx.solvers.linear import factorisation
 from perfplast_fenicsx.solvers.load_stepping import MOST_HALVINGS
-from perfplast_fenicsx.solvers.work_newton import BorderedNewton
+from perfplast_fenicsx.solvers.newton import BorderedNewton
 from tests.models import PUNCH_LIMIT, Read, l_plate_problem, punch_problem, stack_problem
 from tests.solvers.levels import PLATE_LIMIT, SERIAL, Timid
 
@@ -211,7 +211,7 @@ def test_large_problems_are_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_path_is_followed_where_no_factorisation_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     """By itself, or told so by whoever asks for the other method."""
     problem = stack_problem(1)
-    monkeypatch.setattr(mumps_memory, "has_memory", lambda comm, needed: (False, 2e10, 1e10))
+    monkeypatch.setattr(factorisation, "has_memory", lambda comm, needed: (False, 2e10, 1e10))
     found = limit_load(problem)
     assert found.method is LimitMethod.PATH
     assert found.estimate == pytest.approx(300.0, rel=1e-3)

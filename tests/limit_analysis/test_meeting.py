@@ -9,7 +9,7 @@ import pytest
 from perfplast_fenicsx import InputError
 from perfplast_fenicsx.limit_analysis.body.meeting import Meeting
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, StopSearch
-from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
+from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
 
 COMM = MPI.COMM_WORLD
 STEP = InteriorStep(0, 1.0, 0.1, 0.0, 0.0, 1.0, 0.0)

@@ -23,7 +23,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
-from perfplast_fenicsx.problem.declared.load import Load
+from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.proof import check
 from tests.limit_analysis.test_linear_tractions import SQUARE, cube
 from tests.limit_analysis.test_static_bound import rectangle

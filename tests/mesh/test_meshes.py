@@ -22,7 +22,7 @@ from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.split_bodies import on_plane, write_split
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
-from perfplast_fenicsx.problem.assembled.total_loads import area_of
+from perfplast_fenicsx.problem.assembled.spread_forces import area_of
 
 # Area vectors ∫ n ds of the named surfaces, and volumes, of the builders with their arguments.
 BUILT = [

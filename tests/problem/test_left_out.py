@@ -6,7 +6,7 @@ import pytest
 
 from meshes.corner_seat import write_corner_seat
 from perfplast_fenicsx import Contact, Plane, Pressure, Problem, Support, Tie, Traction
-from perfplast_fenicsx.problem.left_out import left_out
+from perfplast_fenicsx.problem.contact_check import left_out
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import STEEL, Read
 

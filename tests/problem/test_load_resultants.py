@@ -22,7 +22,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.limit_analysis.body.limit_forces import LimitForces, limit_forces
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.problem.declared.loads import Load
-from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
+from perfplast_fenicsx.problem.judged.resultants import load_resultants
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import STEEL, touching_blocks
 

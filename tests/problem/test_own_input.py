@@ -23,7 +23,7 @@ from perfplast_fenicsx import Contact, Plane, Pressure, Problem, Support, Tagged
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.elastic import ElasticLaw
 from perfplast_fenicsx.mesh.tagged_mesh import Tags
-from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
+from perfplast_fenicsx.problem.judged.resultants import load_resultants
 from tests.models import STEEL, touching_blocks
 
 Change = Callable[[TaggedMesh], TaggedMesh]

@@ -23,9 +23,9 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
-from perfplast_fenicsx.problem.assembled.linear_tractions import linear_tractions
+from perfplast_fenicsx.problem.assembled.declared_loads import linear_tractions
 from perfplast_fenicsx.problem.declared.loads import CosinePressure, Load
-from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
+from perfplast_fenicsx.problem.judged.resultants import load_resultants
 from perfplast_fenicsx.proof import check
 from tests.limit_analysis.test_static_bound import rectangle
 

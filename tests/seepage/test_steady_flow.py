@@ -30,7 +30,7 @@ from perfplast_fenicsx.mesh import Box, Surface, refine, structured_mesh
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.declared.loads import FieldPores
 from perfplast_fenicsx.seepage import Head, Seepage, SteadyFlow, steady_flow
-from perfplast_fenicsx.solvers.linear.option_trial import check_options
+from perfplast_fenicsx.solvers.linear.petsc_options import check_options
 
 COMM = MPI.COMM_WORLD
 

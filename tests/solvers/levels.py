@@ -13,10 +13,10 @@ import ufl
 from dolfinx import fem
 
 from perfplast_fenicsx import Level, NewtonOptions, Problem, State, load_path
-from perfplast_fenicsx.problem.assembled.integrals import Integral
+from perfplast_fenicsx.problem.assembled.spaces import Integral
 from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.solvers.newton import WorkNewton
 from perfplast_fenicsx.solvers.newton_options import Monitor
-from perfplast_fenicsx.solvers.work_newton import WorkNewton
 from tests.models import two_blocks_problem
 
 TIGHT = NewtonOptions(tolerance=1e-10)

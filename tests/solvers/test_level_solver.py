@@ -16,8 +16,8 @@ from perfplast_fenicsx.solvers.augmented_lagrangian import (
 )
 from perfplast_fenicsx.solvers.level_solver import MOST_DOUBTS, LevelSolver
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
+from perfplast_fenicsx.solvers.newton import BorderedNewton, WorkNewton
 from perfplast_fenicsx.solvers.progress import Step
-from perfplast_fenicsx.solvers.work_newton import BorderedNewton, WorkNewton
 from tests.models import PUNCH_LIMIT, l_plate_problem, punch_problem, two_blocks_problem
 from tests.solvers.levels import SERIAL, TIGHT, TWO_BLOCKS_LIMIT, converged, stress_distance
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import Newton
-from perfplast_fenicsx.solvers.line_search import LONGEST, SLOPE_REDUCTION, STRETCHABLE, step_length
+from perfplast_fenicsx.solvers.iterate import LONGEST, SLOPE_REDUCTION, STRETCHABLE, step_length
 from tests.models import l_plate_problem
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from perfplast_fenicsx import Level, Newton, load_path
 from perfplast_fenicsx.solvers.load_stepping import extrapolate, work_path
-from perfplast_fenicsx.solvers.work_newton import WorkNewton
+from perfplast_fenicsx.solvers.newton import WorkNewton
 from tests.models import punch_problem, two_blocks_problem
 from tests.solvers.levels import TIGHT, Timid, converged, curve, points
 

@@ -22,12 +22,12 @@ from perfplast_fenicsx import (
     load_path,
 )
 from perfplast_fenicsx.problem import Load
-from perfplast_fenicsx.problem.assembled.integrals import Integral
+from perfplast_fenicsx.problem.assembled.spaces import Integral
 from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
-from perfplast_fenicsx.solvers.work_newton import BorderedNewton, WorkNewton
+from perfplast_fenicsx.solvers.newton import BorderedNewton, WorkNewton
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import (
     PUNCH_LIMIT,

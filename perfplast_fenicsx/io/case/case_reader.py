@@ -44,8 +44,7 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import check_a
 from perfplast_fenicsx.materials.elastic import check_deforms
 from perfplast_fenicsx.materials.laws import MATERIALS, Material
 from perfplast_fenicsx.materials.nonassociated_flow import check_flows
-from perfplast_fenicsx.problem.declared.bolt import Bolt
-from perfplast_fenicsx.problem.declared.initial import Initial, InitialStress, Temperature
+from perfplast_fenicsx.problem.declared.initial import Bolt, Initial, InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.loads import BodyForce, ForceBelow, Load
 from perfplast_fenicsx.problem.declared.stage import check_stages
 from perfplast_fenicsx.spatial_fields import SpatialField, spatial_field

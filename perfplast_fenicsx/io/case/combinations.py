@@ -10,8 +10,7 @@ from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.io.case.code_templates import check_filled_in
 from perfplast_fenicsx.io.case.schema import Table, at, convert
 from perfplast_fenicsx.materials.laws import Material
-from perfplast_fenicsx.problem.declared.loads import Load
-from perfplast_fenicsx.problem.declared.scaled_load import scaled
+from perfplast_fenicsx.problem.declared.loads import Load, scaled
 from perfplast_fenicsx.problem.declared.stage import called
 
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from perfplast_fenicsx.contact.declared.contact import INTERFACES, Contact
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.schema import Table, at, choose, convert
-from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, Turn
-from perfplast_fenicsx.problem.declared.supports import AXES, Support
+from perfplast_fenicsx.problem.declared.supports import AXES, RigidSurface, Support, Turn
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_matrix
 from perfplast_fenicsx.contact.rows.constraints import entries_of, matrix_of_entries
 from perfplast_fenicsx.problem.judged.certificate import friction_forces
-from perfplast_fenicsx.problem.judged.slip import slipped
-from perfplast_fenicsx.problem.judged.state import Level
+from perfplast_fenicsx.problem.judged.state import Level, slipped
 from perfplast_fenicsx.problem.problem import Problem
 
 

@@ -6,9 +6,8 @@ from typing import Any
 
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.materials.laws import MATERIALS
-from perfplast_fenicsx.problem.declared.bolt import Bolt
 from perfplast_fenicsx.problem.declared.given import Given
-from perfplast_fenicsx.problem.declared.initial import InitialStress, Temperature
+from perfplast_fenicsx.problem.declared.initial import Bolt, InitialStress, Temperature
 from perfplast_fenicsx.problem.declared.loads import LOADS
 from perfplast_fenicsx.spatial_fields import SpatialField
 

@@ -11,7 +11,7 @@ import numpy as np
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.limit_forces import limit_forces
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
+from perfplast_fenicsx.problem.judged.resultants import load_resultants
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.units import Units

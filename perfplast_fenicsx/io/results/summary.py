@@ -18,7 +18,7 @@ class Summary:
             reference of ``forces`` and works: per unit of depth, or the full turn.
         given: Materials, supports, loads and other input (:func:`given_table.given_table`).
         seepage: Discharges of water by surface, and iterations of SNES-VI, with seepage.
-        loads: Force and moment of each load at ζ = 1 (:class:`load_resultants.LoadResultant`).
+        loads: Force and moment of each load at ζ = 1 (:class:`resultants.LoadResultant`).
         case: The case ``file`` and its ``text``; empty for a Python program.
         report: Keys ``project``, ``number`` and ``author``, if the case has them.
         surroundings: Keys ``versions`` by name, ``petsc_options`` of the command line, ``command``

@@ -23,7 +23,7 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorSte
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
+from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
 
 
 @dataclass(frozen=True)

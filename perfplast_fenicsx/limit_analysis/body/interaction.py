@@ -38,8 +38,7 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorSte
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
 from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
-from perfplast_fenicsx.problem.declared.loads import Load
-from perfplast_fenicsx.problem.declared.scaled_load import scaled
+from perfplast_fenicsx.problem.declared.loads import Load, scaled
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 

@@ -17,8 +17,7 @@ from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_str
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.limit_analysis.stress.static_bound import strict_lower_bound
-from perfplast_fenicsx.problem.declared.loads import Bearing, CosinePressure, Load
-from perfplast_fenicsx.problem.declared.scaled_load import scaled
+from perfplast_fenicsx.problem.declared.loads import Bearing, CosinePressure, Load, scaled
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 

@@ -8,7 +8,7 @@ from dolfinx import fem
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.question import Question
-from perfplast_fenicsx.problem.assembled.integrals import assemble_force
+from perfplast_fenicsx.problem.assembled.spaces import assemble_force
 from perfplast_fenicsx.problem.judged.certificate import contact_forces, friction_forces
 from perfplast_fenicsx.problem.judged.resultants import resultants
 from perfplast_fenicsx.problem.problem import Problem

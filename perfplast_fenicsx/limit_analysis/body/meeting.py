@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep
-from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
+from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
 
 
 class Meeting:

@@ -38,7 +38,7 @@ from perfplast_fenicsx.limit_analysis.statements.strength_path import StrengthPa
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
-from perfplast_fenicsx.solvers.linear.mumps_memory import TooLarge
+from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
 
 log = logging.getLogger(__name__)
 

@@ -17,10 +17,9 @@ from scipy import sparse
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic.cone import Moduli, PointSets
 from perfplast_fenicsx.profiling import phase
-from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
-from perfplast_fenicsx.solvers.linear.mumps_memory import check_memory
+from perfplast_fenicsx.solvers.linear.factorisation import SupernodalFactors, check_memory
+from perfplast_fenicsx.solvers.linear.petsc_calls import forget_factors
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT, own_prefix
-from perfplast_fenicsx.solvers.linear.supernodal import SupernodalFactors
 
 NONE = np.zeros(0, dtype=np.int32)
 

@@ -23,7 +23,7 @@ from perfplast_fenicsx.limit_analysis.discrete.ring_strains import (
     RingCoefficients,
     has_coefficients,
 )
-from perfplast_fenicsx.problem.assembled.integrals import assemble_force
+from perfplast_fenicsx.problem.assembled.spaces import assemble_force
 from perfplast_fenicsx.problem.judged.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
 

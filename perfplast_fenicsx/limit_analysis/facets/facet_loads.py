@@ -10,12 +10,12 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry
 from perfplast_fenicsx.limit_analysis.facets.rigid_facets import RigidFacets, free_surfaces
-from perfplast_fenicsx.problem.assembled.linear_tractions import (
+from perfplast_fenicsx.problem.assembled.declared_loads import (
     ROUNDING,
     linear_pores,
     linear_tractions,
 )
-from perfplast_fenicsx.problem.assembled.rigid_resultants import rigid_resultants
+from perfplast_fenicsx.problem.assembled.rigid_rows import rigid_resultants
 from perfplast_fenicsx.problem.declared.loads import (
     BodyForce,
     Force,

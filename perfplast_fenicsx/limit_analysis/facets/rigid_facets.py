@@ -15,8 +15,8 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers, Followers
-from perfplast_fenicsx.problem.assembled.rigid_resultants import moments_of
-from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, turned
+from perfplast_fenicsx.problem.assembled.rigid_rows import moments_of
+from perfplast_fenicsx.problem.declared.supports import RigidSurface, turned
 from perfplast_fenicsx.problem.problem import Problem
 
 MANY = np.iinfo(np.int64).max

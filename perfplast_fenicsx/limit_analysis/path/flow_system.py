@@ -15,10 +15,9 @@ from perfplast_fenicsx.machine_memory import spare_memory
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
-from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
-from perfplast_fenicsx.solvers.linear.failed_factors import forget_factors
+from perfplast_fenicsx.solvers.linear.factorisation import DIRECT, price
 from perfplast_fenicsx.solvers.linear.multigrid import Multigrid
-from perfplast_fenicsx.solvers.linear.mumps_memory import price
+from perfplast_fenicsx.solvers.linear.petsc_calls import forget_factors
 from perfplast_fenicsx.solvers.linear.petsc_options import BOUND, own_prefix
 
 LARGE = 60_000

@@ -25,8 +25,8 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.contact.rows.friction import norms
 from perfplast_fenicsx.limit_analysis.path.viscous_flow import NoFlow, ViscousFlow
-from perfplast_fenicsx.problem.assembled.integrals import Integral
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, OfLaw, integrate
+from perfplast_fenicsx.problem.assembled.spaces import Integral
 from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import TINY

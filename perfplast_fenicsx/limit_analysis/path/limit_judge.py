@@ -13,7 +13,7 @@ from perfplast_fenicsx.limit_analysis.path.plateau import (
 )
 from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.solvers.next_work import Leap, Reached
+from perfplast_fenicsx.solvers.load_stepping import Leap, Reached
 
 FAR = 1e6
 """Largest work that is looked at, in multiples of that at first yield."""

@@ -21,8 +21,8 @@ from perfplast_fenicsx.limit_analysis.path.flow_system import (
     NoFlow,
 )
 from perfplast_fenicsx.materials.mandel import Expr
-from perfplast_fenicsx.problem.assembled.integrals import Integral, assemble_force
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawOnCells, integrate
+from perfplast_fenicsx.problem.assembled.spaces import Integral, assemble_force
 from perfplast_fenicsx.problem.fields.stiffness import create_stiffness
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING

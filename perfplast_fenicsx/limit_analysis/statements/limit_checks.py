@@ -4,7 +4,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import carries_any_load
 from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.loads import PorePressure
-from perfplast_fenicsx.problem.judged.slip import check_slip_is_true
+from perfplast_fenicsx.problem.judged.state import check_slip_is_true
 from perfplast_fenicsx.problem.problem import Problem
 
 

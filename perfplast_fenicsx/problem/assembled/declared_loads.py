@@ -1,22 +1,325 @@
-"""Assemble the declared loads into the vectors L₀ and L₁."""
+"""Assemble the declared loads into the vectors L₀, which acts at any ζ, and L₁, which ζ multiplies.
+
+The energy of (P)_ζ is J_ζ(v) = Ψ(ε(v)) − L₀(v) − ζL₁(v). Only this module evaluates its last two
+terms.
+
+The module treats pore pressures that are linear in each cell in the same way.
+
+The program replaces a formula by a quadratic through its values at vertices and midsides
+(:mod:`perfplast_fenicsx.problem.declared.loads`). So a formula of degree 1 is exact, and one with
+kinks is linear if its kinks are at vertices.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
 
 from petsc4py import PETSc
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import default_scalar_type, fem
+from dolfinx.fem import petsc as fem_petsc
 
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import create_vector
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, on_all_ranks, raise_together
+from perfplast_fenicsx.formulas import evaluate
+from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.assembled.integrals import assemble_force
-from perfplast_fenicsx.problem.assembled.load_case import LoadCase
 from perfplast_fenicsx.problem.assembled.rigid_rows import find_leaders
-from perfplast_fenicsx.problem.assembled.work_form import work_form
-from perfplast_fenicsx.problem.declared.loads import Force, Load, SpreadLoad
-from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, fitting
+from perfplast_fenicsx.problem.assembled.spaces import assemble_force
+from perfplast_fenicsx.problem.declared.loads import (
+    CosinePressure,
+    EnclosedPores,
+    FieldPores,
+    Force,
+    ForceBelow,
+    Formula,
+    Load,
+    PorePressure,
+    Pressure,
+    SpreadLoad,
+    Traction,
+    kind_of,
+)
+from perfplast_fenicsx.problem.declared.supports import RigidSurface, fitting
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """Permanent (dead) and live loads; all methods are collective.
+
+    Attributes:
+        dead: L₀ as a vector in V's dual, zero at supported unknowns (ghosts summed).
+        live: L₁, the loads of ζ = 1, in the same form.
+        held: The parts of both that act on supported unknowns, which do no work on displacements
+            and which supports carry directly; None if there are no such parts.
+    """
+
+    dead: PETSc.Vec
+    live: PETSc.Vec
+    held: "LoadCase | None" = None
+
+    @staticmethod
+    def of(dead: PETSc.Vec, live: PETSc.Vec, bcs: list[fem.DirichletBC]) -> "LoadCase":
+        """Return loads from vectors that also have entries at supported unknowns.
+
+        These become zero.
+        """
+        held = LoadCase(dead.copy(), live.copy())
+        for all_of_it, rest in ((dead, held.dead), (live, held.live)):
+            fem_petsc.set_bc(all_of_it, bcs)
+            rest.axpy(-1.0, all_of_it)
+        return LoadCase(dead, live, held)
+
+    def total(self, zeta: float, out: PETSc.Vec) -> PETSc.Vec:
+        """Set ``out`` to L₀ + ζL₁ and return it."""
+        self.dead.copy(out)
+        out.axpy(zeta, self.live)
+        return out
+
+    def subtract_from(self, force: PETSc.Vec, zeta: float, times: float = 1.0) -> None:
+        """Subtract L₀ + ζL₁ from the internal forces, which gives the gradient of J_ζ.
+
+        Args:
+            force: The internal forces.
+            zeta: ζ.
+            times: Factor of L₀.
+        """
+        force.axpy(-zeta, self.live)
+        force.axpy(-times, self.dead)
+
+    def norm(self, zeta: float) -> float:
+        """Return the Euclidean norm of L₀ + ζL₁ (force)."""
+        total = self.total(zeta, self.live.duplicate())
+        norm = float(total.norm())
+        total.destroy()
+        return norm
+
+    def alpha(self, u: PETSc.Vec) -> float:
+        """Return the work of the live loads α = L₁(u), which work control prescribes."""
+        return float(self.live.dot(u))
+
+    def dead_work(self, u: PETSc.Vec) -> float:
+        """Return the work of the permanent loads L₀(u)."""
+        return float(self.dead.dot(u))
+
+    def work(self, u: PETSc.Vec, zeta: float) -> float:
+        """Return the work of all loads L₀(u) + ζL₁(u)."""
+        return self.dead_work(u) + zeta * self.alpha(u)
+
+    def add_all_to(self, force: PETSc.Vec, zeta: float) -> None:
+        """Add L₀ + ζL₁ with its parts on supported unknowns."""
+        for loads in (self, self.held):
+            if loads is not None:
+                force.axpy(zeta, loads.live)
+                force.axpy(1.0, loads.dead)
+
+    def has_dead(self) -> bool:
+        """Return whether any load acts at ζ = 0. Collective."""
+        return float(self.dead.norm()) > 0
+
+    def grows(self) -> bool:
+        """Return whether ζ multiplies any load."""
+        return float(self.live.norm()) > 0
+
+
+ROUNDING = 1e-12
+"""Allowed difference of a linear traction at midsides from the mean of the ends, relative to the
+largest value. Formulas whose terms cancel lose some digits."""
+
+
+def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floats, Floats]:
+    """Return the tractions on straight facets for ζ = 1. Not collective.
+
+    Args:
+        load: A traction or a pressure, or the cosine pressure of a bearing.
+        corners: Vertices of the facets, shape (n, d, d).
+        normals: Outward unit normals, shape (n, d).
+
+    Returns:
+        The tractions at the vertices, shape (n, d, d), and how much the quadratic differs from the
+        linear traction at midsides, shape (n,) (stress).
+
+    Raises:
+        InputError: If the formula is not finite on these facets.
+        TypeError: If the load is of another kind.
+    """
+    at_ends = _values(load, corners, normals)
+    return at_ends, _off(at_ends, _values(load, _middles(corners), normals))
+
+
+def linear_pores(load: PorePressure, corners: Floats) -> tuple[Floats, Floats]:
+    """Return the pore pressure in straight cells for ζ = 1. Not collective.
+
+    Args:
+        load: The pore pressure.
+        corners: Vertices of the cells, shape (n, d + 1, d).
+
+    Returns:
+        The pressures at the vertices, shape (n, d + 1), and how much the quadratic differs from the
+        linear pressure at midsides, shape (n,) (stress).
+
+    Raises:
+        InputError: If the formula is not finite in these cells.
+        TypeError: If no linear function can enclose the pressure.
+    """
+    place = f"the load on '{load.on}'"
+    values = load.at_corners(corners)
+    if values is not None:
+        return values, np.zeros(len(corners))
+    if isinstance(load, EnclosedPores):
+        raise TypeError(f"{place} has no linear functions around it")
+    at_ends, at_middles = (
+        evaluate(load.value, _points(x), place).reshape(x.shape[:2])
+        for x in (corners, _middles(corners))
+    )
+    return at_ends, _off(at_ends[..., None], at_middles[..., None])
+
+
+def _edges(count: int) -> list[tuple[int, int]]:
+    """Return the ends of the edges of a simplex with ``count`` vertices."""
+    return list(combinations(range(count), 2))
+
+
+def _middles(corners: Floats) -> Floats:
+    """Return the midpoints of the edges."""
+    edges = _edges(corners.shape[1])
+    return np.stack([corners[:, edge].mean(axis=1) for edge in edges], axis=1)
+
+
+def _off(at_ends: Floats, at_middles: Floats) -> Floats:
+    """Return how much values differ at midsides from the mean of the ends, for each simplex."""
+    off: Floats = np.abs(at_middles - _middles(at_ends)).max(axis=(1, 2), initial=0.0)
+    return off
+
+
+def _points(x: Floats) -> Floats:
+    """Return the points of some simplices as one list, with three coordinates each."""
+    points = np.zeros((x.shape[0] * x.shape[1], 3))
+    points[:, : x.shape[2]] = x.reshape(-1, x.shape[2])
+    return points
+
+
+def _values(load: Load, x: Floats, normals: Floats) -> Floats:
+    """Return the tractions at some points on each facet, shape (n, k, d) as the points."""
+    count, of_each, d = x.shape
+    points, place = _points(x), f"the load on '{load.on}'"
+    if isinstance(load, Pressure):
+        pressures = evaluate(load.value, points, place).reshape(count, of_each, 1)
+        return -pressures * normals[:, None]
+    if isinstance(load, CosinePressure):
+        pressure = np.maximum(-(normals @ np.asarray(load.value, dtype=np.float64)), 0.0)
+        return np.repeat((-pressure[:, None] * normals)[:, None], of_each, axis=1)
+    if isinstance(load, Traction):
+        each = [evaluate(value, points, place) for value in load.value]
+        return np.stack(each, axis=1).reshape(count, of_each, d)
+    raise TypeError(f"a {type(load).__name__} has no tractions")
+
+
+def work_form(tagged_mesh: TaggedMesh, loads: Sequence[SpreadLoad], v: ufl.Argument) -> ufl.Form:
+    """Return the linear form L(v) of at least one load, without forces on rigid surfaces.
+
+    Collective.
+
+    Raises:
+        InputError: For an unknown name, a value that is not finite, or an invalid formula.
+    """
+    mesh = tagged_mesh.mesh
+    kinematics = tagged_mesh.kinematics
+    ds, dx = (
+        kinematics.measure(ufl.Measure(kind, domain=mesh, subdomain_data=tags))
+        for kind, tags in (("ds", tagged_mesh.facet_tags), ("dx", tagged_mesh.cell_tags))
+    )
+    terms = []
+    for load in loads:
+        value = _value(tagged_mesh, load)
+        tag = (tagged_mesh.volumes if load.in_volume else tagged_mesh.surfaces)[load.on]
+        terms.append(load.work(value, v, tagged_mesh) * (dx if load.in_volume else ds)(tag))
+    return sum(terms[1:], start=terms[0])
+
+
+def _value(tagged_mesh: TaggedMesh, load: SpreadLoad) -> Expr:
+    """Return the value of a load in UFL, a scalar or a vector with an entry for each direction."""
+    mesh = tagged_mesh.mesh
+    in_volume, scalar = load.in_volume, load.scalar
+    entities = tagged_mesh.cells(load.on) if in_volume else tagged_mesh.facets(load.on)
+    values: list[Formula] = [load.value] if scalar else list(load.value)  # type: ignore[list-item, arg-type]
+    expected = 1 if scalar else mesh.geometry.dim
+    numbers = [value for value in values if not isinstance(value, str)]
+    if len(values) != expected or not np.isfinite(np.asarray(numbers, dtype=float)).all():
+        raise InputError(
+            f"the {_kind(load)} on '{load.on}' is {load.value}, but it needs {expected} "
+            f"finite number{'s' if expected > 1 else ''}; correct its value."
+        )
+    if isinstance(load, ForceBelow):
+        return ufl.as_vector(values) * _below(tagged_mesh, load)
+    if len(numbers) == len(values):
+        constant = fem.Constant(mesh, np.asarray(values, dtype=default_scalar_type))
+        return constant[0] if scalar else constant
+    tdim = mesh.topology.dim
+    found = [_field(tagged_mesh, load, value, tdim - (not in_volume), entities) for value in values]
+    return found[0] if scalar else ufl.as_vector(found)
+
+
+def _below(tagged_mesh: TaggedMesh, load: ForceBelow) -> fem.Function:
+    """Return the function that is 1 in the cells below the line of a load and 0 elsewhere.
+
+    Collective.
+
+    Raises:
+        InputError: If the line divides a cell.
+    """
+    field = fem.Function(fem.functionspace(tagged_mesh.mesh, ("Discontinuous Lagrange", 0)))
+    vertices, points = corners(tagged_mesh.mesh)
+    cells = tagged_mesh.cells(load.on)
+    owned = cells[cells < len(vertices)]
+
+    def below() -> Ints:
+        return owned[load.cells_below(points[vertices[owned]])]
+
+    dofs = field.function_space.dofmap.list[on_all_ranks(tagged_mesh.mesh.comm, below)]
+    field.x.array[dofs] = 1.0
+    field.x.scatter_forward()
+    return field
+
+
+def _field(
+    tagged_mesh: TaggedMesh, load: SpreadLoad, value: Formula, dim: int, entities: Ints
+) -> fem.Function | fem.Constant:
+    """Return a number, or a formula at nodes of quadratic cells; 0 outside the load."""
+    mesh = tagged_mesh.mesh
+    if not isinstance(value, str):
+        return fem.Constant(mesh, default_scalar_type(value))
+    if isinstance(load, EnclosedPores | FieldPores):
+        linear = fem.Function(fem.functionspace(mesh, ("Discontinuous Lagrange", 1)))
+        vertices, points = corners(mesh)
+        owned = entities[entities < len(vertices)]
+        values, _ = on_all_ranks(mesh.comm, lambda: linear_pores(load, points[vertices[owned]]))
+        linear.x.array[linear.function_space.dofmap.list[owned]] = values
+        linear.x.scatter_forward()
+        return linear
+    W = fem.functionspace(mesh, ("Lagrange", 2))
+    field, message = fem.Function(W), None
+    if dim == mesh.topology.dim:
+        nodes = np.unique(W.dofmap.list[entities])
+    else:
+        nodes = fem.locate_dofs_topological(W, dim, entities)
+    try:
+        x = W.tabulate_dof_coordinates()[nodes]
+        field.x.array[nodes] = evaluate(value, x, f"the {_kind(load)} on '{load.on}'")
+    except InputError as error:
+        message = str(error)
+    raise_together(mesh.comm, message)
+    return field
+
+
+def _kind(load: SpreadLoad) -> str:
+    """Return the name of a load for messages."""
+    kind = kind_of(load).replace("_", " ")
+    return f"{kind} '{load.name}'" if load.name else kind
 
 
 def declared_loads(

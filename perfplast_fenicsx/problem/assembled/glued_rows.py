@@ -1,20 +1,317 @@
-"""Assemble all rows B u = 0: of ties, rigid bodies and surfaces, and supports along a normal."""
+"""Assemble all rows B u = 0: of ties, rigid bodies and surfaces, and supports along a normal.
+
+A flat surface has one normal for all its nodes. Nodes where facets meet then have one condition,
+however their coordinates are rounded. A curved surface uses the mean normal of the facets at each
+node, and must have a prescribed motion. Increments satisfy B δu = 0. At the beginning of a level,
+:meth:`Guides.settle` moves the nodes to their prescribed places. Where several such surfaces meet,
+or one meets other supports, a node has only the linearly independent rows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
+from dolfinx import fem, la
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.formulations.tied_rows import tied_rows
-from perfplast_fenicsx.contact.rows.constraints import Constraints, joined
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.contact.rows.constraints import Constraints, joined, make_constraints
+from perfplast_fenicsx.contact.surfaces.surface_facets import face_nodes, surface_facets
+from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.assembled.guides import Guides, find_guides
-from perfplast_fenicsx.problem.assembled.prescribed_displacement import check_moved_ties
+from perfplast_fenicsx.problem.assembled.prescribed_displacement import check_moved_ties, motion_of
 from perfplast_fenicsx.problem.assembled.rigid_bodies import RigidBodies, check_touching
 from perfplast_fenicsx.problem.assembled.rigid_rows import rigid_rows
 from perfplast_fenicsx.problem.declared.given import Given
+from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support, name_of
 from perfplast_fenicsx.profiling import phase
+
+
+class Curved(InputError):
+    """Raised for a surface that is not flat."""
+
+
+@dataclass(frozen=True, eq=False)
+class Guides:
+    """Supports that hold the displacement along the normal of their surface.
+
+    Attributes:
+        surfaces: Surface of each guide.
+        names: Names of the guides in results (:func:`supports.name_of`).
+        normals: Outward unit normals, the same on every rank, shape (num_guides, gdim).
+        host: Local block dof of the node of each row, owned by this rank, shape (num_rows,).
+        number: The guide of each row.
+        component: The component of its node that each row eliminates.
+        along: Unit normal of each row, shape (num_rows, gdim).
+        curved: Whether each guide is curved.
+        rows: Normals at local nodes, orthogonalised against earlier rows and against components
+            that supports hold, shape (gdim, num_nodes, gdim).
+        pivots: The component that each of ``rows`` eliminates, −1 without a row, shape (gdim,
+            num_nodes).
+    """
+
+    surfaces: tuple[str, ...]
+    names: tuple[str, ...]
+    normals: Floats
+    host: Ints
+    number: Ints
+    component: Ints
+    along: Floats
+    curved: tuple[bool, ...]
+    rows: Floats
+    pivots: Ints
+
+    @property
+    def held(self) -> tuple[Ints, Ints, Floats]:
+        """Return the node, the component and the unit normal of each row."""
+        return self.host, self.component, self.along
+
+    def settle(self, u: Floats, known: Floats) -> None:
+        """Move nodes to the prescribed places, along the components that the rows eliminate.
+
+        Args:
+            u: Displacements of local nodes, in which supports are already applied, shape
+                (num_nodes, gdim).
+            known: The displacements that guides and supports prescribe.
+        """
+        off = np.einsum("kni,ni->kn", self.rows, known - u)
+        _add_motion(u, off, self.rows, self.pivots)
+
+    def through(self, ties: Constraints, u: PETSc.Vec) -> float:
+        """Return the largest displacement of a node through its guide, on any rank. Collective.
+
+        Args:
+            ties: All rows B u = 0 of the problem, with those of guides last.
+            u: Displacement.
+        """
+        jumps = ties.jumps(u)[len(ties.host) - len(self.host) :]
+        largest: float = ties.B.comm.tompi4py().allreduce(
+            float(np.abs(jumps).max(initial=0)), MPI.MAX
+        )
+        return largest
+
+
+def find_guides(
+    V: fem.FunctionSpace,
+    tagged_mesh: TaggedMesh,
+    supports: Sequence[Support | RigidSurface],
+    taken: npt.NDArray[np.bool_],
+    displacement: Floats,
+) -> tuple[Guides, Constraints]:
+    """Return the guides of a problem and their rows. Collective.
+
+    Args:
+        V: Displacement space.
+        tagged_mesh: Mesh with names.
+        supports: All supports; the function ignores those that hold components.
+        taken: Components held by supports at each local node, shape (num_nodes, gdim). The function
+            adds the components that its rows eliminate.
+        displacement: u_D at each local node (length): the constant part and the part times ζ, shape
+            (2, num_nodes, gdim). The function adds the motion of guides.
+
+    Raises:
+        InputError: If a surface at rest is not flat, or if a surface is nearly parallel to another
+            one or is moved differently by another support.
+    """
+    gdim, size = V.mesh.geometry.dim, V.dofmap.index_map.size_local
+    told = [it for it in supports if isinstance(it, Support) and it.guides]
+    normals, message = np.zeros((len(told), gdim)), None
+    reduced, pivots = np.zeros((gdim, len(taken), gdim)), np.full((gdim, len(taken)), -1)
+    offsets = np.zeros((gdim, 2, len(taken)))
+    free, found, every_normal = ~taken, [np.zeros((3, 0), dtype=np.int32)], [np.zeros((0, gdim))]
+    for number, support in enumerate(told):
+        known = np.concatenate([np.eye(gdim), normals[:number]])
+        nodes = fem.locate_dofs_topological(V, gdim - 1, tagged_mesh.facets(support.on))
+        normals[number], normal = _normals(V, tagged_mesh, support, known, nodes)
+        wanted = _wanted(V, support, nodes)
+        offset = wanted - np.einsum("kni,ni->kn", displacement[:, nodes], normal)
+        left, place = normal * free[nodes], np.zeros(len(nodes), dtype=np.int64)
+        for rows, pivot, of in zip(reduced, pivots, offsets, strict=True):
+            has = np.flatnonzero(pivot[nodes] >= 0)
+            place[has] += 1
+            at = nodes[has]
+            factors = left[has, pivot[at]] / rows[at, pivot[at]]
+            left[has] -= factors[:, None] * rows[at]
+            offset[:, has] -= factors * of[:, at]
+        # Lengths of orthogonalised normals: up to the first is rounding, up to the second is too
+        # small for a row.
+        rounding, least = 1e-9, 1e-3
+        sizes = np.abs(left).max(axis=1, initial=0)
+        _check_moves(V.mesh.comm, support, offset[:, sizes <= rounding], wanted, displacement)
+        new = np.flatnonzero(sizes > rounding)
+        if (sizes[new] < least).any():
+            message = (
+                f"components = 'normal' of the support on '{support.on}': where it meets "
+                f"other supports, its normal is within {np.degrees(sizes[new].min()):.2g}° "
+                "of what they already hold; remove one of the supports, or separate their "
+                "surfaces."
+            )
+            new = new[sizes[new] >= least]
+        at, chosen = nodes[new], np.argmax(np.abs(left[new]), axis=1)
+        reduced[place[new], at], pivots[place[new], at] = left[new], chosen
+        offsets[place[new], :, at] = offset[:, new].T
+        taken[at, chosen] = True
+        rows = np.stack([at, np.full(len(at), number), chosen]).astype(np.int32)
+        found.append(rows[:, at < size])
+        every_normal.append(normal[new][at < size])
+    raise_together(V.mesh.comm, message)
+    host, number_of, component = np.concatenate(found, axis=1)
+    names = tuple(it.on for it in told), tuple(name_of(it) for it in told)
+    along, curved = np.concatenate(every_normal), tuple(bool(np.isnan(n).any()) for n in normals)
+    guides = Guides(
+        *names, normals, host, number_of, component, along, curved, reduced, pivots.astype(np.int32)
+    )
+    for part, offset in enumerate(offsets.transpose(1, 0, 2)):
+        _add_motion(displacement[part], offset, reduced, pivots)
+    every = np.arange(len(host))
+    terms = [(every, V.dofmap.index_map.local_to_global(host), along)]
+    return guides, make_constraints(V, host, np.zeros(len(host)), along, number_of, terms)
+
+
+def flat_normal(
+    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, support: Support, known: Floats
+) -> Floats:
+    """Return the outward unit normal of a flat surface, the same on every rank. Collective.
+
+    Args:
+        V: Displacement space.
+        tagged_mesh: Mesh with names.
+        support: The support.
+        known: Unit vectors that replace the normal if they differ from it by no more than its
+            facets do.
+
+    Raises:
+        InputError: If its facets differ in direction, or no facet lies on the outside of a body.
+    """
+    comm, gdim = V.mesh.comm, V.mesh.geometry.dim
+    facets = surface_facets(V, tagged_mesh, support.on)
+    n = facets.normal.reshape(-1, gdim)
+    areas = np.repeat(facets.area, facets.normal.shape[1])
+    squares = comm.allreduce(np.einsum("f,fi,fj->ij", areas, n, n))
+    outward = comm.allreduce(areas @ n)
+    if not np.trace(squares) > 0:
+        raise InputError(
+            f"components = 'normal' of the support on '{support.on}': no facet of the "
+            "surface lies on the outside of a body and has a normal; name another "
+            "surface, or give letters."
+        )
+    normal: Floats = np.linalg.eigh(squares)[1][:, -1]
+    across = np.linalg.norm(n - (n @ normal)[:, None] * normal, axis=1)
+    turn = np.arcsin(min(1.0, comm.allreduce(float(across.max(initial=0)), MPI.MAX)))
+    flat = (
+        1e-4  # allowed rotation of the facets of a plane (rad), as for coordinates with six digits
+    )
+    if turn > flat:
+        raise Curved(
+            f"components = 'normal' of the support on '{support.on}' needs a flat surface, "
+            f"but its facets turn by up to {np.degrees(turn):.3g}° from their mean; give "
+            "each flat part a name and a support of its own, or letters, or a value to "
+            "move a curved one along its normals."
+        )
+    rounding = 1e-12
+    for one in known:
+        if np.linalg.norm(normal - (normal @ one) * one) <= turn + rounding:
+            normal = one.copy()
+    normal[np.abs(normal) < rounding] = 0.0
+    normal *= (-1.0 if outward @ normal < 0 else 1.0) / np.linalg.norm(normal)
+    return normal
+
+
+def _normals(
+    V: fem.FunctionSpace, tagged_mesh: TaggedMesh, support: Support, known: Floats, nodes: Ints
+) -> tuple[Floats, Floats]:
+    """Return the normal of a surface, NaN if it is curved, and the normal at each node. Collective.
+
+    Args:
+        V: Displacement space.
+        tagged_mesh: Mesh with names.
+        support: The support.
+        known: As for :func:`flat_normal`; rows of NaN are ignored.
+        nodes: Local nodes of the surface.
+
+    Raises:
+        InputError: As :func:`flat_normal` for a surface at rest; or if facets meet at an edge.
+    """
+    gdim = known.shape[1]
+    try:
+        normal = flat_normal(V, tagged_mesh, support, known[~np.isnan(known).any(axis=1)])
+    except Curved:
+        if not support.moves:
+            raise
+    else:
+        return normal, np.tile(normal, (len(nodes), 1))
+    faces = face_nodes(V, tagged_mesh, support.on)
+    twice = len(np.unique(faces.node)) < len(faces.node)
+    if V.mesh.comm.allreduce(twice, MPI.LOR):
+        raise InputError(
+            f"components = 'normal' of the support on '{support.on}': facets of the "
+            "surface meet at an edge, whose nodes have two normals; give each smooth part "
+            "a name and a support of its own."
+        )
+    field = la.vector(V.dofmap.index_map, gdim)
+    field.array.reshape(-1, gdim)[faces.node] = faces.normal
+    field.scatter_forward()
+    return np.full(gdim, np.nan), np.array(field.array.reshape(-1, gdim)[nodes])
+
+
+def _wanted(V: fem.FunctionSpace, support: Support, nodes: Ints) -> Floats:
+    """Return the prescribed displacement of nodes along their normals, constant and times ζ.
+
+    Collective.
+    """
+    found = np.zeros((2, len(nodes)))
+    x = V.tabulate_dof_coordinates()[nodes, : V.mesh.geometry.dim]
+    found[0 if support.constant else 1] = motion_of(V.mesh.comm, support, x)[:, 0]
+    return found
+
+
+def _check_moves(
+    comm: MPI.Intracomm, support: Support, off: Floats, wanted: Floats, given: Floats
+) -> None:
+    """Refuse other supports that move nodes of a guide off it. Collective.
+
+    Args:
+        comm: The ranks.
+        support: The guide.
+        off: Distance of nodes that other supports hold from the places that the guide prescribes.
+        wanted: Displacement along the normal that the guide prescribes.
+        given: All u_D.
+
+    Raises:
+        InputError: If a support moves such a node.
+    """
+    rounding = 1e-9  # displacements that differ by less than this share of the largest are equal
+    most = np.array([float(np.abs(of).max(initial=0)) for of in (wanted, given, off)])
+    comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
+    if most[2] > rounding * most[:2].max():
+        raise InputError(
+            f"another support moves nodes of '{support.on}' off its plane, which "
+            "components = 'normal' holds; remove one of the supports, or separate their "
+            "surfaces."
+        )
+
+
+def _add_motion(displacement: Floats, offset: Floats, rows: Floats, pivots: Ints) -> None:
+    """Add the motion of guides to u_D, along the components that their rows eliminate.
+
+    Args:
+        displacement: Shape (num_nodes, gdim).
+        offset: Prescribed displacement along each row after orthogonalisation, shape (gdim,
+            num_nodes).
+        rows: As for :class:`Guides`.
+        pivots: As ``rows``.
+    """
+    left = offset.copy()
+    for place in reversed(range(len(rows))):
+        at = np.flatnonzero(pivots[place] >= 0)
+        moved = left[place, at] / rows[place, at, pivots[place, at]]
+        for before in range(place):
+            left[before, at] -= rows[before, at, pivots[place, at]] * moved
+        displacement[at, pivots[place, at]] += moved
 
 
 @phase("contact set-up")

@@ -21,8 +21,8 @@ from perfplast_fenicsx.contact.rows.constraints import Constraints, make_constra
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.kinematics import ON_AXIS
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface, turned
-from perfplast_fenicsx.problem.declared.supports import AXES
+from perfplast_fenicsx.problem.declared.loads import Force, Load
+from perfplast_fenicsx.problem.declared.supports import AXES, RigidSurface, fitting, turned
 
 
 @dataclass(frozen=True)
@@ -274,3 +274,37 @@ def farthest(
         key=lambda entry: tuple(np.round(np.array(entry[0][::-1]) / max(alike, 1e-300))),
     )
     return largest, best[1], np.array(best[0])
+
+
+def rigid_resultants(
+    surfaces: Sequence[RigidSurface], loads: Sequence[Load], gdim: int
+) -> tuple[Floats, Floats]:
+    """Return the force and moment on each of some rigid surfaces for ζ = 1.
+
+    Args:
+        surfaces: Rigid surfaces.
+        loads: Loads; only the forces on these surfaces count.
+        gdim: 2 or 3.
+
+    Returns:
+        The forces, shape (num_surfaces, gdim), and the moments about the origin, shape
+        (num_surfaces, 1 or 3).
+    """
+    numbers = {surface.on: number for number, surface in enumerate(surfaces)}
+    forces = np.zeros((len(surfaces), gdim))
+    moments = np.zeros((len(surfaces), 2 * gdim - 3))
+    for load in loads:
+        if isinstance(load, Force) and load.on in numbers:
+            what = f"of the force on '{load.on}'"
+            force = fitting(f"value {what}", load.value, gdim)
+            point = fitting(f"point {what}", load.point, gdim)
+            forces[numbers[load.on]] += force
+            moments[numbers[load.on]] += fitting(f"moment {what}", load.moment, 2 * gdim - 3)
+            moments[numbers[load.on]] += moments_of(point[None], force[None])[0]
+    return forces, moments
+
+
+def moments_of(arms: Floats, forces: Floats) -> Floats:
+    """Return moments of forces, both of shape (n, gdim); the moments have shape (n, 1 or 3)."""
+    axes = np.eye(2 * arms.shape[1] - 3)
+    return np.stack([np.einsum("ni,ni->n", turned(e, arms), forces) for e in axes], axis=1)

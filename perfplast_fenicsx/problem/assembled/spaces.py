@@ -1,12 +1,16 @@
-"""Create the finite element spaces of one degree: displacements, and quadrature spaces."""
+"""Create the finite element spaces of one degree, and compile forms once to assemble them repeatedly."""
 
 from dataclasses import dataclass
 from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
 
 import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
 from dolfinx.mesh import Mesh
 
 from perfplast_fenicsx.arrays import Floats
@@ -93,3 +97,24 @@ def coordinates_of_points(space: fem.FunctionSpace) -> Floats:
 def by_cell(function: fem.Function) -> Floats:
     """Return values of Q by local cell and point, shape (num_cells, points_per_cell)."""
     return function.x.array[function.function_space.dofmap.list]
+
+
+class Integral:
+    """A scalar form, compiled once, summed over the ranks at each call."""
+
+    def __init__(self, comm: MPI.Intracomm, form: ufl.Form) -> None:
+        self._comm = comm
+        self._form = fem.form(form)
+
+    def __call__(self) -> float:
+        """Return the integral of the current values. Collective."""
+        return float(self._comm.allreduce(fem.assemble_scalar(self._form)))
+
+
+def assemble_force(vector: PETSc.Vec, form: fem.Form, bcs: list[fem.DirichletBC]) -> None:
+    """Assemble a linear form into a vector, with ghosts summed and zero at supports. Collective."""
+    with vector.localForm() as local:
+        local.set(0)
+    fem_petsc.assemble_vector(vector, form)
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    fem_petsc.set_bc(vector, bcs)

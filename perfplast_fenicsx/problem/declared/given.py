@@ -12,8 +12,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
-from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
-from perfplast_fenicsx.problem.declared.supports import Support
+from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
 
 if TYPE_CHECKING:
     from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh

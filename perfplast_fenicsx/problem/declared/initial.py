@@ -1,10 +1,67 @@
-"""Declare initial strains: temperatures, initial stress, bolts."""
+"""Declare initial strains: temperatures, initial stress, and bolts that are tightened."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from perfplast_fenicsx.problem.declared.bolt import Bolt
+from perfplast_fenicsx.errors import InputError, check_magnitude
 from perfplast_fenicsx.problem.declared.loads import Formula
+
+
+@dataclass(frozen=True)
+class Bolt:
+    """A bolt that is tightened to a preload before loads act, and then keeps its length.
+
+    The preload changes forces and stiffness below the limit load, but not the limit load itself.
+
+    Args:
+        on: Physical volume: the bolt, or its shank.
+        preload: Force in the shank when the bolt is tightened, without any load (force; in plane
+            strain per unit of depth, in axisymmetry of the full turn). The force refers to the part
+            in the mesh: if a plane of symmetry halves the bolt, give half its force.
+        axis: Direction of the shank, of any length and either sign; in axisymmetry the axis of
+            revolution.
+        shank: Coordinates along the axis (length) between which the shank is shortened and its
+            force is reported. Neither head, nut nor thread may lie between them. The default is the
+            middle third of the volume.
+        name: Name in results; by default ``on``.
+
+    Raises:
+        InputError: If the preload is not positive, or axis or shank are not valid.
+    """
+
+    on: str
+    preload: float
+    axis: Sequence[float]
+    shank: Sequence[float] | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        where = f"the bolt '{self.called}'"
+        if not (math.isfinite(self.preload) and self.preload > 0):
+            raise InputError(
+                f"{where} has preload = {self.preload}, but a preload is a tensile force "
+                "above 0; remove the bolt if it is not tightened."
+            )
+        check_magnitude(f"the preload of '{self.called}'", self.preload)
+        if not all(map(math.isfinite, self.axis)) or not any(self.axis):
+            raise InputError(
+                f"{where} has axis = {list(self.axis)}, which is not a direction; give one such as"
+                " [0, 0, 1]."
+            )
+        if self.shank is None:
+            return
+        rises = len(self.shank) == 2 and self.shank[0] < self.shank[1]
+        if not rises or not all(map(math.isfinite, self.shank)):
+            raise InputError(
+                f"{where} has shank = {list(self.shank)}, which is not a range along the "
+                "axis; give where the shank begins and ends, the smaller number first."
+            )
+
+    @property
+    def called(self) -> str:
+        """Return the name of the bolt in results and messages."""
+        return self.name or self.on
 
 
 @dataclass(frozen=True)

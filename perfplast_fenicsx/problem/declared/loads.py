@@ -9,8 +9,8 @@ The fields of a load may be formulas in the coordinates, such as ``"10*maximum(8
 cells, so that degree 2 is exact.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -20,13 +20,60 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.enclosures import enclosed
 from perfplast_fenicsx.errors import InputError, place_of
-from perfplast_fenicsx.problem.declared.load import Formula as Formula
-from perfplast_fenicsx.problem.declared.load import Load as Load
-from perfplast_fenicsx.problem.declared.load import Quantities
-from perfplast_fenicsx.problem.declared.load import SpreadLoad as SpreadLoad
 
-if TYPE_CHECKING:  # code that reads results for pictures and reports does not import DOLFINx
+if TYPE_CHECKING:
     from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+
+
+Formula = float | str
+"""A number, or a formula in x, y, z."""
+
+Quantities = Mapping[str, str]
+
+
+class Load:
+    """The interface of a load.
+
+    Attributes:
+        words: Name in reports.
+        quantities: Units of its fields, by the keys of :meth:`units.Units.table`: of ``value``,
+            which case files name after the load's kind, and of other fields that are loads on their
+            own.
+        in_volume: Whether ``on`` is a volume rather than a surface.
+        on: Physical surface or volume.
+        value: A number or formula, or one for each direction.
+        name: Name in messages and stages.
+        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+    """
+
+    words: ClassVar[str]
+    quantities: ClassVar[Quantities]
+    in_volume: ClassVar[bool] = False
+
+    on: str
+    value: Formula | Sequence[Formula]
+    name: str
+    constant: bool
+
+
+class SpreadLoad(Load):
+    """A load with a density in its volume or on its surface.
+
+    Attributes:
+        scalar: Whether ``value`` is one number or formula instead of one for each direction.
+    """
+
+    scalar: ClassVar[bool] = False
+
+    def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
+        """Return the work per volume or area, the integrand of L(v).
+
+        Args:
+            value: Value of the load in UFL, a scalar or a vector.
+            v: Displacement, a vector in UFL.
+            tagged_mesh: The mesh.
+        """
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -416,3 +463,25 @@ def check_bounded(load: Load) -> None:
         kind = kind_of(load).replace("_", " ")
         what = "force per volume that is a formula" if type(load) is BodyForce else kind
         raise InputError(f"the load on '{load.on}' is a {what}, and {BOUNDED}")
+
+
+def scaled(load: Load, factor: float) -> Load:
+    """Return the load with all its values multiplied by a factor.
+
+    Args:
+        load: A dataclass, as all loads are; numbers are multiplied, and so are formulas.
+        factor: Factor of any sign. A negative factor changes where the pressure of a pin in its
+            bore acts.
+    """
+    given: Any = load
+    names = [field.name for field in fields(given) if field.name in load.quantities]
+    found: Load = replace(given, **{name: _times(getattr(load, name), factor) for name in names})
+    return found
+
+
+def _times(value: Any, factor: float) -> Any:
+    if isinstance(value, str):
+        return f"{factor!r}*({value})"
+    if isinstance(value, Sequence):
+        return [_times(one, factor) for one in value]
+    return factor * value

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.errors import InputError, check_magnitude, nearest
-from perfplast_fenicsx.problem.declared.bolt import Bolt
-from perfplast_fenicsx.problem.declared.initial import Initial, Temperature
+from perfplast_fenicsx.problem.declared.initial import Bolt, Initial, Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
-from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
-from perfplast_fenicsx.problem.declared.supports import Support
+from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
 
 Mover = Support | RigidSurface | Obstacle | Contact
 """Objects with a given motion, such as a contact whose overlap grows."""

@@ -1,5 +1,6 @@
-"""Declare supports, named by physical surface."""
+"""Declare supports, and surfaces that move as rigid bodies, by the names of surfaces."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,3 +77,120 @@ class Support:
         points = np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
         values = evaluate(self.value, points, f"value of the support on '{self.on}'")
         return np.tile(values[:, None], x.shape[1])
+
+
+Turn = float | Sequence[float]
+"""A rotation or moment: a number in the plane, one for each axis in space."""
+
+
+@dataclass(frozen=True)
+class RigidSurface:
+    """A surface glued to a rigid plate: it moves with the plate, by small rotations.
+
+    Without a displacement and a rotation the surface is free to move. A ``Force`` loads it, and
+    tractions load it as they load other surfaces. With one of them its motion is prescribed, as at
+    a support.
+
+    Args:
+        on: Physical surface.
+        point: Centre of the rotation (length; 2 or 3 numbers); by default the origin.
+        displacement: Displacement of that point (length; 2 or 3 numbers); by default 0.
+        rotation: A number in the plane, one for each axis in space (rad); 0 if only a displacement
+            is given.
+        components: Letters of x, y, z that the prescribed motion holds; all by default. With only
+            some of them, a bar that is twisted at its end may warp there.
+        constant: Whether the motion is the same at any load factor; otherwise ζ multiplies it, or a
+            factor of stages.
+        name: Name in results and stages; by default the name of its surface.
+        held: Letters of x, y, z along which a free surface cannot move, as at a plane of symmetry.
+            The surface then does not rotate either.
+    """
+
+    on: str
+    point: Sequence[float] = ()
+    displacement: Sequence[float] = ()
+    rotation: Turn = ()
+    components: str = AXES
+    constant: bool = True
+    name: str = ""
+    held: str = ""
+
+    @property
+    def free(self) -> bool:
+        """Return whether the motion of the surface is unknown."""
+        return not np.size(self.displacement) and not np.size(self.rotation)
+
+    @property
+    def moves(self) -> bool:
+        """Return whether the prescribed motion differs from zero."""
+        return bool(np.any(self.displacement) or np.any(self.rotation))
+
+    def axes(self, gdim: int) -> list[int]:
+        """Return indices of the components that the surface holds, in a mesh of dimension ``gdim``.
+
+        Raises:
+            InputError: If letters are not axes of the mesh.
+        """
+        if self.free and (
+            set(self.held) - set(AXES[:gdim]) or len(set(self.held)) < len(self.held)
+        ):
+            raise InputError(
+                f"held = '{self.held}' of the rigid surface '{self.on}' is not a choice of the"
+                f" letters in '{AXES[:gdim]}'; write for instance held = 'x'."
+            )
+        told = Support(self.on, self.held if self.free else self.components)
+        if told.guides:
+            raise InputError(
+                f"components = 'normal' is for supports, not for the rigid surface '{self.on}';"
+                f" give letters in '{AXES[:gdim]}'."
+            )
+        return told.axes(gdim)
+
+    def motion(self, x: Floats) -> Floats:
+        """Return the displacement of points (length), for ζ = 1; both of shape (n, gdim).
+
+        Raises:
+            InputError: If the declared motion does not fit the mesh.
+        """
+        gdim = x.shape[1]
+        point, shift = (
+            fitting(f"{name} of the rigid surface '{self.on}'", value, gdim)
+            for name, value in (("point", self.point), ("displacement", self.displacement))
+        )
+        turn = fitting(f"rotation of the rigid surface '{self.on}'", self.rotation, 2 * gdim - 3)
+        return shift + turned(turn, x - point)
+
+
+def turned(turn: Floats, arms: Floats) -> Floats:
+    """Return the cross product of the rotation and the arms.
+
+    Args:
+        turn: Rotation, shape (1,) in the plane, (3,) in space.
+        arms: Arms, shape (n, gdim).
+    """
+    if arms.shape[1] == 2:
+        return turn[0] * np.column_stack([-arms[:, 1], arms[:, 0]])
+    return np.asarray(np.cross(turn, arms), dtype=np.float64)
+
+
+def fitting(what: str, value: Turn, size: int) -> Floats:
+    """Return ``size`` finite numbers, zeros if the value is missing.
+
+    Raises:
+        InputError: If the value does not fit, with ``what`` in its message.
+    """
+    numbers: Floats = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if not numbers.size:
+        return np.zeros(size)
+    if numbers.shape != (size,) or not np.isfinite(numbers).all():
+        raise InputError(
+            f"{what} is {numbers.tolist()}, which does not fit the mesh; give {size} finite"
+            f" number{'s' if size > 1 else ''}."
+        )
+    return numbers
+
+
+def name_of(support: Support | RigidSurface) -> str:
+    """Return the name of a support or rigid surface in results."""
+    kind = "support" if isinstance(support, Support) else "rigid surface"
+    return f"{kind} {support.name or support.on}"

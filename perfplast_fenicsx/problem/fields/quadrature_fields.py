@@ -1,4 +1,4 @@
-"""Evaluate strain and stress of a displacement with DOLFINx Expressions, and their integrals.
+"""Evaluate strain and stress with DOLFINx Expressions, their integrals, and their energy norms.
 
 A problem compiles all forms and Expressions once. No function loops over cells in Python.
 """
@@ -14,18 +14,76 @@ from dolfinx import default_scalar_type, fem, la
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import evaluate, interpolation_points
-from perfplast_fenicsx.problem.assembled.integrals import Integral, assemble_force
-from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, OfLaw, integrate
-from perfplast_fenicsx.problem.assembled.spaces import by_cell
-from perfplast_fenicsx.problem.fields.energy_norms import (
-    jagged_norm2,
-    stiffness_of_all,
-    stiffness_of_nodes,
-    strain_norm2,
-    stress_norm2,
+from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.problem.assembled.law_on_cells import (
+    LawExpression,
+    LawOnCells,
+    OfLaw,
+    integrate,
 )
+from perfplast_fenicsx.problem.assembled.spaces import Integral, assemble_force, by_cell
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
+
+RIGID = 1e-5
+"""Share of :func:`jagged_norm2`; bodies with a smaller norm of strains move as if rigid. Their
+strain and stress consist mainly of rounding errors and serve as no reference."""
+
+
+def stress_norm2(problem: Problem, stress: OfLaw) -> Integral:
+    """Return ‖σ‖² of a stress that each law gives, as an integral compiled once. Collective."""
+
+    def square(on: LawOnCells) -> Expr:
+        s = stress(on)
+        return ufl.dot(on.law.elastic.compliance(s), s)
+
+    return Integral(problem.comm, integrate(problem.laws, square))
+
+
+def strain_norm2(problem: Problem, strain: Expr) -> Integral:
+    """Return ‖e‖² of a strain, as an integral compiled once. Collective."""
+
+    def square(on: LawOnCells) -> Expr:
+        return ufl.dot(on.law.elastic.hooke(strain), strain)
+
+    return Integral(problem.comm, integrate(problem.laws, square))
+
+
+def stiffness_of_nodes(problem: Problem) -> float:
+    """Return the mean stiffness (force/length) of a node while all other nodes are fixed.
+
+    Collective.
+
+    √(stiffness · energy) is the norm of the forces that the stress of an energy exerts on nodes
+    from all sides, before they balance.
+    """
+    return stiffness_of_all(problem) / problem.V.dofmap.index_map.size_global
+
+
+def stiffness_of_all(problem: Problem) -> float:
+    """Return ∫ 2μ/h²; this times the largest |u|² bounds :func:`jagged_norm2`. Collective."""
+    h2 = abs(ufl.JacobianDeterminant(problem.tagged_mesh.mesh)) ** (
+        2 / problem.tagged_mesh.mesh.geometry.dim
+    )
+    stiffness = integrate(problem.laws, lambda on: 2 * on.law.elastic.shear / h2)
+    return Integral(problem.comm, stiffness)()
+
+
+def jagged_norm2(problem: Problem, u: fem.Function) -> Integral:
+    """Return the integral ∫ 2μ|u|²/h²: ‖u‖² if neighbouring nodes moved against each other.
+
+    Collective.
+
+    Rounding errors of ε(u) are relative to this norm, however smooth u is. The integral is compiled
+    once.
+    """
+    mesh = problem.tagged_mesh.mesh
+    h2 = abs(ufl.JacobianDeterminant(mesh)) ** (2 / mesh.geometry.dim)
+
+    def square(on: LawOnCells) -> Expr:
+        return 2 * on.law.elastic.shear * ufl.inner(u, u) / h2
+
+    return Integral(problem.comm, integrate(problem.laws, square))
 
 
 class QuadratureFields:
@@ -181,7 +239,7 @@ class QuadratureFields:
         self._left = (self.jagged_norm2(), self.gross_force())
 
     def jagged_norm2(self) -> float:
-        """Return the reference for rounding errors of ``u_norm2`` (:mod:`energy_norms`).
+        """Return the reference for rounding errors of ``u_norm2`` (:mod:`quadrature_fields`).
 
         Collective.
         """
@@ -218,3 +276,47 @@ class QuadratureFields:
         space, e = self.problem.history[name].function_space, self.e
         laws = [on for on in self.problem.laws if name in on.old]
         return LawExpression(laws, space, lambda on: on.law.updated(e, on.old)[name])
+
+
+class Direction:
+    """A direction δu from the displacement u of some fields.
+
+    Attributes:
+        du: The direction.
+        de: Its strain ε(δu).
+        beta: Step length in ``slope``.
+        slope: ⟨Σ(ε(u + β δu)), ε(δu)⟩, the derivative of Ψ along δu.
+        change_norm2: ‖Σ(ε(u + δu)) − σ‖² in the energy norm.
+        moved_stress_norm2: ‖Σ(ε(u + δu))‖².
+        du_norm2: ‖δu‖² in the energy norm.
+        moved_norm2: ‖u + δu‖².
+    """
+
+    def __init__(self, fields: QuadratureFields) -> None:
+        """Create a direction of zero and compile the integrals. Collective."""
+        problem, e, s = fields.problem, fields.e, fields.stress
+        S = problem.S
+        self._cells = problem.cells
+        self.du, self.de = fem.Function(problem.V), fem.Function(S)
+        self.beta = fem.Constant(problem.tagged_mesh.mesh, default_scalar_type(1))
+        self._strain = fem.Expression(
+            problem.kinematics.strain(self.du), interpolation_points(S.element)
+        )
+        de = self.de
+
+        def ended(on: LawOnCells) -> Expr:
+            return on.law.stress(e + de, on.old)
+
+        def power(on: LawOnCells) -> Expr:
+            return ufl.dot(on.law.stress(e + self.beta * de, on.old), de)
+
+        self.slope = Integral(problem.comm, integrate(problem.laws, power))
+        self.change_norm2 = stress_norm2(problem, lambda on: ended(on) - s)
+        self.moved_stress_norm2 = stress_norm2(problem, ended)
+        self.du_norm2 = strain_norm2(problem, de)
+        self.moved_norm2 = strain_norm2(problem, e + de)
+
+    @phase("return map")
+    def update(self) -> None:
+        """Update ε(δu) from δu. The ghosts of δu must be up to date."""
+        evaluate(self._strain, self.de, self._cells)

@@ -1,15 +1,60 @@
 """Assemble the tangent stiffness as a blocked matrix, with the pattern that contact needs."""
 
+from typing import Any
+
 from petsc4py import PETSc
 
 import numpy as np
+import ufl
+from dolfinx import default_scalar_type, fem
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.contact.rows.constraints import entries_of, matrix_of_entries
+from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawOnCells
 from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.problem.fields.tangent_form import TangentForm
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
+
+
+class TangentForm:
+    """The form ⟨Σ^{o,ρ}(ε(u)) ε(·), ε(·)⟩ of some fields.
+
+    Attributes:
+        form: The compiled form.
+    """
+
+    def __init__(self, fields: QuadratureFields, space: fem.FunctionSpace) -> None:
+        """Compile the form. Collective.
+
+        Args:
+            fields: Fields at whose strain the tangent is taken.
+            space: Space of trial and test functions.
+        """
+        self._problem: Problem = fields.problem
+        self._rho = fem.Constant(self._problem.tagged_mesh.mesh, default_scalar_type(1))
+        self._stored: list[tuple[fem.Function, LawExpression]] = []
+        strain = self._problem.kinematics.strain
+        trial, test = (strain(f(space)) for f in (ufl.TrialFunction, ufl.TestFunction))
+        terms = [
+            ufl.dot(on.law.tangent(self._store(on, fields.e), trial), test) * on.dx
+            for on in self._problem.laws
+        ]
+        self.form: Any = fem.form(sum(terms[1:], start=terms[0]))
+
+    def update(self, rho: float) -> None:
+        """Update the form to the present strains, with this ρ."""
+        self._rho.value = rho
+        for function, expression in self._stored:
+            expression.interpolate(function)
+
+    def _store(self, on: LawOnCells, e: fem.Function) -> dict[str, fem.Function]:
+        """Return functions for the fields of a law's tangent, with the law's shapes."""
+        problem, stored = self._problem, {}
+        for name, value in on.law.tangent_fields(e, on.old, self._rho).items():
+            space = problem.space_at_points(value.ufl_shape)
+            stored[name] = fem.Function(space, name=name)
+            self._stored.append((stored[name], LawExpression([on], space, {on: value}.__getitem__)))
+        return stored
 
 
 class Stiffness:

@@ -15,9 +15,8 @@ from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.rows.friction import norms
-from perfplast_fenicsx.problem.assembled.integrals import assemble_force
-from perfplast_fenicsx.problem.fields.energy_norms import RIGID
-from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.assembled.spaces import assemble_force
+from perfplast_fenicsx.problem.fields.quadrature_fields import RIGID, QuadratureFields
 from perfplast_fenicsx.problem.judged.resultants import Resultants, resultants
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import TINY
@@ -53,7 +52,7 @@ class Rubbed:
 class Certificate:
     """The optimality conditions of (P)_ζ at a state.
 
-    :class:`report.LevelReport` explains the numbers.
+    :class:`state.LevelReport` explains the numbers.
 
     ``forces`` are the contact forces of the pairs hosted by this rank, shape (num_pairs,), positive
     where the bodies push each other.

@@ -13,8 +13,7 @@ from scipy.spatial import cKDTree
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.rows.rigid_motions import motion_name, null_space, rigid_jumps
 from perfplast_fenicsx.contact.surfaces.surface_facets import face_nodes
-from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
-from perfplast_fenicsx.problem.declared.supports import Support
+from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 

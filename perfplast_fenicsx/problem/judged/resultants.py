@@ -1,4 +1,4 @@
-"""Compute the forces on the bodies as resultants: of the loads, each support, obstacle and contact.
+"""Compute the resultants of forces on the bodies: of loads, supports, obstacles and contact.
 
 The resultants balance. Internal forces do no work on rigid motions. The sum of all resultants
 therefore equals the sum of the residual at free unknowns, and the same holds for moments.
@@ -14,9 +14,32 @@ import numpy as np
 from dolfinx.fem import petsc as fem_petsc
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.problem.assembled.given_motion import GivenMotion
-from perfplast_fenicsx.problem.judged.moments import moment
+from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
+from perfplast_fenicsx.problem.assembled.prescribed_displacement import GivenMotion
+from perfplast_fenicsx.problem.declared.loads import kind_of
+from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
+
+
+def moment(problem: Problem, forces: Floats) -> Floats:
+    """Return the sum of the moments of nodal forces on this rank. Not collective.
+
+    Args:
+        problem: Problem with the nodes.
+        forces: Forces of the nodes that this rank owns, shape (num_nodes, gdim).
+
+    Returns:
+        Moment about x, y and z in space, shape (3,); about z in the plane per unit of depth, shape
+        (1,); empty for bodies of revolution, shape (0,).
+    """
+    gdim = problem.bodies.gdim
+    if problem.tagged_mesh.axisymmetric:
+        return np.zeros(0)
+    x = problem.V.tabulate_dof_coordinates()[: len(forces)]
+    if gdim == 3:
+        found: Floats = np.cross(x, forces).sum(axis=0)
+        return found
+    return np.atleast_1d((x[:, 0] * forces[:, 1] - x[:, 1] * forces[:, 0]).sum())
 
 
 @dataclass(frozen=True)
@@ -32,7 +55,7 @@ class Resultants:
             over both bodies is zero. The force of a component that two supports hold counts for the
             first one.
         moments: Moments of ``loads``, ``support NAME`` and ``rigid surface NAME`` about the origin
-            (:func:`moments.moment`).
+            (:func:`resultants.moment`).
         balance: The larger of two sums: of the forces on the bodies, and of the moments about the
             middle of the bodies over their size. Both are relative to the sum of all nodal forces.
             In axisymmetry it uses the axial forces only.
@@ -199,3 +222,51 @@ def _missing(problem: Problem, total: Floats, forces: Floats) -> float:
     rotations = ~at_middle.any(axis=0)
     felt = np.linalg.norm([total @ at_middle, work * rotations], axis=1)
     return float(felt.max())
+
+
+@dataclass(frozen=True)
+class LoadResultant:
+    """A load as a force and a moment.
+
+    Attributes:
+        name: Its name in messages, or the surface or volume where it acts.
+        on: Its surface or volume.
+        kind: Its kind in case files.
+        constant: Whether it acts in full at any load factor.
+        force: One number for each direction (force; in the plane per unit of depth, in axisymmetry
+            of the full turn).
+        moment: Moment about the origin (force × length): three numbers in space, one in the plane,
+            an empty array for bodies of revolution.
+    """
+
+    name: str
+    on: str
+    kind: str
+    constant: bool
+    force: list[float]
+    moment: list[float]
+
+
+def load_resultants(problem: Problem) -> list[LoadResultant]:
+    """Return the resultant of each declared load at ζ = 1, in the order of the loads.
+
+    Collective.
+    """
+    return [found for found, _ in sized_resultants(problem)]
+
+
+@once_a_problem
+def sized_resultants(problem: Problem) -> list[tuple[LoadResultant, float]]:
+    """Return each resultant with the sum of the magnitudes of its nodal forces. Collective."""
+    found = []
+    for load in problem.given.loads:
+        work = work_vector(problem.V, problem.tagged_mesh, [load])
+        forces = work.array_r.reshape(-1, problem.bodies.gdim).copy()
+        work.destroy()
+        sums = [problem.comm.allreduce(a) for a in (forces.sum(axis=0), moment(problem, forces))]
+        force, turning = ([float(number) for number in one] for one in sums)
+        size = problem.comm.allreduce(float(np.linalg.norm(forces, axis=1).sum()))
+        name = load.name or load.on
+        told = LoadResultant(name, load.on, kind_of(load), load.constant, force, turning)
+        found.append((told, size))
+    return found

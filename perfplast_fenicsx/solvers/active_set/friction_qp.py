@@ -1,11 +1,36 @@
 """Solve the contact QP of one Newton step with friction.
 
-    minimise ½ δᵀAδ + rᵀδ + Σ c‖s + δ_t‖  subject to  δ_s ≤ room
+Both conditions are equivalent to μ = c z/max(c, ‖z‖) with z = μ + k s for any stiffness k > 0.
+Where ‖z‖ ≤ c, the place sticks, s = 0. Elsewhere Newton's method for this equation (S. Hüeber, G.
+Stadler, B. I. Wohlmuth, SIAM J. Sci. Comput. 30 (2008), 572) requires
 
-Each linearisation of friction (:mod:`slip`) leaves a contact QP, in which tangential jumps are held
+    μ = c ẑ + c k/(‖z‖ − c) (I − ẑẑᵀ) s,   ẑ = z/‖z‖,
+
+a force and springs perpendicular to it. No tangential direction is preferred.
+
+With the multiplier μ of s = q, and the penalty r k of a place with the stiffness k:
+
+1. u minimises the energy with ½ r k ‖s − q + μ/(r k)‖² added,
+2.  q = shrink(s + μ/(r k)) by c/(r k),
+3. μ ← μ + r k (s − q), which lies in the ball ‖μ‖ ≤ c.
+
+No place is held or released, so that the method converges to the solution, if slowly, however many
+places are undecided. It is the friction method of ALG2, and the fallback of Newton's methods when
+they cycle.
+
+minimise ½ zᵀSz − gᵀz  over z ≥ 0
+
+If all pairs are closed and all places stick, z are the openings of pairs and the slips of places in
+both directions. S is their stiffness, and g is the energy gained per unit of each, minus the bound
+c for a slip. Its solution is exact, where successive linearisations may cycle, as for a pin that
+rolls in its hole.
+
+minimise ½ δᵀAδ + rᵀδ + Σ c‖s + δ_t‖  subject to  δ_s ≤ room
+
+Each linearisation of friction (:mod:`friction_qp`) leaves a contact QP, in which tangential jumps are held
 at sticking places and have forces and springs at slipping ones. If the linearisations do not
-converge, a dense program decides (:mod:`condensed_friction`). In space and with many places,
-splitting (:mod:`friction_splitting`) approaches the solution instead. The linearisations then
+converge, a dense program decides (:mod:`friction_qp`). In space and with many places,
+splitting (:mod:`friction_qp`) approaches the solution instead. The linearisations then
 continue from there.
 """
 
@@ -15,26 +40,244 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
-from perfplast_fenicsx.contact.rows.friction import norms
+from perfplast_fenicsx.contact.rows.friction import Friction, norms, shrunk
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.solvers.active_set.condensed_friction import (
-    condensable,
-    condense_friction,
+from perfplast_fenicsx.solvers.active_set.contact_qp import (
+    TOLERANCE,
+    ContactProgram,
+    ContactStep,
+    openings,
 )
-from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram, ContactStep
-from perfplast_fenicsx.solvers.active_set.equality_qp import Held, QuadraticModel
-from perfplast_fenicsx.solvers.active_set.friction_splitting import FrictionSplitting
-from perfplast_fenicsx.solvers.active_set.slip import (
-    DRAG,
-    Slip,
-    distance,
-    forces_of,
-    judge,
-    springs,
+from perfplast_fenicsx.solvers.active_set.equality_qp import (
+    EqualityProgram,
+    Held,
+    QuadraticModel,
 )
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
+
+DRAG = 1e-8
+"""Stiffness of springs along the slip, relative to the bodies' stiffness, that resist changes of
+the slip in a step. They hold a body that slips everywhere, and vanish with the last step."""
+
+
+@dataclass(frozen=True)
+class Slip:
+    """Which places hosted by this rank slip, and in which direction.
+
+    Attributes:
+        sticks: Places whose jump is zero, shape (num_places,).
+        along: ẑ at slipping places, zero at sticking ones, shape (num_places, gdim − 1).
+        across: Stiffness of the springs perpendicular to ẑ (force/length), shape (num_places,).
+    """
+
+    sticks: npt.NDArray[np.bool_]
+    along: Floats
+    across: Floats
+
+
+def stuck(shape: tuple[int, ...]) -> Slip:
+    """Return the linearisation without slip.
+
+    Args:
+        shape: Shape of the jumps.
+    """
+    return Slip(np.ones(shape[0], dtype=np.bool_), np.zeros(shape), np.zeros(shape[0]))
+
+
+def slipping(jumps: Floats, bound: Floats, slips: npt.NDArray[np.bool_]) -> Slip:
+    """Return the linearisation at jumps.
+
+    Args:
+        jumps: Jumps s, shape (num_places, gdim − 1).
+        bound: Bounds c, shape (num_places,).
+        slips: Which places with nonzero jumps slip; places without friction slip too.
+    """
+    sizes = norms(jumps)
+    along = np.divide(jumps, sizes[:, None], out=np.zeros_like(jumps), where=slips[:, None])
+    across = np.divide(bound, sizes, out=np.zeros_like(sizes), where=slips)
+    return Slip(~slips & (bound > 0), along, across)
+
+
+def judge(slip: Slip, bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Slip:
+    """Return the linearisation at forces and jumps that the last linearisation gave.
+
+    A place that slips in the wrong direction sticks first. Otherwise a body that slips everywhere
+    would oscillate.
+
+    Args:
+        slip: The last linearisation.
+        bound: Bounds c, shape (num_places,).
+        stiffness: Stiffness k > 0, shape (num_places,).
+        forces: Forces μ, shape (num_places, gdim − 1).
+        jumps: Jumps s, same shape.
+    """
+    z = forces + stiffness[:, None] * jumps
+    sizes = norms(z)
+    turned = ~slip.sticks & (np.einsum("ni,ni->n", slip.along, jumps) <= 0)
+    sticks = ((sizes <= bound) | turned) & (bound > 0)
+    slips = ~sticks & (sizes > 0)
+    along = np.zeros_like(z)
+    np.divide(z, sizes[:, None], out=along, where=slips[:, None])
+    across = np.zeros_like(bound)
+    beyond = slips & (sizes > bound)
+    np.divide(bound * stiffness, sizes - bound, out=across, where=beyond)
+    return Slip(sticks, along, across)
+
+
+def distance(bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Floats:
+    """Return ‖μ − c z/max(c, ‖z‖)‖, zero where the friction law holds, shape (num_places,)."""
+    return norms(forces - shrunk(forces + stiffness[:, None] * jumps, bound))
+
+
+def springs(slip: Slip, stiffness: Floats, drag: float = DRAG) -> Floats:
+    """Return spring stiffnesses, shape (num_places, gdim − 1, gdim − 1), 0 at sticking places."""
+    along = np.einsum("ni,nj->nij", slip.along, slip.along)
+    every = np.eye(along.shape[1])
+    dragged = np.where(slip.sticks, 0.0, drag * stiffness)
+    return slip.across[:, None, None] * (every - along) + dragged[:, None, None] * every
+
+
+def forces_of(slip: Slip, bound: Floats, jumps: Floats) -> Floats:
+    """Return forces μ of slipping places at these jumps, as linearised, same shape."""
+    off = jumps - np.einsum("ni,ni->n", slip.along, jumps)[:, None] * slip.along
+    slips = ~slip.sticks
+    finite = np.where(slips, bound, 0.0)
+    return finite[:, None] * slip.along + slip.across[:, None] * off
+
+
+class FrictionSplitting:
+    """q and μ at the places of friction hosted by this rank."""
+
+    def __init__(self, problem: Problem, operator: ContactOperator, stiffness: Floats) -> None:
+        """Add the springs to an operator. Collective.
+
+        Args:
+            problem: Problem with the places.
+            operator: Operator of the bodies, without the springs.
+            stiffness: Stiffness k, shape (num_places,).
+        """
+        self._problem, self._k, friction = problem, stiffness, problem.friction
+        each = self._k[:, None, None] * np.eye(friction.index.shape[1])
+        operator.add_springs((friction.index, each))
+        self._q, self._mu = np.zeros(friction.index.shape), np.zeros(friction.index.shape)
+
+    def begin(self, jumps: Floats) -> None:
+        """Start from a slip and its forces."""
+        sizes, bound = norms(jumps), self._problem.friction.bound
+        self._q = jumps.copy()
+        slips = (sizes > 0) & np.isfinite(bound)
+        share = np.divide(bound, sizes, out=np.zeros_like(sizes), where=slips)
+        self._mu = share[:, None] * jumps
+
+    def slip(self) -> Slip:
+        """Return the linearisation at the present values; the last trial μ + r k s has r = 1."""
+        z = self._mu + self._k[:, None] * self._q
+        nothing = stuck(z.shape)
+        return judge(nothing, self._problem.friction.bound, self._k, z, np.zeros_like(z))
+
+    def add_gradient(self, jumps: Floats, r: float, gradient: PETSc.Vec) -> None:
+        """Add (μ + r k (s − q))/r to a gradient in jump unknowns."""
+        force = self._mu / r + self._k[:, None] * (jumps - self._q)
+        self._problem.friction.add(force, gradient.array)
+
+    def follow(self, jumps: Floats, r: float) -> Floats:
+        """Do steps 2 and 3, and return the squared residuals. Collective.
+
+        Returns:
+            Squares of the primal and the dual residual, Σ k‖s − q‖² and Σ k‖Δq‖².
+        """
+        stiffness, before = r * self._k[:, None], self._q
+        trial = self._mu + stiffness * jumps
+        self._mu = shrunk(trial, self._problem.friction.bound)
+        self._q = (trial - self._mu) / stiffness
+        squares = [self._k @ norms(v) ** 2 for v in (jumps - self._q, self._q - before)]
+        return np.asarray(self._problem.comm.allreduce(np.array(squares)), dtype=np.float64)
+
+
+def condensable(program: EqualityProgram, friction: Friction) -> bool:
+    """Return whether slip has two directions, and pairs and places are few. Collective."""
+    most_unknowns = 300  # largest number of condensed pairs and places
+    few = program.comm.allreduce(len(program.index) + len(friction.index)) <= most_unknowns
+    return few and friction.index.shape[1] == 1
+
+
+def condense_friction(
+    program: EqualityProgram, model: QuadraticModel, friction: Friction, jumps: Floats
+) -> tuple[Slip, PairFlags, int]:
+    """Solve the contact QP with friction for all pairs and places at once. Collective.
+
+    This takes one linear solve for each of them, with one set-up.
+
+    Args:
+        program: Equality-constrained QPs of the operator without springs.
+        model: The function to be minimised, with ``jumps`` the room of each pair.
+        friction: The places of friction.
+        jumps: Tangential jumps at δ = 0, shape (num_places, 1).
+
+    Returns:
+        The linearisation and the closed pairs of the solution; and the number of solved systems.
+
+    Raises:
+        LinearFailure: If a linear system cannot be solved.
+    """
+    there, closed = friction.index[:, 0] >= 0, np.ones(len(program.index), dtype=np.bool_)
+    places, given = friction.index[there, 0], -jumps[there, 0]
+    unknowns = np.concatenate([program.index, places])
+    last = program.comm.scan(len(unknowns))
+    count, mine = program.comm.allreduce(len(unknowns)), slice(last - len(unknowns), last)
+    delta, gradient, nothing = (model.r.duplicate() for _ in range(3))
+    columns = np.zeros((count, count + 1))
+    model = replace(model, rtol=TOLERANCE, given=Held(places, given))
+    try:
+        for number in range(count + 1):
+            column = model
+            if number < count:
+                unit = np.zeros(len(unknowns))
+                if mine.start <= number < mine.stop:
+                    unit[number - mine.start] = 1.0
+                pairs, values = np.split(unit, [len(program.index)])
+                work = None if model.work is None else 0.0
+                held = Held(places, values)
+                column = QuadraticModel(nothing, pairs, work, TOLERANCE, held)
+            solution = program.minimise(column, closed, delta)
+            program.gradient(solution, gradient)
+            columns[mine, number] = gradient.array_r[unknowns]
+    finally:
+        for vector in (delta, gradient, nothing):
+            vector.destroy()
+    bound, kind = np.zeros((2, count))
+    bound[mine] = np.concatenate([np.zeros(len(program.index)), friction.bound[there]])
+    kind[mine] = np.repeat([0.0, 1.0], [len(program.index), len(places)])
+    columns, bound, kind = (program.comm.allreduce(array) for array in (columns, bound, kind))
+    move = moves_of(columns[:, :count], columns[:, count], bound, kind > 0)[mine]
+    opens, slips = np.split(move, [len(program.index)])
+    sign = np.zeros(len(there))
+    sign[there] = np.sign(slips)
+    sticks = (sign == 0) & (friction.bound > 0)
+    slip = Slip(sticks, sign[:, None], np.zeros(len(there)))
+    return slip, opens == 0, count + 1
+
+
+def moves_of(S: Floats, G: Floats, bound: Floats, is_place: np.ndarray) -> Floats:
+    """Return how far pairs open (negative) and places slip, shape (n,).
+
+    Args:
+        S: Force on each for a unit jump of each, shape (n, n).
+        G: Gradient with everything closed and sticking.
+        bound: Bounds c of places.
+        is_place: Which entries are places.
+    """
+    pairs, places = np.flatnonzero(~is_place), np.flatnonzero(is_place & np.isfinite(bound))
+    which = np.concatenate([pairs, places, places])
+    sign = np.repeat([-1.0, 1.0, -1.0], [len(pairs), len(places), len(places)])
+    forces = -sign * G[which] - bound[which]
+    z = openings(sign[:, None] * S[np.ix_(which, which)] * sign, forces)
+    moves = np.zeros(len(G))
+    np.add.at(moves, which, sign * z)
+    return moves
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,7 @@ from perfplast_fenicsx.solvers.active_set.equality_qp import (
     Solution,
 )
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
-from perfplast_fenicsx.solvers.linear.option_trial import check_snes_vi
-from perfplast_fenicsx.solvers.linear.petsc_options import ACTIVE_SET, own_prefix
+from perfplast_fenicsx.solvers.linear.petsc_options import ACTIVE_SET, check_snes_vi, own_prefix
 
 MOST_ACTIVE_SETS = 50
 """An active set iteration that has not converged by then counts as cycling."""

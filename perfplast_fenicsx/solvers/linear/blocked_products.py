@@ -1,5 +1,9 @@
 """Multiply with a symmetric matrix by the blocks of its upper triangle, in C.
 
+Vectors are padded to the vector width. Entries loaded beyond a row are multiplied with zeros or
+stored in the padding. A symmetric matrix is stored as the blocks of its upper triangle, with the
+diagonal block first in each row.
+
 The products are limited by memory traffic, which this halves; in single precision it is a quarter.
 Single precision is for the smoothers of multigrid, which multiply six times for each product of CG.
 It changes the preconditioner by about 1e-7. CG itself, coarse spaces and factors use double
@@ -10,16 +14,328 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compiled_kernels import compiled
-from perfplast_fenicsx.solvers.linear.block_rows import BlockRows, room_of, whole
-from perfplast_fenicsx.solvers.linear.blocked_source import source
-from perfplast_fenicsx.solvers.linear.csr_arrays import Rows, own_rows
+from perfplast_fenicsx.solvers.linear.petsc_calls import Rows, own_rows
+
+
+def sizes() -> tuple[int, ...]:
+    """Return the supported block sizes: unknowns of a node, motions of an aggregate."""
+    return 2, 3, 4, 6, 7
+
+
+def for_size(of: str) -> str:
+    """Return a macro that calls a function with the size in a variable as a constant.
+
+    Args:
+        of: The variable.
+    """
+    cases = (f"case {size}: function({size}, __VA_ARGS__); break;" for size in sizes())
+    return f"#define FOR_SIZE(function, ...) switch ({of}) {{ {' '.join(cases)} }}\n"
+
+
+def own_types(text: str, precision: type[np.floating]) -> str:
+    """Return a source with PETSc's integers for INDEX, and REAL for the stored precision."""
+    whole = f"int{8 * np.dtype(PETSc.IntType).itemsize}_t"
+    real = {np.float32: "float", np.float64: "double"}[precision]
+    head = r"""
+#include <stdint.h>
+#include <string.h>
+
+#define OWN static inline __attribute__((always_inline))
+"""
+    return head + text.replace("INDEX", whole).replace("REAL", real)
+
+
+def rows_source(precision: type[np.floating]) -> str:
+    """Return functions ``pattern`` and ``fill`` for blocks with n rows and m columns.
+
+    Args:
+        precision: Precision of what is kept, float32 or float64.
+    """
+    return own_types(_kernels() + for_size("n") + _row_calls(), precision)
+
+
+def _kernels() -> str:
+    return r"""
+/* where the blocks of each row of blocks begin, and, where it is known how many there are, their
+   columns of blocks; of a symmetric matrix those of the upper triangle, the diagonal's first */
+OWN void pattern_(const int n, const int m, int64_t rows, int upper, const INDEX *start,
+                  const INDEX *column, int64_t *mark, int64_t *first, int known, int32_t *block) {
+  int64_t count = 0;
+  for (int64_t r = 0; r < rows; ++r) {
+    first[r] = count;
+    if (upper) {
+      mark[r] = r + 1;
+      if (known) block[count] = (int32_t)r;
+      ++count;
+    }
+    for (int64_t e = start[n * r]; e < start[n * r + n]; ++e) {
+      int64_t c = column[e] / m;
+      if ((upper && c < r) || mark[c] == r + 1) continue;
+      mark[c] = r + 1;
+      if (known) block[count] = (int32_t)c;
+      ++count;
+    }
+  }
+  first[rows] = count;
+}
+
+/* returns how many entries have no block */
+OWN int64_t fill_(const int n, const int m, int64_t rows, int64_t columns, int upper,
+                  const INDEX *start, const INDEX *column, const double *value, int64_t *place,
+                  const int64_t *first, const int32_t *block, REAL *kept) {
+  int64_t astray = 0;
+  memset(kept, 0, sizeof(REAL) * n * m * (size_t)first[rows]);
+  for (int64_t c = 0; c < columns; ++c) place[c] = -1;
+  for (int64_t r = 0; r < rows; ++r) {
+    for (int64_t b = first[r]; b < first[r + 1]; ++b) place[block[b]] = b;
+    for (int i = 0; i < n; ++i)
+      for (int64_t e = start[n * r + i]; e < start[n * r + i + 1]; ++e) {
+        int64_t c = column[e] / m;
+        if (upper && c < r) continue;
+        int64_t b = c < columns ? place[c] : -1;
+        if (b < first[r]) ++astray;  /* a row before had the column, or none */
+        else kept[n * m * b + m * i + column[e] - m * c] = (REAL)value[e];
+      }
+  }
+  return astray;
+}
+
+#define SQUARE(n, ...) found = fill_(n, n, __VA_ARGS__)
+"""
+
+
+def _row_calls() -> str:
+    return r"""
+void pattern(int n, int m, int64_t rows, int64_t columns, int upper, const INDEX *start,
+             const INDEX *column, int64_t *mark, int64_t *first, int known, int32_t *block) {
+  pattern_(n, m, rows, upper, start, column, mark, first, known, block);
+}
+
+int64_t fill(int n, int m, int64_t rows, int64_t columns, int upper, const INDEX *start,
+             const INDEX *column, const double *value, int64_t *place, const int64_t *first,
+             const int32_t *block, REAL *kept) {
+  int64_t found = -1;
+  if (n == m) {
+    FOR_SIZE(SQUARE, rows, columns, upper, start, column, value, place, first, block, kept)
+  } else {
+    found = fill_(n, m, rows, columns, upper, start, column, value, place, first, block, kept);
+  }
+  return found;
+}
+"""
+
+
+class BlockRows:
+    """Blocks row by row, with their own order and precision.
+
+    Attributes:
+        rows: Number of block rows; ``columns`` is that of block columns.
+        matrix: Data for kernels: beginnings of the rows, columns of the blocks, and their entries,
+            row by row.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        precision: type[np.floating],
+        both: tuple[int, int],
+        rows: Rows,
+        columns: int,
+        *,
+        upper: bool = False,
+    ) -> None:
+        """Find the blocks. Collective.
+
+        Args:
+            comm: Communicator of the matrix.
+            precision: Precision of the stored entries, float32 or float64.
+            both: Rows and columns of a block, each of a supported size.
+            rows: This rank's rows.
+            columns: Least number of columns.
+            upper: Whether the matrix is symmetric, and only blocks of its upper triangle are
+                stored, with the diagonal block first in each row.
+        """
+        assert set(both) <= set(sizes()), f"no kernel for blocks of {both}"
+        self._kernels, self._ffi = compiled(comm, rows_source(precision))
+        self._both, self._upper, self._precision = both, upper, precision
+        self.rows, self.columns = whole(len(rows.pointer) - 1, both[0]), whole(columns, both[1])
+        places: Longs = np.zeros(self.columns, dtype=np.int64)
+        first: Longs = np.zeros(self.rows + 1, dtype=np.int64)
+        self._places, begin = self._of("int64_t[]", places), self._of("int64_t[]", first)
+        none = self._of("int32_t[]", np.zeros(0, dtype=np.int32))
+        self._kernels.pattern(*self._told(rows), self._places, begin, 0, none)
+        places[:] = 0
+        blocks: Ints = np.zeros(int(first[-1]), dtype=np.int32)
+        found = self._of("int32_t[]", blocks)
+        self._kernels.pattern(*self._told(rows), self._places, begin, 1, found)
+        kept = self.reals(
+            len(blocks) * both[0] * both[1] + room_of(both[1])
+        )  # padding for the last load
+        self.matrix = begin, found, kept
+
+    def fill(self, rows: Rows) -> None:
+        """Set the entries, within the pattern of the first rows."""
+        values = self._of("double[]", rows.values)
+        astray = self._kernels.fill(*self._told(rows), values, self._places, *self.matrix)
+        assert astray == 0, f"{astray} entries are outside the first pattern of the matrix"
+
+    def _of(self, kind: str, array: npt.NDArray) -> Any:
+        """Return an array as a kernel argument, which keeps it alive."""
+        return self._ffi.from_buffer(kind, array)
+
+    def reals(self, count: int) -> Any:
+        """Return an array for numbers of the precision."""
+        kind = "float[]" if self._precision is np.float32 else "double[]"
+        return self._of(kind, np.zeros(count, dtype=self._precision))
+
+    def vector(self, array: Floats) -> Any:
+        """Return double-precision numbers as a kernel argument."""
+        return self._of("double[]", array)
+
+    def _told(self, rows: Rows) -> tuple[Any, ...]:
+        """Return the kernel arguments for rows."""
+        of = f"int{8 * rows.pointer.itemsize}_t[]"
+        arrays = (self._of(of, array) for array in (rows.pointer, rows.columns))
+        return *self._both, self.rows, self.columns, int(self._upper), *arrays
+
+
+def whole(entries: int, size: int) -> int:
+    """Return the number of blocks for a number of entries."""
+    return -(-entries // size)
+
+
+def room_of(size: int) -> int:
+    """Return the padded length of a block in a vector, a multiple of the vector width."""
+    few, many = 4, 8
+    return few if size <= few else many
+
+
+def products_source(precision: type[np.floating]) -> str:
+    """Return the functions product, add, take and give.
+
+    Args:
+        precision: Precision of storage and products, float32 or float64.
+    """
+    products = "".join(
+        _products().replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)
+    )
+    return own_types(products + for_size("n") + _product_calls(), precision)
+
+
+def _products() -> str:
+    return r"""
+typedef REAL lanes_WIDTH __attribute__((vector_size(sizeof(REAL) * LANES)));
+
+OWN void rows_WIDTH(const int n, const REAL *A, const REAL *z, lanes_WIDTH *sum) {
+  lanes_WIDTH row, given;
+  memcpy(&given, z, sizeof given);
+  for (int i = 0; i < n; ++i) {
+    memcpy(&row, A + n * i, sizeof row);
+    sum[i] += row * given;
+  }
+}
+
+OWN void both_WIDTH(const int n, const REAL *A, const REAL *z, const REAL *own,
+                     lanes_WIDTH *sum, REAL *other) {
+  lanes_WIDTH row, given, taken;
+  memcpy(&given, z, sizeof given);
+  memcpy(&taken, other, sizeof taken);
+  for (int i = 0; i < n; ++i) {
+    memcpy(&row, A + n * i, sizeof row);
+    sum[i] += row * given;
+    taken += row * own[i];
+  }
+  memcpy(other, &taken, sizeof taken);
+}
+
+OWN void put_WIDTH(const int n, const lanes_WIDTH *sum, REAL *y) {
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) y[i] += sum[i][j];
+}
+
+OWN void product_WIDTH(const int n, int64_t rows, const int64_t *first,
+                        const int32_t *block, const REAL *kept, const REAL *x, REAL *y) {
+  for (int64_t r = 0; r < rows; ++r) {
+    lanes_WIDTH sum[8] = {0};
+    REAL own[8];
+    for (int i = 0; i < n; ++i) own[i] = x[LANES * r + i];
+    const REAL *A = kept + n * n * first[r];
+    rows_WIDTH(n, A, x + LANES * r, sum);
+    for (int64_t b = first[r] + 1; b < first[r + 1]; ++b) {
+      A += n * n;
+      both_WIDTH(n, A, x + LANES * (int64_t)block[b], own, sum,
+                  y + LANES * (int64_t)block[b]);
+    }
+    put_WIDTH(n, sum, y + LANES * r);
+  }
+}
+
+OWN void add_WIDTH(const int n, int64_t rows, const int64_t *first, const int32_t *block,
+                    const REAL *kept, const REAL *x, REAL *y) {
+  for (int64_t r = 0; r < rows; ++r) {
+    lanes_WIDTH sum[8] = {0};
+    for (int64_t b = first[r]; b < first[r + 1]; ++b)
+      rows_WIDTH(n, kept + n * n * b, x + LANES * (int64_t)block[b], sum);
+    put_WIDTH(n, sum, y + LANES * r);
+  }
+}
+"""
+
+
+def _product_calls() -> str:
+    return r"""
+/* places of a vector with so many entries; those beyond a block's are zero, or of no use */
+#define WIDTH(n) ((n) > 4 ? 8 : 4)
+
+OWN void product_(const int n, int64_t rows, const int64_t *first, const int32_t *block,
+                  const REAL *kept, const REAL *x, REAL *y) {
+  memset(y, 0, sizeof(REAL) * WIDTH(n) * (size_t)rows);
+  if (WIDTH(n) == 4) product_4(n, rows, first, block, kept, x, y);
+  else product_8(n, rows, first, block, kept, x, y);
+}
+
+OWN void add_(const int n, int64_t rows, const int64_t *first, const int32_t *block,
+              const REAL *kept, const REAL *x, REAL *y) {
+  if (WIDTH(n) == 4) add_4(n, rows, first, block, kept, x, y);
+  else add_8(n, rows, first, block, kept, x, y);
+}
+
+OWN void take_(const int n, int64_t rows, const double *given, REAL *x) {
+  for (int64_t r = 0; r < rows; ++r)
+    for (int i = 0; i < n; ++i) x[WIDTH(n) * r + i] = (REAL)given[n * r + i];
+}
+
+OWN void give_(const int n, int64_t rows, const REAL *y, double *taken) {
+  for (int64_t r = 0; r < rows; ++r)
+    for (int i = 0; i < n; ++i) taken[n * r + i] = y[WIDTH(n) * r + i];
+}
+
+void product(int n, int64_t rows, const int64_t *first, const int32_t *block, const REAL *kept,
+             const REAL *x, REAL *y) {
+  FOR_SIZE(product_, rows, first, block, kept, x, y)
+}
+
+void add(int n, int64_t rows, const int64_t *first, const int32_t *block, const REAL *kept,
+         const REAL *x, REAL *y) {
+  FOR_SIZE(add_, rows, first, block, kept, x, y)
+}
+
+void take(int n, int64_t rows, const double *given, REAL *x) {
+  FOR_SIZE(take_, rows, given, x)
+}
+
+void give(int n, int64_t rows, const REAL *y, double *taken) {
+  FOR_SIZE(give_, rows, y, taken)
+}
+"""
 
 
 class BlockedProducts:
@@ -40,7 +356,7 @@ class BlockedProducts:
         comm = A.comm.tompi4py()
         here, there, columns = own_rows(A)
         self._ghosts, self._scatter = ghosts_of(A, columns)
-        kernels, of = compiled(comm, source(precision))[0], (comm, precision, (size, size))
+        kernels, of = compiled(comm, products_source(precision))[0], (comm, precision, (size, size))
         own = BlockRows(*of, here, A.getLocalSize()[1], upper=True)
         self._here, self._there = _Products(kernels, own, size), None
         if there is not None:

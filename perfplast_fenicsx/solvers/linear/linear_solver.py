@@ -6,6 +6,7 @@ module decides when a set-up has aged and which method replaces a failed one.
 
 import logging
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -16,13 +17,53 @@ import numpy as np
 from perfplast_fenicsx.arrays import Ints
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
-from perfplast_fenicsx.solvers.linear.factorisation import DIRECT, Factorisation
+from perfplast_fenicsx.solvers.linear.factorisation import DIRECT, Factorisation, Price
 from perfplast_fenicsx.solvers.linear.krylov import Krylov
 from perfplast_fenicsx.solvers.linear.multigrid import MULTIGRID, Multigrid
-from perfplast_fenicsx.solvers.linear.mumps_memory import Price
 from perfplast_fenicsx.solvers.linear.outcome import Outcome
 from perfplast_fenicsx.solvers.linear.petsc_options import LINEAR, solver_name
-from perfplast_fenicsx.solvers.linear.set_up import SetUp, iterations_a_digit
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class SetUp:
+    """The state of the present set-up.
+
+    Attributes:
+        usual: Krylov iterations per decimal digit of a full solve with the last new set-up before
+            it; 0 without one.
+        due: Whether nothing has been solved with it yet.
+        kept: Whether it belongs to an earlier matrix.
+        rate: Krylov iterations per decimal digit of its first full solve, or ``usual`` if the
+            set-up was no longer new; 0 before that.
+        excess: Additional Krylov iterations beyond that rate since.
+    """
+
+    usual: float = 0.0
+    due: bool = True
+    kept: bool = False
+    rate: float = 0.0
+    excess: float = 0.0
+
+    def note(self, iterations: int, rtol: float) -> None:
+        """Count a full solve."""
+        if not self.kept:
+            self.usual = iterations_a_digit(iterations, rtol)
+        self.rate = self.rate or self.usual or iterations_a_digit(iterations, rtol)
+        self.excess += iterations + self.rate * float(np.log10(rtol))
+
+    def note_correction(self, iterations: int, rtol: float) -> None:
+        """Count the solve for a part of a solution, if full solves have defined the rate."""
+        usual = self.rate or self.usual
+        if usual:
+            self.excess += iterations + usual * float(np.log10(rtol))
+
+
+def iterations_a_digit(iterations: int, rtol: float) -> float:
+    """Return the Krylov iterations per decimal digit."""
+    return iterations / -float(np.log10(rtol))
+
 
 DIRECT_LIMIT = {2: 300_000, 3: 40_000}
 """Number of unknowns, by dimension, up to which a sparse Cholesky factorisation is faster."""
@@ -35,8 +76,6 @@ factorisation."""
 WORTH_A_MOTION = 6.0
 """Krylov iterations per decimal digit from which coarse spaces get the last solution as a motion;
 elastic bodies take two."""
-
-log = logging.getLogger(__name__)
 
 
 class LinearFailure(RuntimeError):

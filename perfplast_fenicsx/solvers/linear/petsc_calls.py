@@ -1,6 +1,7 @@
-"""Call functions of PETSc that petsc4py does not provide."""
+"""Call functions of PETSc that petsc4py does not provide, and access its arrays without a copy."""
 
 import ctypes
+from dataclasses import dataclass
 
 from petsc4py import PETSc
 
@@ -43,3 +44,75 @@ def give_entries(A: PETSc.Mat, values: Floats) -> None:
     given = ctypes.c_void_p(np.ascontiguousarray(values).ctypes.data)
     insert = ctypes.c_int(int(PETSc.InsertMode.INSERT_VALUES))
     call("MatSetValuesCOO", ctypes.c_void_p(A.handle), given, insert)
+
+
+Indices = npt.NDArray[np.integer]
+"""Indices of PETSc's type of integers."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Compressed rows.
+
+    Attributes:
+        pointer: Beginning of each row's entries, shape (num_rows + 1,).
+        columns: Columns of the entries, local numbers.
+        values: The entries in PETSc's memory: invalid after the matrix changes.
+    """
+
+    pointer: Indices
+    columns: Indices
+    values: Floats
+
+
+def own_rows(A: PETSc.Mat) -> tuple[Rows, Rows | None, Indices]:
+    """Return the rows of this rank.
+
+    Args:
+        A: Matrix of type "aij".
+
+    Returns:
+        The rows in columns of this rank; those in columns of other ranks, None on a single rank;
+        and the global numbers of these columns.
+    """
+    handle, none = ctypes.c_void_p(A.handle), np.zeros(0, dtype=PETSc.IntType)
+    if A.comm.getSize() == 1:
+        return _rows(handle, A.getLocalSize()[0]), None, none
+    here, there, columns = ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_void_p()
+    call("MatMPIAIJGetSeqAIJ", handle, *map(ctypes.byref, (here, there, columns)))
+    count = A.getLocalSize()[0]
+    beyond = _rows(there, count)
+    size = int(beyond.columns.max(initial=-1)) + 1  # PETSc numbers only columns with entries
+    return _rows(here, count), beyond, _array(columns, size, PETSc.IntType)
+
+
+def _rows(sequential: ctypes.c_void_p, count: int) -> Rows:
+    """Return the rows of a sequential matrix."""
+    i, j, a, memory = ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_void_p(), ctypes.c_int()
+    call("MatSeqAIJGetCSRAndMemType", sequential, *map(ctypes.byref, (i, j, a, memory)))
+    pointer = _array(i, count + 1, PETSc.IntType)
+    entries = int(pointer[-1])
+    return Rows(pointer, _array(j, entries, PETSc.IntType), _array(a, entries, np.float64))
+
+
+def _array(start: ctypes.c_void_p, size: int, of: type[np.generic]) -> npt.NDArray:
+    """Return memory as an array."""
+    if not size or not start.value:
+        return np.zeros(0, dtype=of)
+    memory = (ctypes.c_char * (size * np.dtype(of).itemsize)).from_address(start.value)
+    return np.frombuffer(memory, dtype=of)
+
+
+def forget_factors(ksp: PETSc.KSP) -> None:
+    """Let a solver analyse and factorise its matrix again. Collective.
+
+    After a zero pivot of MUMPS, PETSc treats the next factorisation as a failed analysis. PETSc
+    then does nothing, reports no failure, and solves with missing factors, which is an error
+    (INFOG(1) = −3) on all ranks (``MatFactorNumeric_MUMPS``).
+
+    Args:
+        ksp: Solver with its operators, which it keeps with its options.
+    """
+    operators = ksp.getOperators()
+    ksp.reset()
+    ksp.setOperators(*operators)

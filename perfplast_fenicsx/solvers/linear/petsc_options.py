@@ -1,11 +1,22 @@
-"""Manage PETSc options: a preset, overridden by the user's options, under a unique prefix."""
+"""Manage PETSc options: a preset, overridden by the user's options, which are tested before a run.
 
+PETSc itself reports unused options only at the end, and unknown types when a solver is created,
+late in a run.
+"""
+
+import ctypes
+import difflib
 import itertools
+import re
 import weakref
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
 from petsc4py import PETSc
+
+import numpy as np
+
+from perfplast_fenicsx.errors import InputError
 
 LINEAR = "perfplast_"
 """Prefix of the user's options for every linear solver."""
@@ -104,3 +115,164 @@ def default(name: str, value: str) -> Iterator[None]:
     finally:
         if not given:
             options.delValue(name)
+
+
+Options = Mapping[str, str]
+
+FACTOR = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+
+BASES: tuple[Options, ...] = (
+    *({}, FACTOR, {"ksp_type": "cg", "pc_type": "mg"}, {"ksp_type": "cg", "pc_type": "gamg"}),
+    {"ksp_type": "cg", "pc_type": "jacobi"},
+)
+"""Initial options of the solvers; an option is known if any of the solvers reads it."""
+
+INNER = re.compile(
+    r"^(mg_(levels|coarse|fine)(_\d+)?|sub|redundant|telescope|esteig|ksp_chebyshev_esteig)_"
+)
+"""Prefixes of solvers inside preconditioners, which accept the options of any solver."""
+
+VIEWERS = re.compile(r"^(ksp|pc|snes|mat)_.*(view|monitor|converged_reason|converged_rate)")
+"""Options that print something; a test would print it, too."""
+
+
+SNES_VI = {ACTIVE_SET: "contact programs", SEEPAGE: "flows of water"}
+"""Problems that SNES-VI solves, by the prefix of the user's options for it."""
+
+
+def check_options(given: Mapping[str, str | None]) -> None:
+    """Refuse options of perfplast's solvers that are unknown, or whose value is wrong.
+
+    Not collective: each rank tests the options itself.
+
+    Args:
+        given: Values by names without the leading dash; those without perfplast's prefix belong to
+            PETSc.
+
+    Raises:
+        InputError: Naming the option.
+    """
+    by_kind: dict[str, dict[str, str]] = {}
+    for name, value in given.items():
+        if not name.startswith(LINEAR):
+            first = name.partition("_")[0]
+            if difflib.SequenceMatcher(None, first, LINEAR[:-1]).ratio() > 0.8:
+                raise InputError(
+                    f"the PETSc option '-{name}' has no prefix of perfplast; did you mean"
+                    f" '-{LINEAR}{name.partition('_')[2]}'?"
+                )
+            continue
+        kind = max((one for one in KINDS if name.startswith(one)), key=len)
+        by_kind.setdefault(kind, {})[name.removeprefix(kind)] = value or ""
+    for kind, options in by_kind.items():
+        _check(kind, options)
+
+
+def _check(kind: str, options: Options) -> None:
+    groups: dict[str, dict[str, str]] = {}
+    for name, value in options.items():
+        inner = name
+        while match := INNER.match(inner):
+            inner = inner[match.end() :]
+        if not VIEWERS.match(inner):
+            groups.setdefault(name.removesuffix(inner), {})[inner] = value
+    # PETSc's error codes for values: not supported, wrong, out of range, not a number, of unknown
+    # type, and for a missing factorisation.
+    petsc_errors = (56, 62, 63, 86, 92)
+    for within, tried in groups.items():
+        known: set[str] = set()
+        for base in BASES:
+            try:
+                known |= _read(kind, {**base, **tried})
+            except PETSc.Error as error:
+                if error.ierr in petsc_errors:
+                    name = _culprit(kind, tried)
+                    raise InputError(
+                        f"the PETSc option '-{kind}{within}{name} {tried[name]}' cannot be used:"
+                        f" {_reason(error)}; correct its value."
+                    ) from error
+                raise
+        for name in tried:
+            if name not in known:
+                raise InputError(
+                    f"the PETSc option '-{kind}{within}{name}' is unknown to the solvers "
+                    "of its prefix; check its name, or remove it."
+                )
+    if kind in SNES_VI:
+        check_snes_vi(options, kind)
+
+
+def check_snes_vi(options: Options, kind: str = ACTIVE_SET) -> None:
+    """Refuse options that would replace SNES-VI by another solver, or let it take no step.
+
+    Args:
+        options: Values by names without any prefix.
+        kind: One of :data:`SNES_VI`.
+
+    Raises:
+        InputError: Naming the option.
+    """
+    for name, value in options.items():
+        told = f"the PETSc option '-{kind}{name} {value}' cannot be used:"
+        if name == "snes_type" and value != "vinewtonrsls":
+            raise InputError(f"{told} {SNES_VI[kind]} need vinewtonrsls; remove the option.")
+        if name == "snes_max_it" and int(value) < 1:
+            raise InputError(f"{told} at least one iteration is needed; give 1 or more.")
+        if kind == ACTIVE_SET and not name.startswith("snes_"):
+            raise InputError(
+                f"{told} the linear systems of SNES-VI are those of all steps; give "
+                f"'-{LINEAR}{name} {value}' for these."
+            )
+
+
+def _culprit(kind: str, tried: Options) -> str:
+    """Return the first option that fails on its own, or otherwise the last."""
+    for name, value in tried.items():
+        try:
+            _read(kind, {name: value})
+        except PETSc.Error:
+            return name
+    return name
+
+
+def _reason(error: PETSc.Error) -> str:
+    last = str(error).splitlines()[-1].partition("] ")[2].strip()
+    return last[:1].lower() + last[1:]
+
+
+def _read(kind: str, options: Options) -> set[str]:
+    """Create a solver with these options, and return the names of the options that it reads.
+
+    Raises:
+        PETSc.Error: If it cannot be created.
+    """
+    database, prefix = PETSc.Options(), f"{kind}trial_"
+    for name, value in options.items():
+        database[prefix + name] = value or None
+    rows = np.arange(5, dtype=PETSc.IntType)
+    identity = (rows, rows[:-1], np.ones(4))
+    matrix = PETSc.Mat().createAIJ((4, 4), csr=identity, comm=PETSc.COMM_SELF)
+    ksp, snes = PETSc.KSP().create(PETSc.COMM_SELF), PETSc.SNES().create(PETSc.COMM_SELF)
+    try:
+        if kind in SNES_VI:
+            snes.setOptionsPrefix(prefix)
+            snes.setType("vinewtonrsls")
+            snes.setFromOptions()
+        ksp.setOptionsPrefix(prefix)
+        ksp.setOperators(matrix)
+        ksp.setFromOptions()
+        if ksp.pc.getType() in ("cholesky", "lu"):  # these read more options when they factorise
+            ksp.setUp()
+        return {name for name in options if _was_read(prefix + name)}
+    finally:
+        for name in options:
+            database.delValue(prefix + name)
+        for made in (ksp, snes, matrix):
+            made.destroy()
+
+
+def _was_read(name: str) -> bool:
+    """Return whether an option was read; petsc4py has no function for this."""
+    read = ctypes.c_int(0)
+    ctypes.CDLL(PETSc.__file__).PetscOptionsUsed(None, name.encode(), ctypes.byref(read))
+    return bool(read.value)

@@ -14,9 +14,8 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.contact.rows.rigid_motions import nodes_of
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
 from perfplast_fenicsx.solvers.tfeti.dual_operator import DualOperator
-from perfplast_fenicsx.solvers.tfeti.factors import Factors
 from perfplast_fenicsx.solvers.tfeti.gluing import Gluing
-from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
+from perfplast_fenicsx.solvers.tfeti.subdomains import Factors, TornStiffness
 
 
 class DirichletPreconditioner:

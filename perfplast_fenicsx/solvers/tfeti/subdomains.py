@@ -1,20 +1,38 @@
-"""Divide the cells of each rank into subdomains with their own nodes and rigid motions.
+"""Divide the cells of each rank into subdomains, with their stiffness and its generalised inverse.
 
 A piece is connected through facets, so that its only motion without strain is that of one rigid
 body. Its nodes are copies of the mesh's nodes, torn from those of other pieces.
+
+The pieces are not coupled. One sparse matrix on this rank contains all of them, and one
+factorisation factorises each. Its kernel are the rigid motions R. With as many springs as there are
+motions, and M with invertible MᵀR, the matrix K⁺ = (K + k M Mᵀ)⁻¹ is a generalised inverse of K
+itself, K K⁺ K = K, for any k > 0 (T. Brzobohatý, Z. Dostál, T. Kozubek, P. Kovář and A.
+Markopoulos, Int. J. Numer. Meth. Engng 88 (2011), 493).
 """
 
 from dataclasses import dataclass
 from itertools import pairwise
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import basix.ufl
 import numpy as np
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
 from scipy.linalg import qr
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, triu
 from scipy.sparse.csgraph import connected_components
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
+from perfplast_fenicsx.problem.fields.stiffness import TangentForm
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
+from perfplast_fenicsx.solvers.linear.petsc_calls import forget_factors
+from perfplast_fenicsx.solvers.linear.petsc_options import SUBDOMAINS, own_prefix
 
 
 @dataclass(frozen=True)
@@ -146,3 +164,167 @@ def _rigid(problem: Problem, x: Floats, ends: Longs) -> tuple[Floats, Ints]:
         _, _, pivots = qr(basis.T, mode="economic", pivoting=True)
         fixing.append(begin * gdim + pivots[:modes])
     return motions, np.concatenate([np.zeros(0, dtype=np.int32), *fixing]).astype(np.int32)
+
+
+class Factors:
+    """Factors of one pattern, updated for new values."""
+
+    def __init__(self) -> None:
+        self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+        preset = {
+            "ksp_type": "preonly",
+            "pc_type": "cholesky",
+            "pc_factor_mat_solver_type": "mumps",
+        }
+        self._ksp.setOptionsPrefix(own_prefix(self, SUBDOMAINS, preset))
+        self._ksp.setFromOptions()
+        self._b, self._x = PETSc.Vec(), PETSc.Vec()
+
+    def make(self, A: PETSc.Mat) -> str | None:
+        """Factorise, and return why this fails, or None.
+
+        Returns:
+            Why there are no factors; None if there are.
+        """
+        if not A.getSize()[0]:
+            return None
+        if not self._x:
+            self._x, self._b = A.createVecs()
+        pc = self._ksp.getPC()
+        pc.setReusePreconditioner(False)
+        self._ksp.setOperators(A)
+        self._ksp.setUp()
+        pc.setReusePreconditioner(True)  # independent of later changes of A
+        if pc.getFailedReason():
+            forget_factors(self._ksp)
+            return "a pivot is zero"
+        return None
+
+    def solve(self, b: Floats) -> Floats:
+        """Return the solution of A x = b, same shape."""
+        if not b.size:
+            return np.zeros(0)
+        self._b.array[:] = b
+        self._ksp.solve(self._b, self._x)
+        solution: Floats = self._x.array_r.copy()
+        return solution
+
+
+class TornStiffness:
+    """K without gluing and supports, on only this rank unless stated otherwise.
+
+    Attributes:
+        size: Number of torn unknowns of this rank.
+    """
+
+    def __init__(self, fields: QuadratureFields, pieces: Subdomains) -> None:
+        """Compile the form, and create the pattern. Collective."""
+        problem = fields.problem
+        V, gdim = problem.V, problem.bodies.gdim
+        self._comm: MPI.Intracomm = problem.comm
+        self._motions = pieces.motions.reshape(-1, pieces.motions.shape[2])
+        self._fixing = pieces.fixing.astype(PETSc.IntType)
+        self.size = len(pieces.node) * gdim
+        element = basix.ufl.element(
+            "P", V.mesh.basix_cell(), problem.degree, shape=(gdim,), discontinuous=True
+        )
+        apart = fem.functionspace(V.mesh, element)
+        self._tangent = TangentForm(fields, apart)
+        owned = len(pieces.torn)
+        numbers = np.full(apart.dofmap.list.size, -1, dtype=PETSc.IntType)
+        numbers[apart.dofmap.list[:owned]] = pieces.torn
+        self.matrix = _blocks(pieces, gdim)
+        to_torn = PETSc.LGMap().create(numbers, bsize=gdim, comm=PETSc.COMM_SELF)
+        self.matrix.setLGMap(to_torn)
+        to_torn.destroy()
+        self._factors = Factors()
+        self._scale = 0.0
+
+    @phase("assembly")
+    def at(self, rho: float) -> "TornStiffness":
+        """Return the object after updating K to the present strains, with this ρ. Collective."""
+        self._tangent.update(rho)
+        self.matrix.zeroEntries()
+        fem_petsc.assemble_matrix(self.matrix, self._tangent.form)
+        self.matrix.assemble()
+        diagonal = self.matrix.getDiagonal()
+        self._scale = float(diagonal.array_r.mean()) if self.size else 0.0
+        diagonal.destroy()
+        return self
+
+    @phase("linear set-up")
+    def factorise(self) -> None:
+        """Compute K⁺ of the present K. Collective.
+
+        Raises:
+            LinearFailure: If the rigid motions are not the kernel of K.
+        """
+        moved = self.multiply(self._motions.sum(axis=1))
+        # Force of a unit rigid motion, relative to the stiffness, above the level of rounding.
+        not_rigid = 1e-7
+        stiff = float(np.abs(moved).max(initial=0)) > not_rigid * self._scale
+        self._add_springs(1.0)
+        failure = self._factors.make(self.matrix)
+        self._add_springs(-1.0)
+        if failure is None and not stiff and self.size:
+            failure = self._proved()
+        if stiff:
+            failure = "rigid motions strain it, as on curved cells with linear displacements"
+        failures = [text for text in self._comm.allgather(failure) if text is not None]
+        if failures:
+            raise LinearFailure(
+                f"the stiffness of a subdomain could not be factorised ({failures[0]}); its tangent"
+                " is singular or nearly so, as where everything flows plastically"
+            )
+
+    def _proved(self) -> str | None:
+        """Return the fault of the factors, tested on balanced forces; None if they are good."""
+        forces = self.multiply(np.cos(np.arange(self.size)))
+        left = self.multiply(self.solve(forces)) - forces
+        # Largest relative residual of a solution with good factors.
+        unsolved = 1e-6
+        if np.linalg.norm(left) <= unsolved * np.linalg.norm(forces):
+            return None
+        return "its solution has a large residual"
+
+    def _add_springs(self, sign: float) -> None:
+        for unknown in self._fixing:
+            self.matrix.setValue(
+                unknown, unknown, sign * self._scale, addv=PETSc.InsertMode.ADD_VALUES
+            )
+        self.matrix.assemble()
+
+    @phase("linear solve")
+    def solve(self, forces: Floats) -> Floats:
+        """Return K⁺ f, shape (size,)."""
+        return self._factors.solve(forces)
+
+    def multiply(self, u: Floats) -> Floats:
+        """Return K u, shape (size,)."""
+        x = PETSc.Vec().createWithArray(np.ascontiguousarray(u), comm=PETSc.COMM_SELF)
+        y = x.duplicate()
+        self.matrix.mult(x, y)
+        image: Floats = y.array_r.copy()
+        for vector in (x, y):
+            vector.destroy()
+        return image
+
+
+def _blocks(pieces: Subdomains, gdim: int) -> PETSc.Mat:
+    """Return a symmetric blocked matrix of zeros with the pattern of K."""
+    cells, nodes = pieces.torn.shape
+    ones = np.ones(cells * nodes, dtype=np.int8)
+    place = (np.repeat(np.arange(cells), nodes), pieces.torn.ravel())
+    of_cells = coo_array((ones, place), shape=(cells, len(pieces.node))).tocsr()
+    pattern = triu((of_cells.T @ of_cells).tocsr(), format="csr")
+    pattern.sort_indices()
+    size = len(pieces.node) * gdim
+    K = PETSc.Mat().create(PETSc.COMM_SELF)
+    K.setSizes((size, size))
+    K.setType("seqsbaij")
+    K.setBlockSize(gdim)
+    K.setPreallocationCSR(
+        (pattern.indptr.astype(PETSc.IntType), pattern.indices.astype(PETSc.IntType))
+    )
+    K.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
+    return K

@@ -1,6 +1,14 @@
 """Solve the contact QP of one Newton step by Total FETI: its dual, on torn bodies.
 
-    minimise ½ δᵀKδ + rᵀδ  subject to  B_E δ = 0,  B_I δ ≤ room  and, where asked,  ℓᵀδ = work
+With F = B K⁺Bᵀ, d = B K⁺f − c, G = RᵀBᵀ and e = Rᵀf,
+
+    minimise ½ λᵀFλ − dᵀλ  where  Gλ = e,  λ ≥ lower
+
+is solved for the difference x of λ from forces that balance every piece, so that Gx = 0. The
+gradient Fλ − d is the jump of the rows apart from rigid motions Rα of the pieces, and α are the
+multipliers of Gλ = e.
+
+minimise ½ δᵀKδ + rᵀδ  subject to  B_E δ = 0,  B_I δ ≤ room  and, where asked,  ℓᵀδ = work
 
 Supports are rows too, so that the kernel of each piece's stiffness consists of its rigid motions
 (Z. Dostál, D. Horák, R. Kučera, Commun. Numer. Meth. Engng 22 (2006), 1155). Contact is λ_I ≥ 0 on
@@ -10,6 +18,8 @@ First the dual is solved on the face of the previous step: closed pairs are equa
 are omitted. Pairs whose error exceeds the residual of jumps are opened or closed, and so on. If
 this cycles or frees a body, SMALBE-M and MPRGP find the face.
 """
+
+from dataclasses import dataclass
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -21,14 +31,119 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
 from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, ROUNDING, Held
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
-from perfplast_fenicsx.solvers.tfeti.asked import Asked
 from perfplast_fenicsx.solvers.tfeti.dual_operator import DualOperator
-from perfplast_fenicsx.solvers.tfeti.gluing import make_gluing
+from perfplast_fenicsx.solvers.tfeti.gluing import TornBodies, make_gluing
 from perfplast_fenicsx.solvers.tfeti.preconditioners import DirichletPreconditioner
-from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains
-from perfplast_fenicsx.solvers.tfeti.torn_bodies import TornBodies
-from perfplast_fenicsx.solvers.tfeti.torn_program import TornProgram
-from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
+from perfplast_fenicsx.solvers.tfeti.smalbe import DualProgram, Operator, Smalbe
+from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains, TornStiffness
+
+
+class TornProgram:
+    """The dual of one contact QP during its solution. All methods are collective.
+
+    Attributes:
+        smalbe: The iteration.
+        jumps: Scale of the jumps, to which tolerances refer.
+        forces: Scale of the multipliers that close them.
+    """
+
+    def __init__(
+        self,
+        dual: DualOperator,
+        precondition: Operator,
+        f: Floats,
+        c: Floats,
+        lower: Floats,
+        start: Floats,
+    ) -> None:
+        """Start at given multipliers.
+
+        Args:
+            dual: F of the active rows.
+            precondition: Function that approximates its inverse.
+            f: Forces on torn unknowns.
+            c: Required values of the rows, or their upper bounds.
+            lower: Bounds of λ.
+            start: Initial λ.
+        """
+        coarse, K, comm = dual.coarse, dual.stiffness, dual.comm
+        self._dual, self._f, self._lower = dual, f, lower
+        self._d = dual.rows(K.solve(f)) - c
+        missing = coarse.lift(coarse.solve(coarse.resultants(f) - coarse.balance(start)))
+        self._shift = start + missing
+        moved = dual.multiply(self._shift)
+        P = coarse.project
+        program = DualProgram(
+            comm=comm,
+            multiply=lambda x: P(dual.multiply(x)),
+            project=P,
+            precondition=precondition,
+            norm=dual.norm,
+            b=P(self._d - moved),
+            lower=lower - self._shift,
+        )
+        length = program.length
+        self.jumps = length(program.b)
+        self.forces = max(length(missing), self.jumps / dual.norm if dual.norm > 0 else 0.0)
+        # Relative residual of forces and jumps that counts as rounding.
+        rounding = 1e-14
+        self._least_jumps = rounding * (length(self._d) + length(moved))
+        self._least_forces = rounding * length(self._shift)
+        self.smalbe = Smalbe(program, np.zeros(dual.size))
+
+    def run(self, rtol: float, most: int) -> bool:
+        """Iterate until jumps and unbalanced forces are small, and return whether they are.
+
+        Args:
+            rtol: Tolerance relative to ``jumps`` and ``forces``; rounding is accepted.
+            most: Largest number of products with F.
+
+        Returns:
+            Whether they are small.
+        """
+        jumps = max(rtol * self.jumps, self._least_jumps)
+        forces = max(rtol * self.forces, self._least_forces)
+        return self.smalbe.run(jumps, forces, most)
+
+    def at_rounding(self, rtol: float) -> bool:
+        """Return whether a smaller tolerance makes no sense."""
+        return rtol * self.jumps <= self._least_jumps and rtol * self.forces <= self._least_forces
+
+    def multipliers(self) -> Floats:
+        """Return λ, exactly within its bounds."""
+        bounded = self.smalbe.x <= self._lower - self._shift
+        return np.where(bounded, self._lower, np.maximum(self._shift + self.smalbe.x, self._lower))
+
+    def displacement(self, multipliers: Floats) -> Floats:
+        """Return δ on torn unknowns."""
+        coarse, K, dual = self._dual.coarse, self._dual.stiffness, self._dual
+        gradient = dual.multiply(multipliers) - self._d
+        amplitudes = coarse.solve(coarse.balance(gradient - self.smalbe.multiplier))
+        return K.solve(self._f - dual.forces(multipliers)) + coarse.motion(amplitudes)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A contact QP.
+
+    Attributes:
+        r: Gradient at δ = 0, in the jump basis.
+        f: The forces −r on torn unknowns.
+        room: Room of each pair, shape (num_pairs,).
+        work: ℓᵀδ in units of the border; None if it is not prescribed.
+        accuracy: Allowed norm of unbalanced nodal forces.
+        noise: Contact forces up to this size do not affect the active set.
+        rtol: Relative tolerance.
+    """
+
+    r: PETSc.Vec
+    f: Floats
+    room: Floats
+    work: float | None
+    accuracy: float
+    noise: float
+    rtol: float
+
 
 MOST_EXCHANGES, MOST_SEARCHES = 20, 8
 """Largest numbers of faces found by opening and closing wrong pairs, and by SMALBE-M after them."""

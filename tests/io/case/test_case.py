@@ -27,12 +27,10 @@ from perfplast_fenicsx.problem.declared.loads import (
     Traction,
 )
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
-from perfplast_fenicsx.problem.declared.rigid_surface import RigidSurface
-from perfplast_fenicsx.problem.declared.supports import Support
+from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
 from perfplast_fenicsx.solvers.augmented_lagrangian import AugmentedLagrangian
-from perfplast_fenicsx.solvers.newton import Newton
+from perfplast_fenicsx.solvers.newton import BorderedNewton, Newton, WorkNewton
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions
-from perfplast_fenicsx.solvers.work_newton import BorderedNewton, WorkNewton
 
 pytestmark = pytest.mark.serial
 

@@ -6,7 +6,7 @@ import pytest
 
 from perfplast_fenicsx import Force, Problem, Support, two_blocks
 from perfplast_fenicsx.io.results.resultant_tables import ResultantTables
-from perfplast_fenicsx.problem.judged.load_resultants import load_resultants
+from perfplast_fenicsx.problem.judged.resultants import load_resultants
 from perfplast_fenicsx.units import Units
 from tests.models import STEEL
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.solvers.active_set.condensed_friction import moves_of
+from perfplast_fenicsx.solvers.active_set.friction_qp import moves_of
 
 pytestmark = pytest.mark.serial
 

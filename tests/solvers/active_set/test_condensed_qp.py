@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.solvers.active_set.condensed_qp import condense
-from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
+from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram, condense
 from perfplast_fenicsx.solvers.active_set.equality_qp import EqualityProgram, QuadraticModel
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver

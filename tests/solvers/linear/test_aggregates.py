@@ -14,7 +14,7 @@ from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Contact, Pressure, Problem, Support, read_gmsh
 from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
 from perfplast_fenicsx.problem.fields.stiffness import Stiffness
-from perfplast_fenicsx.solvers.linear.aggregates import Aggregates, aggregate
+from perfplast_fenicsx.solvers.linear.smoothed_aggregation import Aggregates, aggregate
 from tests.models import STEEL, two_blocks_problem
 
 COMM = MPI.COMM_WORLD

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from perfplast_fenicsx.solvers.linear.block_rows import BlockRows
-from perfplast_fenicsx.solvers.linear.block_rows_source import sizes as known_sizes
 from perfplast_fenicsx.solvers.linear.blocked_interpolation import BlockedInterpolation
-from perfplast_fenicsx.solvers.linear.blocked_products import BlockedProducts
-from perfplast_fenicsx.solvers.linear.csr_arrays import Rows
+from perfplast_fenicsx.solvers.linear.blocked_products import BlockedProducts, BlockRows
+from perfplast_fenicsx.solvers.linear.blocked_products import sizes as known_sizes
+from perfplast_fenicsx.solvers.linear.petsc_calls import Rows
 
 ROUNDING = {np.float32: 1e-6, np.float64: 1e-14}
 

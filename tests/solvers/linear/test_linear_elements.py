@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import Contact, Problem, Support, Traction, two_blocks
-from perfplast_fenicsx.solvers.linear.linear_elements import LinearElements
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
+from perfplast_fenicsx.solvers.linear.smoothed_aggregation import LinearElements
 from tests.models import STEEL
 from tests.solvers.linear.systems import elastic_operator, loads, quadratic_problem
 

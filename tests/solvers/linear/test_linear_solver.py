@@ -7,18 +7,17 @@ from petsc4py import PETSc
 import pytest
 
 from perfplast_fenicsx import Newton, Problem
-from perfplast_fenicsx.solvers.linear import linear_solver, mumps_memory
-from perfplast_fenicsx.solvers.linear.factorisation import Factorisation
+from perfplast_fenicsx.solvers.linear import factorisation, linear_solver
+from perfplast_fenicsx.solvers.linear.factorisation import Factorisation, Price
 from perfplast_fenicsx.solvers.linear.linear_solver import (
     LinearFailure,
     LinearSolver,
+    SetUp,
     chosen_solver,
 )
 from perfplast_fenicsx.solvers.linear.multigrid import Multigrid
-from perfplast_fenicsx.solvers.linear.mumps_memory import Price
 from perfplast_fenicsx.solvers.linear.outcome import Outcome
 from perfplast_fenicsx.solvers.linear.petsc_options import default
-from perfplast_fenicsx.solvers.linear.set_up import SetUp
 from tests.models import stack_problem, two_blocks_problem
 from tests.solvers.linear.systems import elastic_operator, loads
 
@@ -221,7 +220,7 @@ def test_a_factorisation_has_a_price(solver: LinearSolver, monkeypatch: pytest.M
     """By the analysis of the matrix, whose square root of operations per entry is some tens."""
     assert solver._price.fits
     assert 1 < solver._price.iterations < 100
-    monkeypatch.setattr(mumps_memory, "spare_memory", lambda comm: 0.0)
+    monkeypatch.setattr(factorisation, "spare_memory", lambda comm: 0.0)
     del vars(solver)["_price"]
     assert not solver._price.fits
 

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 import pytest
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.solvers.linear.option_trial import check_options
+from perfplast_fenicsx.solvers.linear.petsc_options import check_options
 
 GOOD: list[Any] = [
     {"perfplast_ksp_rtol": "1e-10"},

@@ -8,10 +8,8 @@ import pytest
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, SprungMatrix
-from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
-from perfplast_fenicsx.solvers.linear.mumps_memory import Analysis
+from perfplast_fenicsx.solvers.linear.factorisation import DIRECT, Analysis, SupernodalFactors
 from perfplast_fenicsx.solvers.linear.petsc_options import LIMIT
-from perfplast_fenicsx.solvers.linear.supernodal import SupernodalFactors
 
 pytestmark = pytest.mark.serial
 

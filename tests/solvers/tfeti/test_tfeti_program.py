@@ -20,8 +20,7 @@ from perfplast_fenicsx import (
     Traction,
     WorkNewton,
 )
-from perfplast_fenicsx.solvers.tfeti.tfeti_program import TfetiProgram
-from perfplast_fenicsx.solvers.tfeti.torn_program import TornProgram
+from perfplast_fenicsx.solvers.tfeti.tfeti_program import TfetiProgram, TornProgram
 from tests.checks import assert_refused
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import STEEL, punch_problem, stack_problem, touching_blocks, two_blocks_problem

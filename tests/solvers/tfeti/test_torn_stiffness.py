@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.problem.fields.quadrature_fields import QuadratureFields
-from perfplast_fenicsx.solvers.tfeti.factors import Factors
-from perfplast_fenicsx.solvers.tfeti.subdomains import bisected, make_subdomains
-from perfplast_fenicsx.solvers.tfeti.torn_stiffness import TornStiffness
+from perfplast_fenicsx.solvers.tfeti.subdomains import (
+    Factors,
+    TornStiffness,
+    bisected,
+    make_subdomains,
+)
 from tests.models import two_blocks_problem
 
 
