@@ -1,4 +1,4 @@
-"""Create a problem on the same bodies with other materials, loads, contact rows, points or elements."""
+"""Create a problem on the same bodies with other materials, loads, contact or elements."""
 
 import copy
 from collections.abc import Mapping, Sequence

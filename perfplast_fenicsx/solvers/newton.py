@@ -1,4 +1,4 @@
-"""ALG1, ALG3 and ALG4: damped semismooth Newton methods, for given loads or given work, with contact.
+"""ALG1, ALG3 and ALG4: damped semismooth Newton methods with contact, for given loads or work.
 
 Section 3.1 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013): δu minimises
 
@@ -7,6 +7,7 @@ Section 3.1 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013): δu minimises
 then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu). Beyond the paper, β may grow to 1.5
 if J_ζ still falls much at 1 and u + β δu stays in K_h.
 
+ALG3 and ALG4: Newton methods for a prescribed work of the loads, α = L(u), with contact.
 Both linearise (S)^α: find (ζ, u), u ∈ K_h, L(u) = α, with u minimising J_ζ over K_h (Section 4 of
 Čermák, Haslinger, Sysala, COMPLAS XII, 2013).
 

@@ -1,10 +1,12 @@
 """Pair opposite pieces of two surfaces, clip them, and compute the points of their overlaps.
 
+Clip opposite pieces of two surfaces, all pairs at once.
 A piece is a straight segment in the plane or a triangle in space. The guest is projected on the
 host along the host's normal. All maps between reference coordinates are therefore affine. Triangles
 are clipped by Sutherland and Hodgman's algorithm (Comm. ACM 17, 1974, doi 10.1145/360767.360802).
 Corners remain in the order in which the algorithm finds them, and slivers keep their area.
 
+Compute points at which overlaps of curved facets are integrated.
 Overlaps are found between straight pieces. Their points are mapped to the host's facet by reference
 coordinates, and along its normal to the guest's facet. So areas, places and normals are those of
 the facets of second order instead of the pieces (T. Dickopf and R. Krause, Int. J. Numer. Meth.

@@ -339,7 +339,7 @@ def choose_side(
         hosts: "primary" or "secondary" if the user gives it.
         able: Function that returns which nodes may host.
         kinematics: Kinematics of the mesh.
-        onward: See :func:`mortar_contact.facing_facets`.
+        onward: See :func:`facing_facets`.
 
     Raises:
         InputError: For surfaces that are nowhere opposite each other, and for hosts that supports

@@ -1,5 +1,6 @@
 """Integrate dual functions over the overlap of two surfaces, and form the rows of mortar contact.
 
+Construct dual functions on partly covered facets.
 The multipliers are defined on the host's facets e. Over the covered part e' of each facet, the dual
 functions φ = D_e M_e⁻¹ Ñ are biorthogonal to the host's functions Ñ: ∫φ_i Ñ_k = δ_ik ∫Ñ_k. They sum
 to 1 (Cichosz and Bischoff, CMAME 200, 2011, doi 10.1016/j.cma.2010.11.004). So a row has one host
@@ -11,6 +12,7 @@ There the functions are Ñ_v = N_v + α Σ N_m over the midsides m next to v, an
 they are Bernstein polynomials, which are nowhere negative. The weights d are then positive whatever
 part is covered.
 
+Integrate over the overlap of two surfaces with dual functions: the rows of mortar contact.
 The module sums the integrals of all overlapping pieces by pairs of facets, and makes them dual for
 each facet. Where the host has Bernstein functions and its normal n varies, there are also integrals
 with n, interpolated between the nodes. Coefficients of a displacement vector times a nodal normal

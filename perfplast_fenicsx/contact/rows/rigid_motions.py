@@ -1,9 +1,11 @@
-"""Find rigid motions that neither supports nor contact resist, name them, and fix them without force.
+"""Find rigid motions that neither supports nor contact resist, name them and fix them.
 
+Find rigid motions by which bodies separate: contact stops them only one way.
 All motions v with v = 0 where supports, ties and friction hold, and B v ≤ 0 at all pairs, form a
 cone. The energy of bodies that move in this way changes only by the work of the loads. If this work
 is positive for one v, no equilibrium exists, whatever the material.
 
+Find rigid motions that neither supports nor contact resist, and fix them without force.
 A round frictionless pin may rotate in its hole, and a block may slide on another. If no load does
 work on such a motion, bodies are in equilibrium in any position along it, and the stiffness K is
 singular. The module therefore adds a spring for each motion: K + Σ k e eᵀ. The springs carry no

@@ -1,4 +1,4 @@
-"""Collect facets and nodes of a named surface, with their normals, as rows that travel between ranks."""
+"""Collect facets and nodes of a named surface, with normals, as rows that travel between ranks."""
 
 from dataclasses import dataclass
 from typing import Any

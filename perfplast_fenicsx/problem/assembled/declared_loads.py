@@ -1,8 +1,10 @@
 """Assemble the declared loads into the vectors L₀, which acts at any ζ, and L₁, which ζ multiplies.
 
+Store the loads as vectors: L₀, which acts at any ζ, and L₁, which ζ multiplies.
 The energy of (P)_ζ is J_ζ(v) = Ψ(ε(v)) − L₀(v) − ζL₁(v). Only this module evaluates its last two
 terms.
 
+Evaluate tractions that are linear on facets: stresses linear in the cells can balance them.
 The module treats pore pressures that are linear in each cell in the same way.
 
 The program replaces a formula by a quadratic through its values at vertices and midsides

@@ -1,5 +1,6 @@
 """Assemble all rows B u = 0: of ties, rigid bodies and surfaces, and supports along a normal.
 
+Assemble supports along a normal as rows B u = g of their nodes.
 A flat surface has one normal for all its nodes. Nodes where facets meet then have one condition,
 however their coordinates are rounded. A curved surface uses the mean normal of the facets at each
 node, and must have a prescribed motion. Increments satisfy B δu = 0. At the beginning of a level,

@@ -1,9 +1,10 @@
-"""Compute strains without stress: of temperature, of initial stress, and of shortened shanks of bolts.
+"""Compute strains without stress: of temperature, initial stress, and shortened shanks of bolts.
 
 With the initial strain e₀, the law receives ε(u) − e₀. A change of temperature T has e₀ = aTδ with
 the coefficient of expansion a of the material. A stress σ₀ in the undeformed bodies has e₀ =
-−C⁻¹σ₀. :mod:`initial_strain` computes the strain that tightened bolts add.
+−C⁻¹σ₀. :class:`Shanks` computes the strain that tightened bolts add.
 
+Model the shanks of bolts: how far each is shortened, its strain without stress, and its force.
 A shank that is shortened by s has e₀ = −s ε(w). The displacement of the bolt alone along its axis a
 is w = φa. The nodal values of φ rise from 0 at the beginning of the shank to 1 at its end. The law
 receives ε(u + sw), the strain of a continuous displacement, so that only the shortening strains the

@@ -1,5 +1,6 @@
 """Store the given displacement u_D of supports and obstacles, and its effect on contact.
 
+Compute given motions: u_D of supports, obstacles and overlaps, and their effect on contact.
 All given motions are linear in the load factor ζ, which multiplies every part that is not constant.
 """
 

@@ -1,4 +1,4 @@
-"""Create the finite element spaces of one degree, and compile forms once to assemble them repeatedly."""
+"""Create finite element spaces of one degree, and forms that are compiled once."""
 
 from dataclasses import dataclass
 from typing import Any

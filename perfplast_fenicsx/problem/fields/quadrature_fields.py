@@ -239,7 +239,7 @@ class QuadratureFields:
         self._left = (self.jagged_norm2(), self.gross_force())
 
     def jagged_norm2(self) -> float:
-        """Return the reference for rounding errors of ``u_norm2`` (:mod:`quadrature_fields`).
+        """Return the reference for rounding errors of ``u_norm2`` (:func:`jagged_norm2`).
 
         Collective.
         """

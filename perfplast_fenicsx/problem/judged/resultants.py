@@ -55,7 +55,7 @@ class Resultants:
             over both bodies is zero. The force of a component that two supports hold counts for the
             first one.
         moments: Moments of ``loads``, ``support NAME`` and ``rigid surface NAME`` about the origin
-            (:func:`resultants.moment`).
+            (:func:`moment`).
         balance: The larger of two sums: of the forces on the bodies, and of the moments about the
             middle of the bodies over their size. Both are relative to the sum of all nodal forces.
             In axisymmetry it uses the axial forces only.

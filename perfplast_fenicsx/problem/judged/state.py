@@ -1,5 +1,6 @@
 """Store a state of the bodies and the level that ends with it, and report it in numbers and words.
 
+Report a level and its iterations in numbers and words, without fields.
 Code that reads results needs only this module, so that it imports neither DOLFINx nor MPI.
 """
 

@@ -9,7 +9,7 @@ pairs that pull are released and all open pairs that penetrate are held. Without
 QP is the solution.
 
 The operator is not an M-matrix. Near collapse and with quadratic elements the active sets may
-cycle. Then the changing pairs are condensed to a small dense program (:mod:`contact_qp`), which
+cycle. Then the changing pairs are condensed to a small dense program, which
 has an exact solution, and SNES-VI starts from its active set.
 """
 

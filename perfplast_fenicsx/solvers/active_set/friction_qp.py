@@ -1,5 +1,6 @@
 """Solve the contact QP of one Newton step with friction.
 
+Linearise the friction law ‖μ‖ ≤ c, μ = c s/‖s‖: which places stick and which slip.
 Both conditions are equivalent to μ = c z/max(c, ‖z‖) with z = μ + k s for any stiffness k > 0.
 Where ‖z‖ ≤ c, the place sticks, s = 0. Elsewhere Newton's method for this equation (S. Hüeber, G.
 Stadler, B. I. Wohlmuth, SIAM J. Sci. Comput. 30 (2008), 572) requires
@@ -8,6 +9,7 @@ Stadler, B. I. Wohlmuth, SIAM J. Sci. Comput. 30 (2008), 572) requires
 
 a force and springs perpendicular to it. No tangential direction is preferred.
 
+Split friction: a separate slip q follows the jumps s of u, as strains do in ALG2.
 With the multiplier μ of s = q, and the penalty r k of a place with the stiffness k:
 
 1. u minimises the energy with ½ r k ‖s − q + μ/(r k)‖² added,
@@ -18,6 +20,7 @@ No place is held or released, so that the method converges to the solution, if s
 places are undecided. It is the friction method of ALG2, and the fallback of Newton's methods when
 they cycle.
 
+Decide which pairs are closed and which places slip, in the plane: a dense program.
 minimise ½ zᵀSz − gᵀz  over z ≥ 0
 
 If all pairs are closed and all places stick, z are the openings of pairs and the slips of places in
@@ -27,11 +30,10 @@ rolls in its hole.
 
 minimise ½ δᵀAδ + rᵀδ + Σ c‖s + δ_t‖  subject to  δ_s ≤ room
 
-Each linearisation of friction (:mod:`friction_qp`) leaves a contact QP, in which tangential jumps are held
-at sticking places and have forces and springs at slipping ones. If the linearisations do not
-converge, a dense program decides (:mod:`friction_qp`). In space and with many places,
-splitting (:mod:`friction_qp`) approaches the solution instead. The linearisations then
-continue from there.
+Each linearisation of friction leaves a contact QP, in which tangential jumps are held at sticking
+places and have forces and springs at slipping ones. If the linearisations do not converge, a dense
+program decides. In space and with many places, splitting approaches the solution instead. The
+linearisations then continue from there.
 """
 
 from dataclasses import dataclass, replace

@@ -1,5 +1,6 @@
 """Multiply with a symmetric matrix by the blocks of its upper triangle, in C.
 
+Generate the C source of products with blocks (:mod:`blocked_products`), in either precision.
 Vectors are padded to the vector width. Entries loaded beyond a row are multiplied with zeros or
 stored in the padding. A symmetric matrix is stored as the blocks of its upper triangle, with the
 diagonal block first in each row.

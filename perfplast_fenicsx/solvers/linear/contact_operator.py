@@ -1,5 +1,6 @@
 """Define the operator of a step in the jump basis, A = TᵀKT, with held unknowns in its matrix.
 
+Compute the rows of A = TᵀKT that differ from those of K: contact nodes and neighbours.
 Elsewhere T is the identity. So only these few rows are multiplied, and A is K with these rows
 replaced, if K has space for their entries.
 

@@ -1,5 +1,6 @@
 """Manage PETSc options: a preset, overridden by the user's options, which are tested before a run.
 
+Test the user's PETSc options on tiny solvers, to report unknown options before a run.
 PETSc itself reports unused options only at the end, and unknown types when a solver is created,
 late in a run.
 """

@@ -1,9 +1,11 @@
 """Create coarse spaces of multigrid: linear elements, then smoothed aggregation, body by body.
 
+Store aggregates of nodes on each level of multigrid, and the motions of each.
 The columns of a tentative interpolation Q are orthonormal motions of one aggregate each, zero
 elsewhere. PETSc's GAMG creates the aggregates for the stiffness in nodal unknowns, where bodies are
 not coupled, with the rigid motions. One more motion may be added to all of them.
 
+Use linear elements inside quadratic ones as the first coarse space of multigrid.
 The graph of quadratic elements is so dense that aggregates of its nodes become too large for one
 smoothing step. Linear functions are quadratic ones, and represent every smooth motion of a body.
 

@@ -1,5 +1,6 @@
 """Multiply with F = B K⁺ Bᵀ on the active rows, and project on forces that balance every piece.
 
+Solve the coarse problem: which forces of the rows balance every piece, G λ = 0.
 G = RᵀBᵀ with the rigid motions R. GGᵀ couples pieces that share rows; it is small, and every rank
 stores its factors.
 

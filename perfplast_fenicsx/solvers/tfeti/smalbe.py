@@ -1,5 +1,6 @@
 """Solve quadratic programs with bounds and equalities: SMALBE-M, with MPRGP for the bounds.
 
+Solve quadratic programs with bounds by MPRGP: CG on faces, expansion and proportioning.
 Modified proportioning with reduced gradient projections (Z. Dostál, Optimal Quadratic Programming
 Algorithms, Springer 2009, chapter 5), for
 

@@ -3,6 +3,7 @@
 A piece is connected through facets, so that its only motion without strain is that of one rigid
 body. Its nodes are copies of the mesh's nodes, torn from those of other pieces.
 
+Store K of all pieces of a rank, torn from each other, and its generalised inverse K⁺.
 The pieces are not coupled. One sparse matrix on this rank contains all of them, and one
 factorisation factorises each. Its kernel are the rigid motions R. With as many springs as there are
 motions, and M with invertible MᵀR, the matrix K⁺ = (K + k M Mᵀ)⁻¹ is a generalised inverse of K

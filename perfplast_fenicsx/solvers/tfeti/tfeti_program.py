@@ -1,5 +1,6 @@
 """Solve the contact QP of one Newton step by Total FETI: its dual, on torn bodies.
 
+Solve one dual program of Total FETI: active rows, bounds, and δ from its multipliers.
 With F = B K⁺Bᵀ, d = B K⁺f − c, G = RᵀBᵀ and e = Rᵀf,
 
     minimise ½ λᵀFλ − dᵀλ  where  Gλ = e,  λ ≥ lower
