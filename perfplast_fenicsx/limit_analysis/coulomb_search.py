@@ -1,11 +1,11 @@
-"""The load at which a loading path with Coulomb's friction loses equilibrium, between two levels.
+"""Bracket the load at which a loading path with Coulomb's friction loses equilibrium.
 
-No limit theorem holds, so that nothing bounds this load but levels of the path itself: the largest
-load that one of them carries, and the least at which one ends with a verdict that there is no
-equilibrium. Works grow until ζ(α) has levelled off, as any work has a solution where bodies slide;
-then loads just beyond are tried, from the state that carries most, until one is refused. That is
-said of the path from the assembled bodies, of the mesh, and of the rounds of
-:mod:`~perfplast_fenicsx.solvers.coulomb`: other states of friction may carry other loads.
+No limit theorem holds, so only levels of the path itself bound this load. They are the largest
+load that a level carries, and the least load for which a level ends with the verdict that there is
+no equilibrium. Works grow until ζ(α) has levelled off, as any work has a solution if bodies slide.
+Then loads just beyond are tried, from the state that carries most, until one is refused. The result
+holds for the path from the assembled bodies, for the mesh, and for the rounds of
+:mod:`~perfplast_fenicsx.solvers.coulomb`. Other states of friction may carry other loads.
 """
 
 import logging
@@ -27,12 +27,13 @@ from perfplast_fenicsx.solvers.newton import Newton, WorkNewton
 from perfplast_fenicsx.solvers.progress import SLIDES
 
 SHARES = (0.5, 0.25, 0.75)
-"""Where between a load that is carried and one that is refused the next one is tried: in the middle
-first, and on either side of it where a level there has neither converged nor a verdict."""
+"""Position of the next load between one that is carried and one that is refused. The middle comes
+first, then both sides of it if the level there has neither converged nor been refused.
+"""
 
 
 OnLevel = Callable[[Level, Search], None]
-"""Called on every rank after each level that carries its load, with the bracket so far."""
+"""Called on every rank after each level that carries its load, with the present bracket."""
 
 log = logging.getLogger(__name__)
 
@@ -42,10 +43,10 @@ def check_resolution(rtol: float, solver: WorkNewton) -> None:
 
     Args:
         rtol: Relative difference of both loads at which the search ends.
-        solver: Which follows the path.
+        solver: Solver of the path.
 
     Raises:
-        InputError: Naming the finest one.
+        InputError: With the smallest tolerance that is allowed.
     """
     finest = 10 * max(SLIDES, solver.options.tolerance)
     if rtol < finest:
@@ -64,17 +65,17 @@ def coulomb_limit(
     search: Search | None = None,
     reached: Reached | None = None,
 ) -> LimitLoad:
-    """Find both loads, and Drucker's pair where all loads grow. Collective.
+    """Compute both loads, and Drucker's pair if the limit load has it. Collective.
 
     Args:
-        problem: The bodies and their loads; some friction is Coulomb's.
-        rtol: What both may differ by, relative.
-        solver: ALG3 or ALG4, whose solvers serve for given loads too.
+        problem: The bodies and their loads, with Coulomb's friction in some places.
+        rtol: Largest relative difference of both loads.
+        solver: ALG3 or ALG4; its linear solvers serve for given loads too.
         monitor: Called on every rank after each iteration.
-        on_level: Called on every rank after each level that carries its load, and after that of the
-            constant loads.
-        search: Found by an earlier run, to go on with.
-        reached: Where that run had come to.
+        on_level: Called on every rank after each level that carries its load, and after the level
+            of the permanent loads.
+        search: Search of an earlier run, to continue.
+        reached: Last state of that run.
 
     Raises:
         InputError: If the tolerance is too fine to distinguish a sliding body from one at rest.
@@ -108,19 +109,19 @@ def coulomb_limit(
 
 @dataclass
 class _Path:
-    """A search: what it works with, and where it has come to.
+    """The state of a search.
 
     Attributes:
-        solver: Solver of works.
+        solver: Solver of given works.
         rtol: Relative difference of both loads at which the search ends.
-        search: What is known, for a restart.
+        search: Results so far, for a restart.
         monitor: Called after each iteration.
         on_level: Called after each level that carries its load.
-        levels: These.
-        before: State of the last level but one that has more work than those before.
+        levels: The levels that carry their loads.
+        before: State of the last level but one with more work than all earlier ones.
         last: State of the last such level.
-        most: The state that carries most.
-        refused: Loads that were tried and not carried.
+        most: State that carries the largest load.
+        refused: Number of loads that were tried and not carried.
     """
 
     solver: WorkNewton
@@ -138,16 +139,19 @@ class _Path:
         self._solved = self.search.linear_solves - self.solver.linear.solves
 
     def follow(self, reached: Reached | None) -> None:
-        """Go on by works until ζ has levelled off, or no further level is solved. Collective."""
+        """Follow given works until ζ has levelled off, or no further level is solved.
+
+        Collective.
+        """
         search = self.search
         if reached is not None:
             self.before, self.last = reached.before, reached.last
             self.most = reached.last
         if search.ended or has_levelled(search.points, self.rtol):
             return
-        # Levels of given work, after which ζ counts as one that does not level off.
+        # Number of levels of given work after which ζ counts as not levelling off.
         most_works = 40
-        # So many times the first ζ is looked at where nothing slips or yields.
+        # Largest ratio of ζ to the first one; the search ends there if nothing slips or yields.
         farthest = 1e12
         for level in work_path(self.solver, self.monitor, reached):
             self._count()
@@ -181,15 +185,14 @@ class _Path:
         """Try loads beyond the largest that is carried, until one is refused. Collective."""
         search, rtol = self.search, self.rtol
         direct = Newton(self.solver.problem, self.solver.options, lender=self.solver)
-        # ζ below this counts as none, as loads are given in numbers of their own size.
+        # ζ below this counts as zero, as the given loads have a realistic size.
         least_load = 1e-8
         low = search.lower if search.lower > least_load else 0.0
-        # How far beyond the last load the next one is tried,
-        # relative, where ζ has not levelled off.
+        # Relative increase of the next load, if ζ has not levelled off.
         wider = 0.1
         step = rtol if has_levelled(search.points, rtol) else wider
         why, open_end, unknown = "", search.reason, 0
-        # Loads that are tried, after which the search ends with the bracket so far.
+        # Number of loads after which the search ends with the present bracket.
         most_loads = 40
         for _ in range(most_loads):
             width = None if search.upper is None else search.upper - low
@@ -237,11 +240,11 @@ class _Path:
 
 
 def has_levelled(points: Points, rtol: float) -> bool:
-    """Return whether the last level has added less than its tolerance to the largest ζ before it.
+    """Return whether the last level exceeds the largest ζ before it by no more than the tolerance.
 
     Args:
-        points: (α, ζ) of levels, each of which has a work larger by a factor, not by a little.
-        rtol: Tolerance, relative.
+        points: Pairs (α, ζ) of levels; the work grows by a factor from level to level.
+        rtol: Relative tolerance.
     """
     if len(points) < 2:
         return False
@@ -253,10 +256,10 @@ def trial(low: float, refused: float | None, step: float, unknown: int) -> float
     """Return the load to be tried next.
 
     Args:
-        low: The largest that is carried; 0 for none.
-        refused: The least with a verdict; None for none.
-        step: How far beyond the first one, relative, where there is none of the second.
-        unknown: How many loads since either has changed have had neither.
+        low: Largest load that is carried; 0 if none is.
+        refused: Least load that is refused; None if none is.
+        step: Relative increase over ``low``, if no load is refused.
+        unknown: Number of loads since the last change of either that gave no verdict.
     """
     if low == 0:
         return (1.0 if refused is None else refused / 10) / 10**unknown

@@ -1,9 +1,9 @@
-"""The limit load ζ_lim: where ζ(α) levels off, with both sides and the collapse mechanism.
+"""Compute the limit load ζ_lim where ζ(α) levels off, with both sides and the collapse mechanism.
 
 ζ(α) is continuous, does not fall, and tends to ζ_lim as α grows (properties iii and v of Čermák,
-Haslinger, Sysala, COMPLAS XII, 2013), so every ζ(α) reached is a static side of the discrete limit
-load. Where the curve is nearly flat its increments are nearly a mechanism, which gives a
-kinematic side, and the direction in which to leap on until both meet. No side bounds the body.
+Haslinger, Sysala, COMPLAS XII, 2013). So every ζ(α) reached is a static side of the discrete limit
+load. Where the curve is nearly flat, its increments are nearly a mechanism. The mechanism gives a
+kinematic side, and the direction of the next leap, until both sides meet. No side bounds the body.
 """
 
 import logging
@@ -85,9 +85,9 @@ def limit_load(
         except TooLarge as fault:
             if method is not None:
                 raise InputError(
-                    f"{str(fault).removesuffix('.')}; limit_method = 'path' does without."
+                    f"{str(fault).removesuffix('.')}; limit_method = 'path' needs no factorisation."
                 ) from fault
-            log.info("%s A loading path does without.", fault)
+            log.info("%s A loading path follows, which needs no factorisation.", fault)
     solver = solver or WorkNewton(problem, NewtonOptions(**limit_options(rtol)))
     return _by_path(problem, rtol, solver, monitor, on_level, search or Search(), reached)
 
@@ -139,15 +139,15 @@ def _by_path(
 
 
 def check_limit_load(problem: Problem, rtol: float, solver: WorkNewton | None) -> None:
-    """Refuse what :func:`limit_load` would refuse before it solves. Collective.
+    """Refuse problems that :func:`limit_load` would refuse, without solving. Collective.
 
     Args:
         problem: The bodies and their loads.
         rtol: Relative difference of the bounds at which the search ends.
-        solver: What follows a path; None where the interior point method is to answer.
+        solver: Solver of a path; None for the interior point method.
 
     Raises:
-        InputError: As :func:`limit_load`, but for loads that no stress can carry.
+        InputError: As :func:`limit_load`, except for loads that no stress can carry.
     """
     check_tolerance(rtol)
     check_bodies_have_limits(problem)
@@ -161,15 +161,15 @@ def check_limit_load(problem: Problem, rtol: float, solver: WorkNewton | None) -
 
 
 def _chosen(method: str | None, problem: Problem, follows: bool) -> LimitMethod:
-    """Return the method that is asked for, or suits."""
+    """Return the requested method, or the one that suits the problem."""
     if method is None:
         return LimitMethod.PATH if follows else method_for(problem)
     if method not in list(LimitMethod):
         raise InputError(f"method = '{method}' of a limit load: {nearest(method, LimitMethod)}")
     if follows and method == LimitMethod.INTERIOR_POINT:
         raise InputError(
-            "solver, on_level, search and reached belong to a loading path, which the interior"
-            " point method does without; leave them out, or give method = 'path'."
+            "solver, on_level, search and reached belong to a loading path, and the interior"
+            " point method has none; remove them, or give method = 'path'."
         )
     return LimitMethod(method)
 
@@ -177,14 +177,14 @@ def _chosen(method: str | None, problem: Problem, follows: bool) -> LimitMethod:
 def limit_options(rtol: float, coulomb: bool = False) -> dict[str, Any]:
     """Return options of the Newton methods that suit a limit load with a relative tolerance.
 
-    Displacements grow without bound, so that increments relative to them say little.
-
     Args:
         rtol: Relative difference of the bounds at which the search ends.
-        coulomb: Whether there is Coulomb's friction, whose bounds settle no better than steps.
+        coulomb: Whether there is Coulomb's friction, whose shear limits converge no better than the
+            steps.
     """
-    # Largest tolerance of a level: with 1e-3, ζ has been found 1e-4 above an upper bound.
+    # Largest tolerance of a level: with 1e-3, ζ was once 1e-4 above an upper bound.
     loosest = 1e-4
-    # Tolerance of a level with Coulomb's friction: that of the bounds which its rounds settle.
+    # Tolerance of a level with Coulomb's friction: that of the shear limits, which its rounds
+    # determine.
     friction_rtol = 1e-8
     return {"stopping": "stress", "tolerance": friction_rtol if coulomb else min(rtol, loosest)}

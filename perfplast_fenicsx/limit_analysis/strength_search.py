@@ -1,13 +1,13 @@
-"""The curve of the strength reduction factor F over the work ω of the loads, by continuation in ω.
+"""Compute the curve of the strength reduction factor F over the work ω, by continuation in ω.
 
-That is the indirect continuation of S. Sysala et al. (arXiv:2312.12170): with ω = L(u) prescribed,
-F and u are sought at which the loads are in equilibrium. Here ALG3 finds u and the multiplier ζ of
-the work equality for any F, with a duality gap, and F is where ζ(F, ω) = 1, by secants of ln ζ over
-ln F; each u is the start of the next.
+This is the indirect continuation of S. Sysala et al. (arXiv:2312.12170). For a prescribed work
+ω = L(u), it seeks F and u at which the loads are in equilibrium. Here ALG3 computes u and the
+multiplier ζ of the work equality for any F, with a duality gap. F is where ζ(F, ω) = 1, found by
+secants of ln ζ over ln F. Each u is the start of the next.
 
-With F fixed ζ does not fall as ω grows and tends to the limit load ζ_lim(F), which falls with F. So
-ζ_lim(F(ω)) ≥ 1: the mesh carries the loads with each F(ω), which tends to the factor of safety of
-the mesh.
+For fixed F, ζ does not fall as ω grows, and tends to the limit load ζ_lim(F), which falls with F.
+So ζ_lim(F(ω)) ≥ 1: the mesh carries the loads with each F(ω), which tends to the factor of safety
+of the mesh.
 """
 
 import logging
@@ -54,7 +54,7 @@ def strength_path(
 
 
 def check_curve(problem: Problem) -> None:
-    """Refuse what has no curve. Collective.
+    """Refuse problems without such a curve. Collective.
 
     Raises:
         InputError: As :func:`strength_path`.
@@ -73,15 +73,15 @@ class _Point:
 
 @dataclass
 class _Search:
-    """Where a curve has come to.
+    """The state of a search for the curve.
 
     Attributes:
         weakening: The problem.
         solver: Solver of levels with a prescribed work.
-        tolerance: Of F.
+        tolerance: Tolerance of F.
         monitor: Monitor of steps.
-        slope: d ln ζ/d ln F as the last point has shown it.
-        stride: Factor by which F changes at most between two levels.
+        slope: Slope d ln ζ/d ln F at the last point.
+        stride: Largest factor by which F changes between two levels.
         found: The points.
         counts: Newton steps and linear solves since the last point.
     """
@@ -125,7 +125,7 @@ class _Search:
         return StrengthPath(tuple(self.found), False, f"{most_points} points were found")
 
     def _first(self) -> _Point | None:
-        """Return an equilibrium with some plastic flow, or elastic next to one. Collective."""
+        """Return an equilibrium with some plastic flow, or the last elastic one. Collective."""
         newton = Newton(self.weakening.problem, self.solver.options, lender=self.solver)
         found: tuple[float, Level] | None = None
         factor = 1.0
@@ -148,7 +148,7 @@ class _Search:
         return _Point(found[0], found[1].state)
 
     def _at(self, work: float, before: _Point | None, last: _Point) -> _Point | None:
-        """Return the point with a work; None where no level was found. Collective."""
+        """Return the point with a given work; None if no level was found. Collective."""
         problem = self.weakening.problem
         start = last.state
         factor = last.factor
@@ -181,7 +181,7 @@ class _Search:
         if len(nearest) > 1:
             other = nearest[1]
             slope = (known[best] - known[other]) / math.log(best / other)
-            # Below so much ζ hardly depends on F, as where bodies are all but elastic.
+            # At flatter slopes ζ hardly depends on F, as where bodies are nearly elastic.
             flat = -0.05
             self.slope = min(slope, flat)
         change = -known[best] / self.slope

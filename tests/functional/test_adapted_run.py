@@ -139,7 +139,7 @@ REFUSED = {
     ),
     "lifted off": (
         stacked(ROLLERS).replace("pressure = 1.0", "pressure = -1.0"),
-        "no stress can carry the loads: they move bodies off what holds them",
+        "no stress can carry the loads: they move bodies away from their supports",
     ),
     "no design load": (
         CASE.replace("until = 0.2", 'until = "decided"'),

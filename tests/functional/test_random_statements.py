@@ -22,7 +22,7 @@ COMM = MPI.COMM_WORLD
 EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "0.5"))
 REFUSED = (
     "can move as a rigid body",
-    "they move bodies off what holds them",
+    "they move bodies away from their supports",
     "is a formula that is not linear",
 )
 """Of sentences that are an answer to a case whose limit load is not known."""

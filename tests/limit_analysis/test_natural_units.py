@@ -56,7 +56,7 @@ def columns(yields: Sequence[float], n: int = 4) -> Problem:
 def both(bounds: BodyBounds) -> tuple[float, float]:
     """The bounds, which there must be, strict ones but for what rounding leaves of balance."""
     assert bounds.upper.strict
-    assert bounds.lower.strict or "what rounding leaves of its balance" in bounds.why_not[0]
+    assert bounds.lower.strict or "unbalanced forces by rounding" in bounds.why_not[0]
     assert bounds.lower.value is not None
     assert bounds.upper.value is not None
     return bounds.lower.value, bounds.upper.value

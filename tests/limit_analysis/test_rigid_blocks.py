@@ -354,7 +354,7 @@ def test_stones_that_fall_or_stand_at_any_factor() -> None:
         lambda: factor_of_safety(staying(pushed(0.3, 2.0, 1.0), 0.0)), ["even with F = 100"]
     )
     joints = staying(pushed(0.3, 2.0, 1.0), 0.2, associated=False)
-    assert_refused(lambda: check_curve(joints), ["no curve of F", "leave path out"])
+    assert_refused(lambda: check_curve(joints), ["no curve of F", "remove path"])
     kept = staying(pushed(0.3, 2.0, 1.0), 0.2, reduced=False)
     assert_refused(lambda: factor_of_safety(kept), ["no friction that F divides"])
 

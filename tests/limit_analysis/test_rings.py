@@ -364,7 +364,7 @@ def test_pores_do_no_work() -> None:
     assert bounds.lower.value == pytest.approx(plain.lower.value, rel=1e-9)
     assert bounds.upper.value == pytest.approx(plain.upper.value, rel=1e-9)
     assert idle_pores(pores) == [
-        "pressures in pores do no work where volumes stay as they are, and are ignored"
+        "pore pressures do no work where volumes are preserved, and are ignored"
     ]
     assert not idle_pores(problem)
 
@@ -373,7 +373,7 @@ def test_pores_do_no_work() -> None:
     ("problem", "words"),
     [
         (lambda read: tubes(read, 0.02), ["apart across the axis", "close it"]),
-        (lambda _: wet(disc(1, SOIL)), ["pores", "dilates", "control = 'work'"]),
+        (lambda _: wet(disc(1, SOIL)), ["pore pressure", "dilates", "control = 'work'"]),
     ],
 )
 def test_what_is_refused(

@@ -277,7 +277,7 @@ def test_what_is_refused(read: Read) -> None:
         factor_of_safety(slope(read, ground, growing))
     with pytest.raises(InputError, match="no friction that F divides is between them"):
         factor_of_safety(slope(read, Elastic(1e3, 0.3)))
-    with pytest.raises(InputError, match="Flow\\) has no reduced strength"):
+    with pytest.raises(InputError, match="Flow\\) has no strength"):
         weakened(slope(read, Flow(ground)), 1.1)
 
 

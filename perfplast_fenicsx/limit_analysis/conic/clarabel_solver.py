@@ -101,15 +101,15 @@ def check_clarabel(ranks: int) -> Any:
     """Return Clarabel. Not collective.
 
     Args:
-        ranks: How many ranks there are.
+        ranks: Number of ranks.
 
     Raises:
-        InputError: If there are several, or it is not installed.
+        InputError: If there are several ranks, or if Clarabel is not installed.
     """
     if ranks > 1:
         raise InputError(
-            f"conic = 'clarabel' works on one rank, and there are {ranks}; start the run without"
-            " mpirun, or leave conic out."
+            f"conic = 'clarabel' works on one rank, but the run has {ranks}; start it without"
+            " mpirun, or remove conic."
         )
     try:
         return import_module("clarabel")

@@ -2,14 +2,14 @@
 
     max c·x  with  A x = b  and  right + factors · x in cones.
 
-The unknowns are x = (σ, r, λ, μ, t). The stress σ of each point is in the coordinates of its
-cone. Contact pairs have the forces r. The load factor is λ, that of the loads of any factor is μ.
-The unknowns t belong to one block each. The rows of A are the equilibrium Eᵀw σ + r − λL − μF =
-L₀ with the strain rates E of all velocities. Their multipliers are a velocity v with L(v) = 1.
-The multipliers of the cones are the kinematic members of the points (:mod:`cone`).
+The unknowns are x = (σ, r, λ, μ, t). The stress σ of each point is in the coordinates of its cone.
+Contact pairs have the forces r. The load factor is λ, that of the loads of any factor is μ. The
+unknowns t belong to one block each. The rows of A state equilibrium, Eᵀw σ + r − λL − μF = L₀,
+with the strain rates E of all velocities. Their multipliers are a velocity v with L(v) = 1. The
+multipliers of the cones are the kinematic members of the points (:mod:`cone`).
 
-:class:`~conic_program.ConicProgram` is the same program by operators, which need no matrix; its
-units hold here too.
+:class:`~conic_program.ConicProgram` is the same program in terms of operators, without a matrix,
+and in the same units.
 """
 
 from collections.abc import Callable
@@ -38,13 +38,14 @@ class ConeProgram:
 
     Attributes:
         A: Equilibrium, shape (num_velocities, num_unknowns).
-        b: Loads that stay as they are, shape (num_velocities,).
+        b: Permanent loads L₀, shape (num_velocities,).
         c: 1 for λ and 0 for all others, shape (num_unknowns,).
         cones: The cones, one entry for each block of the program.
         columns: The columns of each block's unknowns.
         blocks: The blocks.
         factors: The columns of λ and, if there is one, of μ.
-        deviators: Takes off s what is in it of p (:meth:`~discretisation.Strains.deviators`).
+        deviators: Function that removes from s the part that belongs to p
+            (:meth:`~discretisation.Strains.deviators`).
     """
 
     A: sparse.csr_array
@@ -61,7 +62,7 @@ class ConeProgram:
         """Return the data of a program in its present units.
 
         Raises:
-            InputError: If a kind of cone has no rows of a matrix.
+            InputError: If a kind of cone cannot be written as rows of a matrix.
             ValueError: On several ranks.
         """
         if program.comm.size > 1:
@@ -95,7 +96,7 @@ class ConeProgram:
         return cls(A, dead, c, rows, tuple(columns), tuple(blocks), factors, strains.deviators)
 
     def members(self, number: int) -> tuple[sparse.csr_array, Floats]:
-        """Return matrix and constant part of the members of a block.
+        """Return the matrix and the constant part of the members of a block.
 
         Args:
             number: Number of the block.
@@ -117,7 +118,7 @@ class ConeProgram:
         Args:
             x: The unknowns.
             static: Members of each block, shape (num · size,) each.
-            kinematic: Their multipliers, the same.
+            kinematic: Multipliers of these members, same shapes.
         """
         stress = x[np.column_stack([self.columns[0].pressure, self.columns[0].deviator])]
         forces = x[self.columns[0].forces]
@@ -133,14 +134,14 @@ class ConeProgram:
 
 
 def _with_rows(block: Block) -> MatrixBlock:
-    """Return a block that has rows.
+    """Return a block that can be written as rows of a matrix.
 
     Raises:
-        InputError: If it has none.
+        InputError: If the block lacks the methods for it.
     """
     if isinstance(block, MatrixBlock):
         return block
     raise InputError(
-        f"the cones of {type(block).__name__} have no rows of a matrix, which this solver needs;"
-        " leave conic out, or give the class the methods rows and from_rows."
+        f"the cones of {type(block).__name__} cannot be written as rows of a matrix, which this"
+        " solver needs; remove conic, or give the class the methods rows and from_rows."
     )

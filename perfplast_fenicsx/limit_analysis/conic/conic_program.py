@@ -1,33 +1,34 @@
-"""A limit load as a static and a kinematic problem, in units that make numbers about 1.
+"""Pose a limit load as a static and a kinematic problem, in units that make numbers about 1.
 
 On points with weights w,
 
     max λ               with  Σ w σ:ε(v) + r·[v] = λ L(v) + L₀(v),   ‖dev σ‖ ≤ γ − αp,   r ≥ 0,
     min Σ γ z₀ − L₀(v)  with  L(v) = 1,   αz₀ = w tr ε(v),   z₀ ≥ w‖dev ε(v)‖,   [v] ≤ 0,
 
-in the coordinates of each point's cone (:mod:`standard_cones`; of sets about another stress than
-zero with s + γt in the place of dev σ). L₀ is of the loads that stay as they are, [v] are the jumps
-of contact pairs and obstacles, r their forces and p the mean stress. Where α = 0 bodies keep their
-volume; else they dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and
-ε(v) = 0. The gaps of contact play no part: a body that moves without end has closed or opened them
-(E. Christiansen, Handbook of Numerical Analysis IV, 1996).
+in the coordinates of each point's cone (:mod:`standard_cones`). For sets about a stress other than
+zero, s + γt replaces dev σ. L₀ are the permanent loads, [v] the jumps of contact pairs and
+obstacles, r their forces and p the mean stress. If α = 0, bodies keep their volume; otherwise they
+dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and ε(v) = 0. The gaps of
+contact do not matter: unlimited motion has closed or opened all of them (E. Christiansen, Handbook
+of Numerical Analysis IV, 1996).
 
 A :class:`discretisation.Discretisation` defines the velocities v: displacements of finite elements
 (:mod:`limit_program`), or the multipliers of the equilibrium of piecewise linear stresses
 (:mod:`static_program`).
 
-Units come from the flow of viscous bodies under the same loads (:func:`choose_units`). The flow
-shows the strength that matters: that of the points in which it dissipates. A weak layer in a stack
-flows alone, a weak column beside a strong one with it. Bodies that are far stronger are as
-elastic ones then. Both bounds stay bounds: a stress is scaled into the true yield sets in the end,
-and what a velocity dissipates is counted with the true yield radii. Only the search is restricted,
-and not wrongly where the stress found is within yield in the strong bodies too. Otherwise they are
-the next ones that matter (:meth:`ConicProgram.stronger`).
+Units come from the flow of viscous bodies under the same loads (:func:`choose_units`). This flow
+shows which strength matters: the one of the points where it dissipates. For example, a weak layer
+in a stack flows alone, and a weak column beside a strong one flows together with it. Bodies that
+are far stronger are then treated as elastic. Both bounds remain bounds: the final stress is scaled
+into the true yield sets, and the dissipation of a velocity is computed with the true yield radii.
+The restriction affects only the search, and not its result if the stress is within yield in the
+strong bodies too. Otherwise the weakest of them become plastic as well
+(:meth:`ConicProgram.stronger`).
 
-And it shows which part of the loads drives a flow at all. Mean stresses, and those of bodies that
-do not yield, have no bounds; what they balance is taken off the loads. With A⁺σ the forces of
-stresses σ, L' = L − A⁺σ₀ does the same work as L on any velocity that keeps volumes and the shape
-of what does not yield, and σ' is in equilibrium with λL' where σ' + λσ₀ is with λL.
+The flow also shows which part of the loads drives it at all. Mean stresses, and stresses of bodies
+that do not yield, have no bounds; the loads that they balance are subtracted. If A⁺σ are the forces
+of stresses σ, then L' = L − A⁺σ₀ does the same work as L on any velocity that keeps volumes and
+the shape of elastic bodies. The stress σ' is in equilibrium with λL' if σ' + λσ₀ is with λL.
 """
 
 from collections.abc import Sequence
@@ -61,19 +62,22 @@ Stress: TypeAlias = tuple[Floats, Floats]
 """Pressure and deviator at the points, shapes (count,) and (count, m)."""
 
 SOFTEST = 1e-10
-"""Modulus of points that have none left: of weak ones that flow beside strong ones, which bear the
-loads. Without it K is singular in double precision beside bulk moduli of 1e5."""
+"""Least modulus of points. Weak points that flow beside strong ones, which bear the loads, would
+have almost none. Without it K is singular in double precision beside bulk moduli of 1e5.
+"""
 
 CONTRAST = 1e4
-"""Ratio of strengths above that of those that bear the loads, of points that do not flow: the
-moduli of a step would have a range of its square, and in double precision nothing is left of the
-balance of the weak ones."""
+"""Ratio to the strength of the points that bear the loads, above which points do not flow. The
+moduli of a step would have a range of its square, and in double precision the balance of the weak
+points would be lost.
+"""
 
 
 RESERVES = (1e-5, 1e-3, 1e-2)
-"""Shares of the strengths that beside dead loads are kept for what rounding leaves of a stress: at
-first, or a tenth of the tolerance that bounds are sought with, and at most where it has left yield
-by more, where it is not known and where it is known by how much."""
+"""Shares of the strengths that are kept in reserve for rounding if there are permanent loads: the
+initial one (or a tenth of the tolerance), the largest one if the excess over yield is not known,
+and the largest one if it is known.
+"""
 
 UNLIMITED = (
     "nothing limits the loads, to rounding: mean stresses, bodies that do not yield and contact"
@@ -86,11 +90,11 @@ class Start:
     """The start of a search.
 
     Attributes:
-        scale: Yield radius (stress) of those that bear the loads; None if the flow is to determine
-            it.
+        scale: Yield radius (stress) of the bodies that bear the loads; None if the flow is to
+            determine it.
         pushed: Whether contact carries most of the loads, so that a flow with soft springs in its
-            place says nothing.
-        reserve: Share of the strengths that is kept beside dead loads.
+            place gives no information.
+        reserve: Share of the strengths that is kept in reserve if there are permanent loads.
     """
 
     scale: float | None = None
@@ -99,21 +103,21 @@ class Start:
 
     @classmethod
     def within(cls, rtol: float) -> "Start":
-        """Return the first one of a search with a tolerance, relative."""
+        """Return the first start of a search with a relative tolerance."""
         return cls(reserve=min(RESERVES[0], rtol / 10))
 
     def with_more_in_reserve(self, over: float | None = None) -> "Start | None":
-        """Return the next one with more in reserve; None if that would change the bound.
+        """Return the next start with a larger reserve; None if that would change the bound.
 
         Args:
-            over: By how much the stress has left yield, relative, if that is known.
+            over: Relative excess of the stress over yield, if it is known.
         """
         most = RESERVES[1] if over is None else RESERVES[2]
         if self.reserve >= most:
             return None
         more = 10 * self.reserve
         if over is not None:
-            # What was missing is missing again, or half as much more.
+            # The same excess is expected again, or one and a half times it.
             more = max(3 * self.reserve, self.reserve + 1.5 * over)
         return replace(self, reserve=min(more, most))
 
@@ -124,44 +128,46 @@ friction determines the size of a strength."""
 
 
 class ConicProgram:
-    """Both problems of one discretisation.
+    """The static and the kinematic problem of one discretisation.
 
     Attributes:
         comm: The ranks.
         strains: Strain rates at the points.
         stiffness: K, to be assembled with any moduli.
-        load: L, less what ``carried`` balances.
-        dead: L₀, less what ``carried_dead`` does.
+        load: L, less the part that ``carried`` balances.
+        dead: L₀, less the part that ``carried_dead`` balances.
         free: Loads of any factor, which may help to carry the others: they do no work on v.
-        has_free: Whether there are any.
-        has_dead: Whether there is any L₀.
+        has_free: Whether there are any such loads.
+        has_dead: Whether there are permanent loads L₀.
         jumps: Local (owned) entries of velocities that are jumps of contact pairs, ``num_pairs`` on
             all ranks together.
-        plastic: Which points of this rank can yield, shape (count,): others are as elastic ones.
-        weights: w, 1 in the mean, shape (count,).
+        plastic: Flags of the points of this rank that can yield, shape (count,); the other points
+            are treated as elastic.
+        weights: Weights w with mean 1, shape (count,).
         sizes: Sizes of strengths (stress), shape (count,): γ, or α times a mean stress of the
-            constant loads where that is much more; ∞ where nothing yields.
+            permanent loads if that is much larger; ∞ in elastic bodies.
         loose: Whether any point of any rank has no cohesion.
-        keeps: Whether no stress can be scaled into yield: beside constant loads, without cohesion.
-        strengths: Sizes of those that can yield, about 1 where bodies bear the loads, and 0 of
-            others, shape (count,).
-        dilates: Whether any plastic point of any rank does.
+        keeps: Whether stresses cannot be scaled into yield: with permanent loads, or without
+            cohesion.
+        strengths: Sizes of the strengths of plastic points, about 1 in the bodies that bear the
+            loads, and 0 at the other points, shape (count,).
+        dilates: Whether any plastic point of any rank dilates.
         strongest: Largest γ (stress) of the plastic points.
-        springs: Stiffness of contact that suits that of the bodies, shape (num_pairs,).
-        degree: Of the blocks of all ranks.
-        stress_unit: What 1 is of σ.
-        load_unit: What 1 is of λ, ``force_unit`` of r.
-        carried: Stress that nothing bounds, of pressures and of points that are not plastic, which
-            balances a part of L, ``carried_dead`` of L₀; None of no part.
+        springs: Stiffness of contact that suits the stiffness of the bodies, shape (num_pairs,).
+        degree: Degree of the blocks of all ranks.
+        stress_unit: Unit of σ.
+        load_unit: Unit of λ; ``force_unit`` is the unit of r.
+        carried: Unbounded stress (pressures, and stresses of points that are not plastic) that
+            balances a part of L; ``carried_dead`` balances a part of L₀. None without such a part.
     """
 
     def __init__(self, on: Discretisation, reserve: float) -> None:
-        """Take a discretisation over, its PETSc objects too. Collective.
+        """Take over a discretisation and its PETSc objects. Collective.
 
         Args:
             on: The discretisation.
-            reserve: Share of the strengths that is kept for what rounding leaves of a stress, where
-                one that is above yield cannot be scaled into it.
+            reserve: Share of the strengths that is kept for rounding, if a stress above yield
+                cannot be scaled into it.
         """
         self._reserve, self._of_slopes = reserve, on.proves_stress
         self.comm, self.strains, self.stiffness = on.comm, on.strains, on.stiffness
@@ -192,14 +198,14 @@ class ConicProgram:
         self.springs: Floats = np.zeros(len(on.jumps))
         self.carried: Stress | None = None
         self.carried_dead: Stress | None = None
-        self.measure(cones / weaknesses if cones else 1.0)  # that of weak bodies counts
+        self.measure(cones / weaknesses if cones else 1.0)  # the mean is dominated by weak bodies
 
     def measure(self, unit: float, strongest: float = np.inf) -> None:
-        """Measure stresses in a unit, and let yield what is weak enough. Collective.
+        """Measure stresses in a unit, and let points yield that are weak enough. Collective.
 
         Args:
             unit: Unit of stress.
-            strongest: Points of larger yield radii (stress) are as elastic ones.
+            strongest: Points with larger yield radii (stress) are treated as elastic.
         """
         self.strongest = strongest
         self.plastic = np.isfinite(self.sizes) & (self.sizes <= strongest)
@@ -216,11 +222,11 @@ class ConicProgram:
             load.scale(before / self.force_unit)
 
     def _blocks_of_points(self, unit: float, left: float) -> list[Block]:
-        """Points that can yield, by the kind of their cones.
+        """Return blocks of the points that can yield, one for each kind of cone.
 
         Args:
-            unit: Of stress.
-            left: Share of the strengths that is left of them.
+            unit: Unit of stress.
+            left: Share of the strengths that the reserve leaves.
         """
         strains, found = self.strains, list[Block]()
         sets = [it.those(self.plastic[it.at]) for it in strains.sets]
@@ -248,54 +254,57 @@ class ConicProgram:
 
     @property
     def blocks(self) -> Sequence[Block]:
-        """Points and pairs of this rank by the kind of their cones, the pairs last."""
+        """Return the blocks of this rank by the kind of their cones, contact pairs last."""
         return (*self._of_points, Pairs(self.springs))
 
     def multiply(self, unit: float) -> None:
-        """Multiply the loads, and so divide the load factor that is sought."""
+        """Multiply the loads by a factor, and so divide the unknown load factor by it."""
         self.load_unit *= unit
         self.load.scale(unit)
         if self.carried is not None:
             self.carried = (unit * self.carried[0], unit * self.carried[1])
 
     def stronger(self) -> float | None:
-        """Least yield radius (stress) of points that cannot yield, or None. Collective."""
+        """Return the least yield radius (stress) of points that cannot yield, or None.
+
+        Collective.
+        """
         mine = float(self.sizes[self.sizes > self.strongest].min(initial=np.inf))
         least = float(self.comm.allreduce(mine, MPI.MIN))
         return least if np.isfinite(least) else None
 
     def range(self, values: Floats) -> tuple[float, float]:
-        """Least and largest of all ranks' values. Collective."""
+        """Return the smallest and the largest value of all ranks. Collective."""
         least, largest = float(values.min(initial=np.inf)), float(values.max(initial=0.0))
         return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
 
     def overstress(self, stress: Stress) -> float:
-        """By how much stresses exceed yield at most, in points that do not flow too. Collective.
+        """Return the largest yield ratio of a stress, also at points that do not flow. Collective.
 
         Args:
-            stress: In units of ``stress_unit``.
+            stress: Stress in units of ``stress_unit``.
         """
         ratios = yield_ratios(self.strains, *(self.stress_unit * part for part in stress))
         return float(self.comm.allreduce(ratios.max(initial=0.0), MPI.MAX))
 
     def nothing_borne(self) -> Borne:
-        """No stress and no forces."""
+        """Return zero stress and zero forces."""
         count, size = self.strains.count, self.strains.size
         return Borne(np.zeros(count), np.zeros((count, size), order="F"), np.zeros(len(self.jumps)))
 
     def rates_of(self, velocity: PETSc.Vec) -> Rates:
-        """Strain rates and jumps of a velocity. Collective."""
+        """Return strain rates and jumps of a velocity. Collective."""
         return Rates(*self.strains.of(velocity), velocity.array_r[self.jumps])
 
     def whole(self, stress: Stress, load: float) -> Stress:
-        """Return a stress that balances all loads, of one that balances what of them is sought."""
+        """Return the stress that balances all loads, given one that balances the reduced loads."""
         for share, carried in ((load, self.carried), (1.0, self.carried_dead)):
             if carried is not None:
                 stress = stress[0] + share * carried[0], stress[1] + share * carried[1]
         return stress
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         for thing in (self.strains, self.stiffness, self.load, self.dead, self.free):
             thing.destroy()
 
@@ -311,20 +320,20 @@ class ConicProgram:
         return vector
 
     def viscous_stress(self, velocity: PETSc.Vec) -> Stress:
-        """Pressure and deviator of the flow that units are chosen by. Collective."""
+        """Return pressure and deviator of the flow that determines units. Collective."""
         trace, deviator = self.strains.of(velocity)
         moduli = self.flow_moduli()
         return self.weights * moduli.bulk * trace, (self.weights * moduli.a)[:, None] * deviator
 
     def flow_moduli(self) -> Moduli:
-        """Those of the flow that units are chosen by, and of the first step."""
+        """Return the moduli of the flow that determines units, and of the first step."""
         found = self.moduli(1 / PROXIMAL)
         for block in self._of_points:
             block.flow(found)
         return found
 
     def moduli(self, uniform: float) -> Moduli:
-        """Moduli that are the same at all points."""
+        """Return moduli that are the same at all points."""
         shape = self.strains.count, self.strains.size
         bulk, a = np.full(shape[0], uniform), np.full(shape[0], uniform)
         return Moduli(bulk, a, np.zeros(shape, order="F"))
@@ -332,8 +341,8 @@ class ConicProgram:
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
         """Assemble Σ w² times the moduli, and springs; see :class:`discretisation.Stiffness`.
 
-        No a counts as less than :data:`SOFTEST`: directions are a little less exact then, and the
-        balance that they leave is made up for by the next ones.
+        Coefficients a below :data:`SOFTEST` are raised to it. Directions are then slightly less
+        exact, and later directions correct the balance that they leave.
         """
         scale = self.weights / self._mean_weight
         scaled = Moduli(
@@ -354,17 +363,17 @@ class ConicProgram:
         self.strains.forces(pressure / self._mean_weight, deviator / self._mean_weight, out)
 
     def work(self, velocity: PETSc.Vec) -> float:
-        """L(v). Collective."""
+        """Return L(v). Collective."""
         return float(self.load.dot(velocity))
 
     def dead_work(self, velocity: PETSc.Vec) -> float:
-        """L₀(v). Collective."""
+        """Return L₀(v). Collective."""
         return float(self.dead.dot(velocity)) if self.has_dead else 0.0
 
     def dissipation(self, velocity: PETSc.Vec) -> float:
-        """Σ w γ(‖dev ε(v)‖ − t·dev ε(v)), and (γ/α) tr ε(v) where bodies dilate. Collective.
+        """Return Σ w γ(‖dev ε(v)‖ − t·dev ε(v)), and (γ/α) tr ε(v) where bodies dilate. Collective.
 
-        Over all points that have a yield radius, of a velocity that is admissible.
+        The sum is over all points with a finite yield radius; the velocity must be admissible.
         """
         power = powers(self.strains, *self.strains.of(velocity))
         return self.total(float(self.weights @ power)) / self.stress_unit
@@ -372,8 +381,8 @@ class ConicProgram:
     def rates(self, velocity: PETSc.Vec) -> tuple[float, float]:
         """Return root mean squares of the inadmissible part of ε(v), and of ε(v). Collective.
 
-        Of bodies that dilate it is what their volume grows too little by. In these units the latter
-        is about 1 of a flow that meets resistance.
+        In bodies that dilate, the inadmissible part is the shortfall of their volume growth. In
+        these units the second value is about 1 for a flow that meets resistance.
         """
         trace, deviator = self.strains.of(velocity)
         squares = np.einsum("ni,ni->n", deviator, deviator)
@@ -393,18 +402,18 @@ class ConicProgram:
         return float(np.sqrt(part / size)), float(np.sqrt(whole / size))
 
     def total(self, value: float) -> float:
-        """Sum over all ranks. Collective."""
+        """Return the sum over all ranks. Collective."""
         return float(self.comm.allreduce(value))
 
 
 def choose_units(program: ConicProgram, start: Start) -> bool:
-    """Make the limit load about as large as there are points and pairs. Collective.
+    """Scale the limit load to about the number of points and pairs. Collective.
 
-    The last factors are those of the flow.
+    The stiffness holds the factors of the flow afterwards.
 
     Args:
-        program: Whose units they are, as it was made.
-        start: What is known.
+        program: The program whose units are chosen, in its initial state.
+        start: The start of the search.
 
     Returns:
         Whether something limits the loads.
@@ -413,7 +422,8 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
         SingularStiffness: If K cannot be factorised.
     """
     flow = program.create_vector()
-    # Springs of contact so many times as stiff as bodies leave little of what contact carries.
+    # With springs of contact so many times as stiff as the bodies, contact carries nearly its full
+    # share.
     hard = 1e4
     try:
         if start.scale is not None:
@@ -431,7 +441,8 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
         if program.has_dead:
             _divide_dead(program)
         unit = _dissipation(program, flow) / program.work(flow) / max(program.degree, 1)
-        if start.pushed:  # forces begin at the roots of springs: at those of the limit load
+        # initial forces are the square roots of the springs: those at the limit load
+        if start.pushed:
             pushes = program.degree * unit * pushes
             program.springs = np.maximum(program.springs, pushes**2)
             _flow(program, flow, program.springs)
@@ -442,12 +453,13 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
 
 
 def _flow(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None = None) -> None:
-    """Find the flow that the loads drive, with springs at contact. Collective.
+    """Solve for the flow that the loads drive, with springs at contact. Collective.
 
     Args:
         program: The bodies and their loads.
         flow: Set to the flow.
-        springs: By default, and then the program's, those that suit the bodies.
+        springs: Springs of contact; by default the program's, which are then set to suit the
+            bodies.
     """
     moduli = program.flow_moduli()
     if springs is None and program.num_pairs:
@@ -460,17 +472,17 @@ def _flow(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None = None)
 
 
 def _dissipation(program: ConicProgram, flow: PETSc.Vec) -> float:
-    """Σ w γ‖dev ε(v)‖ over the points that can yield. Collective."""
+    """Return Σ w γ‖dev ε(v)‖ over the points that can yield. Collective."""
     _, deviator = program.strains.of(flow)
     rates = np.linalg.norm(deviator, axis=1)
     return program.total(float((program.weights * program.strengths) @ rates))
 
 
 def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
-    """Measure stresses by the mean strength where the flow dissipates. Collective.
+    """Choose as the unit of stress the mean strength where the flow dissipates. Collective.
 
     Returns:
-        Whether units are others than before.
+        Whether the units have changed.
     """
     plastic = program.plastic
     radii = program.strengths[plastic] * program.stress_unit
@@ -491,9 +503,9 @@ def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
 
 
 def _divide_dead(program: ConicProgram) -> None:
-    """Take off the dead loads what stresses carry that nothing bounds. Collective.
+    """Subtract from the permanent loads the part that unbounded stresses carry. Collective.
 
-    With the factors that there are. Where no flow is left of them such stresses carry them whole.
+    The present factors are used. If no flow remains, such stresses carry the loads entirely.
     """
     flow = program.create_vector()
     try:
@@ -506,19 +518,21 @@ def _divide_dead(program: ConicProgram) -> None:
 def _divide(
     program: ConicProgram, load: PETSc.Vec, flow: PETSc.Vec, springs: Floats | None
 ) -> tuple[Stress | None, Floats, bool]:
-    """Take off loads what stresses carry that nothing bounds, where that is most. Collective.
+    """Subtract from loads the part that unbounded stresses carry, if it is most of them.
 
-    Uzawa's iteration, with the factors of the flow. What contact carries is left in the loads,
-    since its forces must not pull; the flow is that of the rest in the end.
+    Collective.
+
+    Uzawa's iteration, with the factors of the flow. The part that contact carries remains in the
+    loads, since its forces must not pull. In the end the flow is that of the remaining loads.
 
     Args:
-        program: Whose loads they are.
-        load: The loads, of which what is carried is taken off.
-        flow: That of the loads.
-        springs: Springs of contact, whose forces are looked for as well; None if not.
+        program: The program with the loads.
+        load: The loads, from which the carried part is subtracted.
+        flow: Flow of the loads.
+        springs: Springs of contact whose forces are computed as well; None to compute none.
 
     Returns:
-        What is carried, None of nothing; contact forces, zeros where none are looked for; whether
+        The carried stress, None for none; contact forces, zeros if they are not computed; whether
         any flow is left.
     """
     given, left, rest = load.copy(), program.create_vector(), load.copy()
@@ -528,11 +542,11 @@ def _divide(
     pushes: Floats = np.zeros(len(program.jumps))
     bulk, first = program.weights / PROXIMAL, float(load.dot(flow))
     bounded = program.plastic & (program.strains.slopes > 0)
-    # Share of the power, of stresses that nothing bounds, from which on the loads are divided: it
-    # is 1e-5 of a load that a flow resists, and all of one that no flow does.
+    # The loads are divided if unbounded stresses have at least this share of the power. The share
+    # is 1e-5 for a load that a flow resists, and 1 for a load that no flow resists.
     mostly = 0.1
-    # Share of the power at first that no flow leaves: the square of what rounding leaves of loads
-    # that are balanced, over the proximal modulus.
+    # Share of the initial power that counts as no flow: the square of the rounding of balanced
+    # loads, over the proximal modulus.
     no_flow = 1e-16
     most_divisions = 20  # divisions of the loads; two to four were seen
     try:

@@ -1,4 +1,4 @@
-"""The solvers of conic programs, which share one protocol, and the one that a run has chosen."""
+"""Define the protocol of solvers of conic programs, and hold the solver that a run has chosen."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
 
 
 class ConicSolver(Protocol):
-    """A method that solves a conic program, in the place of :func:`interior_steps.iterate`."""
+    """A method that solves a conic program, as :func:`interior_steps.iterate` does."""
 
     def __call__(
         self,
@@ -31,12 +31,12 @@ class ConicSolver(Protocol):
         """Bring the iterate and its velocity to the solution. Collective.
 
         Args:
-            iteration: At its start, with the program.
-            rtol: Largest difference of static and kinematic load, relative.
-            steps: To which the steps are added.
+            iteration: The iteration at its start, with the program.
+            rtol: Largest relative difference of static and kinematic load.
+            steps: List to which the steps are appended.
             monitor: Called on every rank after each step.
-            share: Share of the tolerance that the solution may leave.
-            least: Load factor up to which a load is not taken for one without a bound.
+            share: Share of the tolerance that the solution may use.
+            least: Load factor up to which a load does not count as unbounded.
 
         Returns:
             The outcome, and its reason.
@@ -45,7 +45,7 @@ class ConicSolver(Protocol):
 
 
 USUAL = "interior-point"
-"""The name of the solver that is used unless another is chosen."""
+"""Name of the default solver."""
 
 SOLVERS: dict[str, ConicSolver] = {USUAL: iterate, "clarabel": by_clarabel}
 """Solvers by the name of ``conic`` in case files."""
@@ -53,7 +53,7 @@ SOLVERS: dict[str, ConicSolver] = {USUAL: iterate, "clarabel": by_clarabel}
 CONIC = (
     "The solver of limit loads and bounds: the program's own interior point method, or Clarabel, a"
     " package that is installed by pip install clarabel and works on one rank. It goes with no"
-    " other key, since these are about a path."
+    " other key, since the other keys belong to a loading path."
 )
 """The key ``conic`` of ``[solve]``, for references."""
 
@@ -62,7 +62,7 @@ _CHOSEN: ContextVar[str] = ContextVar("conic solver", default=USUAL)
 
 @contextmanager
 def conic_solver(name: str) -> Iterator[None]:
-    """Have all limit loads and bounds in a block found by a solver.
+    """Use a solver for all limit loads and bounds in a block.
 
     Args:
         name: A key of :data:`SOLVERS`.
@@ -84,15 +84,16 @@ def check_solver(name: str, ranks: int) -> None:
 
     Args:
         name: A key of :data:`SOLVERS`.
-        ranks: How many ranks there are.
+        ranks: Number of ranks.
 
     Raises:
-        InputError: If it is not installed, or works on one rank only.
+        InputError: If the solver is not installed, or works on one rank only and there are
+            several.
     """
     if name != USUAL:
         check_clarabel(ranks)
 
 
 def chosen_conic() -> ConicSolver:
-    """Return the solver that is chosen here, the interior point method by default."""
+    """Return the solver chosen by :func:`conic_solver`, the interior point method by default."""
     return SOLVERS[_CHOSEN.get()]

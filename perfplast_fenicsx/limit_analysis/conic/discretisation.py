@@ -1,4 +1,4 @@
-"""The discrete form of a limit load problem: strain rates at points, and a stiffness of moduli.
+"""Define the discrete form of a limit load problem: strain rates at points, and a stiffness.
 
 :class:`SprungMatrix` is the common part of both kinds of stiffness: springs at the jumps of
 contact, and factors.
@@ -25,26 +25,26 @@ NONE = np.zeros(0, dtype=np.int32)
 
 
 class SingularStiffness(RuntimeError):
-    """A factorisation that has failed, on every rank alike."""
+    """A factorisation that has failed, on every rank."""
 
 
 class Strains(Protocol):
     """ε(v) at the points of this rank, and its transpose.
 
-    Stresses are (p, s) in the coordinates of each point's cone, ‖s + γt‖ ≤ γ − αp, and strain rates
-    are those that do their work (:mod:`standard_cones`). About the hydrostatic axis p is the mean
-    stress and s the deviator, so that rates are trace and deviator, and go by these names.
+    Stresses are (p, s) in the coordinates of each point's cone, ‖s + γt‖ ≤ γ − αp. Strain rates are
+    conjugate to them (:mod:`standard_cones`). For a cone about the hydrostatic axis, p is the mean
+    stress and s the deviator; therefore rates are called trace and deviator.
 
     Attributes:
-        count: Points of this rank.
-        size: Components m of a deviator; its norm is that of the tensor.
-        gdim: Dimension in which the trace is taken, and pressure acts.
-        weights: Volume that a point stands for, shape (count,).
-        radii: Yield radius γ (stress) without mean stress, ∞ in elastic bodies, shape (count,).
-        slopes: α, by which it falls with the mean stress, shape (count,).
-        tilts: t, shape (count, m); None where all are zero.
-        sets: Of the points that have other sets instead, by their kinds; γ and α are there those of
-            the narrowest cone of the same apex around a set.
+        count: Number of points of this rank.
+        size: Number m of components of a deviator; its norm is that of the tensor.
+        gdim: Dimension in which the trace is taken and pressure acts.
+        weights: Volume of each point, shape (count,).
+        radii: Yield radius γ (stress) at zero mean stress, ∞ in elastic bodies, shape (count,).
+        slopes: Slope α, by which the radius falls with the mean stress, shape (count,).
+        tilts: Tilt t, shape (count, m); None where all are zero.
+        sets: Yield sets of other kinds, one entry for each kind; γ and α at their points are those
+            of the narrowest cone with the same apex around the set.
     """
 
     count: int
@@ -57,7 +57,7 @@ class Strains(Protocol):
     sets: tuple[PointSets, ...]
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Trace and deviator of ε(v), shapes (count,) and (count, m). Collective."""
+        """Return trace and deviator of ε(v), shapes (count,) and (count, m). Collective."""
         ...
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
@@ -65,7 +65,7 @@ class Strains(Protocol):
         ...
 
     def matrix(self) -> sparse.csr_array:
-        """Return what :meth:`of` multiplies with, on one rank alone.
+        """Return the matrix of :meth:`of`; on one rank only.
 
         Returns:
             The trace of each point, then its deviator, shape (count · (1 + m), num_unknowns).
@@ -73,11 +73,11 @@ class Strains(Protocol):
         ...
 
     def deviators(self, deviator: Floats) -> Floats:
-        """Return s without what is in it of p, where m components are one too many for s."""
+        """Return s without the part that belongs to p, if s has one component too many."""
         ...
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         ...
 
 
@@ -86,31 +86,31 @@ class Stiffness(Protocol):
 
     @property
     def factorisations(self) -> int:
-        """So far."""
+        """Number of factorisations so far."""
         ...
 
     @property
     def solves(self) -> int:
-        """Systems solved so far."""
+        """Number of systems solved so far."""
         ...
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Bring K to moduli at the points, with unknowns that stay zero. Collective."""
+        """Assemble K with moduli at the points; the unknowns ``held`` stay zero. Collective."""
         ...
 
     def jump_diagonal(self) -> Floats:
-        """Diagonal entries of the jumps of this rank's pairs. Collective."""
+        """Return the diagonal entries of the jumps of this rank's pairs. Collective."""
         ...
 
     def add_at_jumps(self, springs: Floats) -> None:
-        """Add c to the diagonal, shape (num_pairs,) on each rank. Collective."""
+        """Add c to the diagonal entries of jumps, shape (num_pairs,) on each rank. Collective."""
         ...
 
     def factorise(self) -> None:
-        """Factorise. Collective.
+        """Factorise K. Collective.
 
         Raises:
-            SingularStiffness: If that fails.
+            SingularStiffness: If the factorisation fails.
         """
         ...
 
@@ -119,7 +119,7 @@ class Stiffness(Protocol):
         ...
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         ...
 
 
@@ -130,13 +130,13 @@ class Discretisation:
     Attributes:
         comm: The ranks.
         strains: Strains of velocities.
-        stiffness: Assembled for the same velocities.
+        stiffness: Stiffness of the same velocities.
         load: L, the loads whose factor λ is sought, as a vector, in the user's units.
-        dead: L₀, loads that stay as they are, in the same.
+        dead: L₀, permanent loads, in the same units.
         free: Loads of any factor.
         jumps: Local (owned) entries of velocities that are jumps [v] of contact pairs.
-        proves_stress: Whether it is the stress that is to be proven: without cohesion some of the
-            slope α is then kept for what rounding leaves, too.
+        proves_stress: Whether the stress is to be proven. Without cohesion, a share of the slope α
+            is then kept in reserve for rounding, too.
     """
 
     comm: MPI.Intracomm
@@ -153,20 +153,20 @@ class SprungMatrix:
     """The common part of both kinds of :class:`Stiffness`, for an assembled matrix.
 
     Attributes:
-        factorisations: So far.
-        solves: Systems solved so far.
+        factorisations: Number of factorisations so far.
+        solves: Number of systems solved so far.
     """
 
     def __init__(
         self, comm: PETSc.Comm, matrix: PETSc.Mat, jumps: Ints, options: Mapping[str, object]
     ) -> None:
-        """Take a matrix over that is still to be assembled. Collective.
+        """Take over a matrix that its owner assembles later. Collective.
 
         Args:
             comm: The ranks.
-            matrix: Assembled again by the owner of this.
+            matrix: The matrix; the owner of this object assembles it again for each K.
             jumps: Owned unknowns that are jumps.
-            options: PETSc's, of the factorisation.
+            options: PETSc options of the factorisation.
         """
         self._matrix, self._jumps = matrix, jumps
         self.factorisations = self.solves = 0
@@ -177,34 +177,36 @@ class SprungMatrix:
         self._used = self._ksp
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         for thing in (self._supernodal, self._ksp, self._matrix):
             thing.destroy()
 
     @property
     def uses(self) -> str:
-        """PETSc's name of what has made the last factors."""
+        """PETSc's name of the solver that has made the last factors."""
         return str(self._used.getPC().getFactorSolverType())
 
     def jump_diagonal(self) -> Floats:
-        """Diagonal entries of the jumps of this rank's pairs. Collective."""
+        """Return the diagonal entries of the jumps of this rank's pairs. Collective."""
         diagonal = self._matrix.getDiagonal()
         values: Floats = diagonal.array_r[self._jumps].copy()
         diagonal.destroy()
         return values
 
     def add_at_jumps(self, springs: Floats) -> None:
-        """Add c to the diagonal, shape (num_pairs,) on each rank. Collective."""
+        """Add c to the diagonal entries of jumps, shape (num_pairs,) on each rank. Collective."""
         diagonal = self._matrix.getDiagonal()
         diagonal.array[self._jumps] += springs
         self._matrix.setDiagonal(diagonal)
         diagonal.destroy()
 
     def check_once(self) -> None:
-        """Refuse the matrix if its factors do not fit into memory, once. Collective.
+        """Refuse the matrix if its factors do not fit into memory; only on the first call.
+
+        Collective.
 
         Raises:
-            TooLarge: With what is needed and what there is.
+            TooLarge: With the memory that is needed and that is available.
         """
         if not self._checked:
             self._ksp.setOperators(self._matrix)
@@ -213,11 +215,11 @@ class SprungMatrix:
 
     @phase("linear set-up")
     def factorise(self) -> None:
-        """Factorise the matrix as it is. Collective.
+        """Factorise the matrix in its present state. Collective.
 
         Raises:
-            SingularStiffness: If that fails.
-            InputError: If it takes more memory than there is, before the first one.
+            SingularStiffness: If the factorisation fails.
+            InputError: If the first one needs more memory than there is.
         """
         self.check_once()
         self.factorisations += 1

@@ -1,4 +1,4 @@
-"""Contact pairs: forces r ≥ 0 and rooms −[v] ≥ 0, each a cone of one number. NumPy only."""
+"""Define the cones of contact pairs: forces r ≥ 0 and slacks −[v] ≥ 0. NumPy only."""
 
 from dataclasses import dataclass, replace
 
@@ -23,27 +23,27 @@ class Pairs:
     """The contact pairs of a rank; see :class:`cone.Block`.
 
     Attributes:
-        springs: Stiffness of contact that suits that of the bodies, shape (num_pairs,).
+        springs: Stiffness of contact that suits the stiffness of the bodies, shape (num_pairs,).
     """
 
     springs: Floats
 
     @property
     def degree(self) -> int:
-        """Pairs."""
+        """Number of pairs."""
         return len(self.springs)
 
     def start(self, borne: Borne) -> Members:
-        """Forces and rooms whose products are 1."""
+        """Return forces and slacks whose products are 1."""
         root = np.sqrt(self.springs)
         borne.forces[:] = root
         return Members(root, 1 / root)
 
     def flow(self, moduli: Moduli) -> None:
-        """Springs are added where they are known."""
+        """Do nothing: the caller adds springs where they are known."""
 
     def static(self, borne: Borne, own: Floats) -> Floats:
-        """The forces."""
+        """Return the forces."""
         return borne.forces
 
     def rows(self, at: Columns) -> ConeRows:
@@ -57,7 +57,7 @@ class Pairs:
         return Members(static[:, 0], kinematic[:, 0])
 
     def inner(self, now: Members) -> float:
-        """Σ r·(−[v])."""
+        """Return Σ r·(−[v])."""
         return float(now.static @ now.kinematic)
 
     def longest(self, now: Members, change: Members) -> float:
@@ -76,11 +76,11 @@ class Pairs:
         return missing_of(products, mu)
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledPairs":
-        """The pairs at an iterate."""
+        """Return the pairs at an iterate."""
         return ScaledPairs(now, rates)
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
-        """No points are of this kind."""
+        """Do nothing: pairs have no points."""
 
 
 class ScaledPairs:
@@ -92,17 +92,17 @@ class ScaledPairs:
         self._off = rates.jumps + now.kinematic
 
     def stiffen(self, moduli: Moduli) -> Moduli:
-        """With springs r/(−[v])."""
+        """Return the moduli with springs r/(−[v])."""
         return replace(moduli, springs=self._springs)
 
     def products(self, change: Members | None = None) -> Floats:
-        """R·(−[v]), which need no scaling."""
+        """Return r·(−[v]); such products need no scaling."""
         if change is None:
             return self._forces * self._rooms
         return change.static * change.kinematic
 
     def aim(self, products: Floats) -> Floats:
-        """The products themselves."""
+        """Return the products themselves."""
         return products
 
     def bear(self, aim: Floats, change: Borne) -> None:

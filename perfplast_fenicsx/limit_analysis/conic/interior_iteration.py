@@ -1,10 +1,10 @@
-"""Primal-dual interior point iteration for limit loads.
+"""Implement the primal-dual interior point iteration for limit loads.
 
 A step takes one factorisation of a stiffness. The stress of a point changes by moduli times a
-strain, and each kind of cone defines its moduli (:mod:`cone`). Steps are
-Mehrotra's, a predictor and a corrector, and then Gondzio's (:class:`cone.Products`), all with the
-same factors. Stresses that nothing bounds, mean ones and those of elastic bodies, follow the
-proximal point method, which does not change where the iteration ends.
+strain, and each kind of cone defines its moduli (:mod:`cone`). A step is Mehrotra's, with a
+predictor and a corrector, followed by Gondzio's corrections (:class:`cone.Products`), all with the
+same factors. Unbounded stresses, mean ones and those of elastic bodies, follow the proximal point
+method, which does not change the limit of the iteration.
 """
 
 from collections.abc import Sequence
@@ -30,10 +30,10 @@ from perfplast_fenicsx.limit_analysis.statements.bound import measure_of
 from perfplast_fenicsx.solvers.linear.conjugate_residuals import ConjugateResiduals
 
 AT_REST = 1e-4
-"""Strain rates, relative to those of a flow that meets resistance, that are next to none."""
+"""Strain rates, relative to those of a flow that meets resistance, that count as nearly zero."""
 
 MOST_ROUNDS = 4
-"""So often it is balanced, and forces that pull are let go of between."""
+"""Largest number of balancing rounds; between them, forces that pull are set to zero."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class Unknowns:
     """Static and kinematic unknowns, or changes of them, on this rank, in the program's units.
 
     Attributes:
-        load: λ.
+        load: Load factor λ.
         aside: Factor of the loads of any factor, 0 without them.
         borne: Stress at the points, and forces of the pairs.
-        members: Those of the program's blocks, the contact pairs last.
+        members: Members of the program's blocks, the contact pairs last.
     """
 
     load: float
@@ -54,17 +54,17 @@ class Unknowns:
 
     @property
     def stress(self) -> tuple[Floats, Floats]:
-        """Pressure and deviator, in the coordinates of the cones."""
+        """Return pressure and deviator, in the coordinates of the cones."""
         return self.borne.pressure, self.borne.deviator
 
     @property
     def forces(self) -> Floats:
-        """Forces r of contact pairs, shape (num_pairs,)."""
+        """Return the forces r of contact pairs, shape (num_pairs,)."""
         return self.borne.forces
 
     @property
     def rooms(self) -> Floats:
-        """−[v] of contact pairs, shape (num_pairs,)."""
+        """Return the slacks −[v] of contact pairs, shape (num_pairs,)."""
         return self.members[-1].kinematic
 
     def plus(self, t: float, change: "Unknowns") -> "Unknowns":
@@ -78,7 +78,7 @@ class Unknowns:
         )
 
     def bearing(self, borne: Borne, blocks: Sequence[Block]) -> "Unknowns":
-        """The unknowns with other stress and forces."""
+        """Return the unknowns with other stress and forces, and with their static members."""
         both = zip(blocks, self.members, strict=True)
         members = (replace(it, static=block.static(borne, it.own)) for block, it in both)
         return replace(self, borne=borne, members=tuple(members))
@@ -86,30 +86,30 @@ class Unknowns:
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """Changes of the unknowns, and of the velocity's entries on this rank."""
+    """A change of the unknowns, and of the velocity's entries on this rank."""
 
     unknowns: Unknowns
     velocity: Floats
 
 
 class Workspace:
-    """Velocities that steps work with, made once.
+    """Vectors of velocities that the steps share.
 
     Attributes:
-        balance: Forces that nothing balances.
-        right: Of a linear system.
+        balance: Unbalanced forces.
+        right: Right-hand side of a linear system.
         change: Change of the velocity.
-        motions: Under a unit of the loads whose factors are unknown.
+        motions: Motions under a unit of each load whose factor is unknown.
     """
 
     def __init__(self, program: ConicProgram) -> None:
-        """Make room. Collective."""
+        """Create the vectors. Collective."""
         make = program.create_vector
         self.balance, self.right, self.change = make(), make(), make()
         self.motions = [make() for _ in range(2 if program.has_free else 1)]
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         for vector in (self.balance, self.right, self.change, *self.motions):
             vector.destroy()
 
@@ -117,7 +117,7 @@ class Workspace:
 class NewtonDirections:
     """Newton's directions from one iterate, for given changes of the products of cones and pairs.
 
-    All are found with the factors of one K.
+    All directions use the factors of one K.
     """
 
     def __init__(
@@ -129,15 +129,15 @@ class NewtonDirections:
         factorised: bool,
         proximal: float = PROXIMAL,
     ) -> None:
-        """Assemble and factorise K, and find what is the same for all directions. Collective.
+        """Assemble and factorise K, and compute the data that all directions share. Collective.
 
         Args:
-            program: The program that was solved.
+            program: The program to solve.
             now: The current iterate.
-            velocity: Its velocity.
-            work: Vectors to work with; ``balance`` is what nothing balances there.
-            factorised: Whether the last factors are those of K.
-            proximal: δ.
+            velocity: Velocity of the iterate.
+            work: Vectors to work with; its ``balance`` holds the unbalanced forces of the iterate.
+            factorised: Whether the last factors are the factors of K.
+            proximal: Proximal parameter δ.
         """
         self._program, self._now, self._work = program, now, work
         self._blocks = program.blocks
@@ -158,7 +158,7 @@ class NewtonDirections:
         program.stiffness.factorise()
 
     def _find_of_loads(self, velocity: PETSc.Vec) -> None:
-        """Motions under unit loads, their works, and the works that are missing. Collective."""
+        """Compute motions under unit loads, their works, and the missing works. Collective."""
         program, work = self._program, self._work
         self._loads = [program.load, program.free] if program.has_free else [program.load]
         self._motions = work.motions[: len(self._loads)]
@@ -168,22 +168,25 @@ class NewtonDirections:
         self._missing = np.array([1.0, 0.0][: len(self._loads)]) - self._of_all(velocity)
 
     def _of_all(self, velocity: PETSc.Vec) -> Floats:
-        """Return works of the loads with unknown factors. Collective."""
+        """Return the works of the loads with unknown factors. Collective."""
         return np.array([float(load.dot(velocity)) for load in self._loads])
 
     def products(self, change: Unknowns | None = None) -> Products:
-        """Return products of the unknowns, or of a change of them."""
+        """Return the products of the unknowns, or of a change of them."""
         if change is None:
             return Products(self._blocks, [scaled.products() for scaled in self._scaled])
         both = zip(self._scaled, change.members, strict=True)
         return Products(self._blocks, [scaled.products(members) for scaled, members in both])
 
     def products_after(self, t: float, change: Unknowns) -> Products:
-        """Return products of the unknowns after t times a change."""
+        """Return the products of the unknowns after t times a change."""
         return self.products(self._now.plus(t, change))
 
     def towards(self, change: Products) -> Direction:
-        """Return the direction in which the products change so, to first order. Collective."""
+        """Return the direction that changes the products by ``change``, to first order.
+
+        Collective.
+        """
         program, work, jumps = self._program, self._work, self._program.jumps
         aims = [it.aim(part) for it, part in zip(self._scaled, change.parts, strict=True)]
         before = self._proximal(self._rates.trace, self._rates.deviator)
@@ -211,15 +214,15 @@ class NewtonDirections:
         return Direction(unknowns, work.change.array_r.copy())
 
     def _proximal(self, trace: Floats, deviator: Floats) -> Borne:
-        """Stress by the proximal point method; blocks replace what they bound."""
+        """Return the stress of the proximal point method; blocks overwrite what they bound."""
         none = np.zeros(len(self._program.jumps))
         return Borne(self._free * trace, self._free[:, None] * deviator, none)
 
     def balanced(self, now: Unknowns) -> Unknowns:
-        """Return unknowns with what the balance in the workspace calls for. Collective.
+        """Return unknowns whose stress and forces balance the forces in the workspace. Collective.
 
         Args:
-            now: The unknowns.
+            now: The unknowns, with ``balance`` of the workspace as their unbalanced forces.
         """
         program, change = self._program, self._work.change
         program.stiffness.solve(self._work.balance, change)
@@ -234,19 +237,19 @@ class NewtonDirections:
 
 
 class InteriorIteration:
-    """The iterate, and steps of it.
+    """The iterate, and its steps.
 
     Attributes:
-        program: The program that was solved.
+        program: The program to solve.
         now: The iterate.
-        velocity: Its velocity v.
+        velocity: Velocity v of the iterate.
     """
 
     def __init__(self, program: ConicProgram) -> None:
-        """Start in the middle of the yield sets, at rest. Collective.
+        """Start at the centre of the yield sets, at rest. Collective.
 
-        The first step's K is that by which the program's units were chosen, and its factors are
-        used: nothing else may have been factorised since.
+        K of the first step is the K that has determined the program's units, and its factors are
+        used. Nothing else may have been factorised since.
         """
         self.program = program
         self._begun = False
@@ -258,58 +261,64 @@ class InteriorIteration:
         self.now = Unknowns(0.0, 0.0, borne, members)
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         self.velocity.destroy()
         self._work.destroy()
 
     def put(self, now: Unknowns, velocity: Floats) -> None:
-        """Continue from an iterate that another solver has found.
+        """Replace the iterate by one of another solver.
 
         Args:
-            now: The iterate, its members inside of their cones.
+            now: The iterate, its members inside their cones.
             velocity: Entries of its velocity on this rank.
         """
         self.now, self._newton, self._begun = now, None, True
         self.velocity.array[:] = velocity
 
     def gap(self) -> float:
-        """By how much static and kinematic load differ once all else is right. Collective."""
+        """Return the difference of static and kinematic load for a feasible iterate. Collective."""
         both = zip(self.program.blocks, self.now.members, strict=True)
         return self.program.total(sum(block.inner(members) for block, members in both))
 
     def unbalanced(self) -> float:
-        """Largest force that nothing balances, relative to the largest of the loads. Collective."""
+        """Return the largest unbalanced force, relative to the largest of the loads. Collective."""
         largest = PETSc.NormType.NORM_INFINITY
         loads = max(abs(self.now.load), 1.0) * self.program.load.norm(largest)
         loads += self.program.dead.norm(largest)
         return float(self.balance().norm(largest) / loads)
 
     def row_units(self) -> Floats | float:
-        """Force in each row of this rank that is as bad as any other if nothing balances it."""
+        """Return the forces in the rows of this rank that are equally bad if unbalanced."""
         return 1.0
 
     def unbalanced_work(self) -> float:
-        """Return the work of the forces that nothing balances on the velocity. Collective.
+        """Return the work of the unbalanced forces on the velocity. Collective.
 
-        It is what they change the load by, to first order, as the velocity is that of collapse with
+        To first order, they change the load by this work, as the velocity is that of collapse with
         L(v) = 1.
         """
         return float(self.balance().dot(self.velocity))
 
     def size(self) -> float:
-        """Return the measure of differences of bounds (:func:`bound.measure_of`). Collective."""
+        """Return the size that differences of bounds are relative to (:func:`bound.measure_of`).
+
+        Collective.
+        """
         load = self.now.load
         return measure_of(load + self.program.dead_work(self.velocity), load, self.program.loose)
 
     def missing_work(self) -> float:
-        """|1 − L(v)|, and the work of loads of any factor. Collective."""
+        """Return |1 − L(v)|, or the work of the loads of any factor if it is larger. Collective."""
         missing = abs(1 - self.program.work(self.velocity))
         if not self.program.has_free:
             return missing
         return max(missing, abs(float(self.program.free.dot(self.velocity))))
 
     def balance(self) -> PETSc.Vec:
-        """Σ w σ:ε(v) + r·[v] less the work of the loads for all v, to become zero. Collective."""
+        """Return the residual of equilibrium as a vector, zero at the solution. Collective.
+
+        It is Σ w σ:ε(v) + r·[v] less the work of the loads, for all v.
+        """
         program, now, left = self.program, self.now, self._work.balance
         program.internal_forces(*now.stress, left)
         left.axpy(-now.load, program.load)
@@ -320,10 +329,12 @@ class InteriorIteration:
         return left
 
     def inadmissible(self) -> float:
-        """Volume change of v in plastic bodies and strain in elastic ones, relative to ‖ε(v)‖.
+        """Return the inadmissible part of ε(v), relative to ‖ε(v)‖.
 
-        Beside dead loads, which alone may hold bodies, these may part as rigid ones: strain rates
-        that are rounding count as :data:`AT_REST` then. Collective.
+        It is the volume change in plastic bodies and the strain in elastic ones.
+
+        If permanent loads alone hold bodies together, these may separate as rigid bodies. With
+        permanent loads, rates below :data:`AT_REST` are therefore replaced by it. Collective.
         """
         wrong, rate = self.rates()
         rate = max(rate, AT_REST) if self.program.has_dead else rate
@@ -334,11 +345,11 @@ class InteriorIteration:
         return self.program.rates(self.velocity)
 
     def equilibrate(self) -> None:
-        """Add the stress and contact forces that balance what is left. Collective.
+        """Add the stress and contact forces that balance the unbalanced forces. Collective.
 
-        Those are of the last step's K. Cones may be left by them, by as little as is to balance.
-        Where K is singular but for rounding, as of bodies that part, they may leave more than there
-        was; nothing is added then.
+        The last step's K determines them. They may leave the cones, by as little as there is to
+        balance. If K is nearly singular, as when bodies separate, the residual may grow; then
+        nothing is added.
         """
         if self._newton is None:
             return
@@ -349,20 +360,21 @@ class InteriorIteration:
 
     @np.errstate(over="ignore", invalid="ignore")  # a direction without end is not taken
     def step(self, onwards: bool = True) -> float:
-        """Make a step. Collective.
+        """Perform a step. Collective.
 
         Args:
-            onwards: Towards the limit load; else towards the middle of the cones where it is, which
-                is all that is left to make the velocity right. Strains of elastic bodies are then
-                made rounding at once, by a δ that is the square of the usual one.
+            onwards: Whether to step towards the limit load. Otherwise the step goes towards the
+                centre of the cones at the present load, which corrects the velocity only. The
+                strains of elastic bodies then become rounding at once, with the square of the
+                usual δ.
 
         Returns:
-            Its length, at most 1; 0 where no direction was found.
+            Length of the step, at most 1; 0 if no direction was found.
 
         Raises:
             SingularStiffness: If K cannot be factorised.
         """
-        self._newton = None  # its factors go with what is factorised next
+        self._newton = None  # the next factorisation replaces its factors
         self.balance()
         self._newton = newton = NewtonDirections(
             self.program,
@@ -381,8 +393,9 @@ class InteriorIteration:
             aim = -(here + newton.products(affine.unknowns)).raised(-centre)
         chosen = newton.towards(aim)
         longest = self._longest(chosen.unknowns)
-        # Corrections of a direction, each a solution with the factors that there are. It should be
-        # longer by the gain, as a share of a whole step; it is taken if it is by what is worth it.
+        # Corrections of a direction, each a solution with the present factors. A correction aims at
+        # a step that is longer by ``gain`` (a whole step is 1). It is accepted if the step grows by
+        # more than ``worth``.
         most_corrections, gain, worth = 3, 0.3, 0.02
         for _ in range(most_corrections):
             if not longest < 1:
@@ -394,7 +407,7 @@ class InteriorIteration:
             if not further > longest + worth:
                 break
             chosen, longest = other, further
-        shortened = 0.95  # share of the way to the boundary that a step goes
+        shortened = 0.95  # share of the distance to the boundary
         length = min(1.0, shortened * longest)
         if not np.isfinite(chosen.unknowns.load):
             return 0.0
@@ -403,7 +416,7 @@ class InteriorIteration:
         return length
 
     def _longest(self, change: Unknowns) -> float:
-        """Longest step that keeps all cones and pairs inside. Collective."""
+        """Return the longest step that keeps all members in their cones. Collective."""
         each = zip(self.program.blocks, self.now.members, change.members, strict=True)
         mine = min(block.longest(now, by) for block, now, by in each)
         return float(self._comm.allreduce(mine, MPI.MIN))
@@ -412,16 +425,16 @@ class InteriorIteration:
 def rebalance(iteration: InteriorIteration) -> None:
     """Bring an iterate into equilibrium by the least change of its stress. Collective.
 
-    It takes a factorisation. Contact forces change in proportion to their size, so that small ones
-    stay positive. Where equilibrium leaves a force nothing but zero, what is left of the iteration
-    may still make it pull; such forces are zero then, and the rest is balanced without them. Yield
-    sets may be left. Where no factorisation is to be had, or forces pull to the end, what was last
-    in equilibrium is left, or nothing changed.
+    The function takes a factorisation. Contact forces change in proportion to their size, so that
+    small ones stay positive. If equilibrium requires a force to be zero, residuals of the
+    iteration may still make it pull. Such forces are set to zero, and the rest is balanced without
+    them. The stress may leave the yield sets. If no factorisation succeeds, or forces pull until
+    the end, the last iterate in equilibrium remains, or the original one.
     """
     program, balanced = iteration.program, iteration.now
     uniform: Floats = np.ones(len(program.weights))
     largest = max(program.comm.allgather(float(balanced.forces.max(initial=0))))
-    least_change = 1e-6  # share of the largest contact force that one of zero changes with
+    least_change = 1e-6  # share of the largest contact force by which a zero force changes
     springs = program.springs * (balanced.forces / (largest or 1.0) + least_change)
     try:
         for _ in range(MOST_ROUNDS):
@@ -443,23 +456,23 @@ def rebalance(iteration: InteriorIteration) -> None:
 
 
 def _balance(iteration: InteriorIteration, springs: Floats) -> None:
-    """Correct stress and contact forces with the factors that there are. Collective.
+    """Correct stress and contact forces with the present factors. Collective.
 
-    By conjugate residuals, with the factors as those of K. Where rows of equilibrium nearly depend
-    on each other, as where edges nearly cross, the ridge of the factors
-    (:data:`condensed_stiffness.RIDGE`) is more than K itself: mere refinement corrects next to
-    nothing of a few such motions, and conjugate gradients leave the balance again where no stress
-    has it to the last bit. The best balance is kept.
+    The method is conjugate residuals, with the factors as those of K. If rows of equilibrium
+    nearly depend on each other, as where edges nearly cross, the ridge of the factors
+    (:data:`condensed_stiffness.RIDGE`) exceeds K itself. Then simple refinement hardly corrects a
+    few such motions. Conjugate gradients lose the balance again if no stress fulfils it to the
+    last bit. The best balance is kept.
     """
     program, units = iteration.program, iteration.row_units()
     direction, product = program.create_vector(), program.create_vector()
     directions = ConjugateResiduals(program.total)
     least, best, since = np.inf, iteration.now, 0
-    # Forces without balance, relative to the largest load, that need not be corrected.
+    # Unbalanced forces, relative to the largest load, that need no correction.
     balanced = 1e-13
-    most_corrections = 20  # one or two, and one for each place where edges nearly cross
-    worth = 0.5  # share of the least that was left, below which a correction has helped
-    patience = 4  # corrections in a row that may not help before they end
+    most_corrections = 20  # one or two, and one more for each place where edges nearly cross
+    worth = 0.5  # a correction helps if it reduces the residual below this share of the least one
+    patience = 4  # corrections in a row without success, after which they end
     try:
         while directions.count <= most_corrections:
             missing = iteration.unbalanced()
@@ -487,13 +500,13 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
 def _resistance(
     iteration: InteriorIteration, springs: Floats, motion: PETSc.Vec, out: PETSc.Vec
 ) -> Borne:
-    """Stress and forces that resist a motion. Collective.
+    """Return stress and forces that resist a motion. Collective.
 
     Args:
-        iteration: Of whose program it is.
+        iteration: The iteration with the program.
         springs: Stiffness of contact.
-        motion: Motion of bodies whose moduli are 1.
-        out: Set to the forces of all of it.
+        motion: Motion of bodies with unit moduli.
+        out: Set to the total forces.
     """
     program = iteration.program
     rates, weights = program.rates_of(motion), program.weights

@@ -1,4 +1,4 @@
-"""Steps of the interior point method until it is known what the limit load is."""
+"""Run the steps of the interior point method until the limit load is known."""
 
 import time
 from collections.abc import Callable
@@ -16,20 +16,20 @@ from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIt
 MOST_STEPS = 60
 
 NO_LOAD = 1e-7
-"""A load below this share of that of a viscous flow is zero, and so is a strain rate."""
+"""Loads and strain rates below this share of those of a viscous flow count as zero."""
 
 CARRIES_NONE = (
-    "no stress can carry the loads: they move bodies off what holds them, and meet no resistance"
+    "no stress can carry the loads: they move bodies away from their supports without resistance"
 )
-"""Reason where a load factor is zero."""
+"""Reason for a load factor of zero."""
 
 
 class StopSearch(Exception):
-    """Raised by a monitor, on every rank alike, to end the steps and keep the results.
+    """Raised by a monitor on every rank to end the steps and keep the results.
 
     Attributes:
-        found: What the search has found so far; None if it had not begun.
-        adapted: What meshes before have given, where there are several; else None.
+        found: Results of the search so far; None if it had not begun.
+        adapted: Results of the previous meshes, if there are several; otherwise None.
     """
 
     found: object = None
@@ -50,11 +50,11 @@ class InteriorStep:
     """One step of the method.
 
     Attributes:
-        number: From 1.
-        load: λ of the stress, a lower bound once forces balance.
-        gap: What λ of the velocity exceeds it by, once that is admissible, relative to the power of
-            all loads there.
-        unbalanced: Largest force that nothing balances, relative to the largest of the loads.
+        number: Number of the step, from 1.
+        load: Factor λ of the stress, a lower bound once forces balance.
+        gap: Kinematic less static load, for an admissible velocity, relative to the power of all
+            loads.
+        unbalanced: Largest unbalanced force, relative to the largest of the loads.
         inadmissible: Volume change of v in plastic bodies, and strain in elastic ones, relative to
             ‖ε(v)‖.
         length: Length of the step, at most 1.
@@ -75,11 +75,11 @@ Monitor: TypeAlias = Callable[[InteriorStep], None]
 
 
 def carries_none(program: ConicProgram, most: float, rate: float) -> bool:
-    """Return whether a load factor is zero, as bodies move without resistance.
+    """Return whether a load factor is zero because bodies move without resistance.
 
     Args:
-        program: Of the loads.
-        most: What the power of the loads is at most.
+        program: The program with the loads.
+        most: Upper bound of the power of the loads.
         rate: Root mean square of the strain rates.
     """
     small = most <= NO_LOAD * program.degree and rate <= NO_LOAD
@@ -94,33 +94,33 @@ def iterate(
     share: float = 1.0,
     least: float = 0.0,
 ) -> tuple[Verdict, str]:
-    """Step until it is known what the limit load is. Collective.
+    """Perform steps until the limit load is known. Collective.
 
-    Forces without balance r change λ by r·v to first order, v being the mechanism with L(v) = 1.
-    Their residuals are removed afterwards, or there is no bound.
+    Unbalanced forces r change λ by r·v to first order, where v is the mechanism with L(v) = 1. The
+    caller removes these residuals afterwards; otherwise there is no bound.
 
     Args:
-        iteration: At its start.
-        rtol: Largest difference of static and kinematic load, relative.
-        steps: To which the steps are added.
+        iteration: The iteration at its start.
+        rtol: Largest relative difference of static and kinematic load.
+        steps: List to which the steps are appended.
         monitor: Called on every rank after each step.
-        share: Share of the tolerance that the steps may leave.
-        least: Load factor up to which a load is not taken for one without a bound.
+        share: Share of the tolerance that the solution may use.
+        least: Load factor up to which a load does not count as unbounded.
     """
     program, began = iteration.program, time.perf_counter()
     good: tuple[Unknowns, Floats] | None = None  # an iterate and its velocity's entries
-    # A load so many times that of a viscous flow, without any mechanism in sight, has no bound.
+    # A load this many times the load of a viscous flow, without any sign of a mechanism, has no
+    # bound.
     unbounded = 50.0
     far = unbounded * (program.degree + program.dead_to_live())
     far = max(far, least / program.load_unit)
-    # Forces without balance, and work that is missing, that the bounds then do away with.
+    # Unbalanced forces and missing work that the bounds can remove afterwards.
     least_residual = 1e-5
-    # Forces without balance that may be left where they do next to no work on the
-    # mechanism, relative to the largest load: of a body force that is spread thin over
-    # fine cells this is far below the rounding of the forces inside. A velocity that is
-    # less admissible is far from a mechanism.
+    # Unbalanced forces, relative to the largest load, that are allowed if they do almost no work on
+    # the mechanism. For a body force spread over fine cells this is far below the rounding of the
+    # internal forces. A velocity that is less admissible is far from a mechanism.
     almost = 1e-3
-    stuck = 1e-6  # length of a step that counts as none
+    stuck = 1e-6  # length of a step that counts as zero
     while len(steps) < MOST_STEPS:
         try:
             length = iteration.step()
@@ -149,11 +149,11 @@ def iterate(
                 "stresses within yield carry the loads beyond ζ ="
                 f" {far * program.load_unit:.3g}, so that nothing seems to bound them"
             )
-        at_rest = rate <= NO_LOAD  # bodies move as rigid ones, and what strains is rounding
+        at_rest = rate <= NO_LOAD  # bodies move as rigid ones, and strains are rounding
         tolerated = share * rtol * size
         idle = unbalanced <= almost and abs(iteration.unbalanced_work()) <= tolerated
         balanced = missing <= least_residual and unbalanced <= least_residual
-        if good is not None and not balanced:  # rounding of a K that is nearly singular
+        if good is not None and not balanced:  # rounding errors of a nearly singular K
             iteration.now, iteration.velocity.array[:] = good
             return Verdict.FOUND, f"the steps have converged to {rtol:g}"
         settled = missing <= least_residual and (unbalanced <= least_residual or idle)
@@ -171,14 +171,16 @@ def iterate(
 def next_start(
     start: Start, program: ConicProgram, now: Unknowns | None, verdict: Verdict, rtol: float
 ) -> Start | None:
-    """Return the next start if a search has not found what is sought; None to end. Collective.
+    """Return the start of the next search; None if this one has succeeded or no other start exists.
+
+    Collective.
 
     Args:
-        start: Where it began.
-        program: That of the search.
-        now: Where it ended; None if it has not begun.
-        verdict: What came of it.
-        rtol: By how much stress may exceed yield that was found.
+        start: Start of the last search.
+        program: Program of the last search.
+        now: Final iterate; None if the search has not begun.
+        verdict: Outcome of the search.
+        rtol: Relative excess over yield that is allowed.
     """
     if verdict is Verdict.UNBOUNDED and now is not None and program.num_pairs and not start.pushed:
         return replace(start, pushed=True)

@@ -1,16 +1,16 @@
-"""Second-order cones a₀ ≥ ‖a'‖, and the blocks of points that have one each. NumPy only.
+"""Implement second-order cones a₀ ≥ ‖a'‖, and blocks of points with one each. NumPy only.
 
 Members are rows (a₀, a') of arrays of shape (num_cones, 1 + m). Notation and formulas are those of
 E. D. Andersen, C. Roos, T. Terlaky, On implementing a primal-dual interior-point method for conic
 quadratic optimization, Math. Program. 95 (2003), 249.
 
-The static member of a point is (γ − αp, s + γt), its kinematic one (d, −w dev ε) with the weight w
-of the point. Where α = 0 (:class:`Cylinders`) nothing bounds p, and d ≥ w‖dev ε‖ is an unknown.
-Where α > 0 (:class:`Cones`) bodies dilate, and d = w tr ε/α. With the scaling W of Nesterov and
-Todd members change by dS = W r − W² dz where the products are to change by W z ∘ r.
+The static member of a point is (γ − αp, s + γt), its kinematic member (d, −w dev ε) with the weight
+w of the point. If α = 0 (:class:`Cylinders`), nothing bounds p, and d ≥ w‖dev ε‖ is an unknown. If
+α > 0 (:class:`Cones`), bodies dilate, and d = w tr ε/α. With the scaling W of Nesterov and Todd,
+members change by dS = W r − W² dz if the products are to change by W z ∘ r.
 
 Gauge and support function are those of ‖s + γt‖ ≤ γ − αp (:mod:`standard_cones`). With
-ρ² = 1 − ‖t‖², the set of t ≠ 0 (which has α = 0) is that of √(‖s‖² + (t·s)²/ρ²) + t·s/ρ ≤ γρ.
+ρ² = 1 − ‖t‖², a set with t ≠ 0 (which has α = 0) is √(‖s‖² + (t·s)²/ρ²) + t·s/ρ ≤ γρ.
 """
 
 from dataclasses import replace
@@ -37,19 +37,19 @@ from perfplast_fenicsx.rounding import TINY
 
 
 def determinant(a: Floats) -> Floats:
-    """a₀² − ‖a'‖², shape (num_cones,)."""
+    """Return a₀² − ‖a'‖², shape (num_cones,), at least :data:`TINY`."""
     size = np.sqrt(np.einsum("ni,ni->n", a[:, 1:], a[:, 1:]))
     return np.maximum((a[:, 0] - size) * (a[:, 0] + size), TINY)
 
 
 def product(a: Floats, b: Floats) -> Floats:
-    """Jordan's product (a·b, a₀ b' + b₀ a')."""
+    """Return Jordan's product (a·b, a₀ b' + b₀ a')."""
     head = np.einsum("ni,ni->n", a, b)[:, None]
     return np.hstack([head, a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:]])
 
 
 def quotient(a: Floats, b: Floats) -> Floats:
-    """Return the x whose product with a is b; a inside the cone."""
+    """Return the x whose product with a is b, for a inside the cone."""
     inner = np.einsum("ni,ni->n", a[:, 1:], b[:, 1:])
     head = ((a[:, 0] * b[:, 0] - inner) / determinant(a))[:, None]
     return np.hstack([head, (b[:, 1:] - head * a[:, 1:]) / a[:, :1]])
@@ -63,7 +63,7 @@ def raised(products: Floats, by: float) -> Floats:
 
 
 def missing(products: Floats, mu: float) -> Floats:
-    """Return the change of products that brings outliers nearer to μ; see :meth:`cone.Block`."""
+    """Return the change of products that brings outliers closer to μ; see :meth:`cone.Block`."""
     size = np.linalg.norm(products[:, 1:], axis=1)
     low, high = (missing_of(products[:, 0] + s * size, mu) for s in (-1, 1))
     found = np.empty_like(products)
@@ -74,10 +74,10 @@ def missing(products: Floats, mu: float) -> Floats:
 
 
 def longest_step(a: Floats, da: Floats) -> float:
-    """Largest t for which a + t da are in the cones, a being inside; ∞ if any is."""
+    """Return the largest t for which a + t da are in the cones, for a inside; ∞ without a limit."""
     if not len(a):
         return np.inf
-    # of A t² + 2 B t + C the smallest positive root, in a form that loses no digits
+    # the smallest positive root of A t² + 2 B t + C, in a form that loses no digits
     square = da[:, 0] ** 2 - np.einsum("ni,ni->n", da[:, 1:], da[:, 1:])
     half = a[:, 0] * da[:, 0] - np.einsum("ni,ni->n", a[:, 1:], da[:, 1:])
     least = determinant(a)
@@ -90,7 +90,7 @@ def longest_step(a: Floats, da: Floats) -> float:
 
 
 class Scaling:
-    """The W of Nesterov and Todd with W z = W⁻¹ s =: point, for s and z inside the cones.
+    """The scaling W of Nesterov and Todd with W z = W⁻¹ s =: point, for s and z inside the cones.
 
     W = η (w₀, w'ᵀ; w', I + w' w'ᵀ/(1 + w₀)) with w₀² − ‖w'‖² = 1.
 
@@ -109,11 +109,11 @@ class Scaling:
         self.point = self.apply(z)
 
     def apply(self, a: Floats) -> Floats:
-        """W a."""
+        """Return W a."""
         return self._boost(a, self._w) * self._eta[:, None]
 
     def invert(self, a: Floats) -> Floats:
-        """W⁻¹ a."""
+        """Return W⁻¹ a."""
         return self._boost(a, -self._w) / self._eta[:, None]
 
     def _boost(self, a: Floats, w: Floats) -> Floats:
@@ -126,27 +126,27 @@ class Scaling:
         """Return the inverse of the block of W⁻² that belongs to a', as a I − N Nᵀ.
 
         Returns:
-            a, shape (num_cones,); N, shape (num_cones, m).
+            Coefficient a, shape (num_cones,); N, shape (num_cones, m).
         """
         size2 = np.einsum("ni,ni->n", self._w, self._w)
         scale = self._eta * np.sqrt(2 / (1 + 2 * size2))
         return self._eta**2, scale[:, None] * self._w
 
     def coupled(self, slopes: Floats) -> tuple[Floats, Floats]:
-        """Return W² for a₀ = −αp besides :meth:`moduli`: κ(t − b·x)² for rates t and x.
+        """Return the part of W² that a₀ = −αp adds to :meth:`moduli`: κ(t − b·x)² for rates (t, x).
 
         Args:
-            slopes: α > 0, shape (num_cones,).
+            slopes: Slopes α > 0, shape (num_cones,).
 
         Returns:
-            κ, shape (num_cones,); b, shape (num_cones, m).
+            Coefficient κ, shape (num_cones,); b, shape (num_cones, m).
         """
         size2 = 1 + 2 * np.einsum("ni,ni->n", self._w, self._w)
         along = (2 * slopes * self._w0 / size2)[:, None] * self._w
         return self._eta**2 * size2 / slopes**2, along
 
     def inverse_square(self) -> tuple[Floats, Floats]:
-        """W⁻² as (2 n nᵀ − J)/η² with J = diag(1, −1, …, −1).
+        """Return η and n of W⁻² = (2 n nᵀ − J)/η² with J = diag(1, −1, …, −1).
 
         Returns:
             1/η², shape (num_cones,); n, shape (num_cones, 1 + m).
@@ -155,23 +155,24 @@ class Scaling:
 
 
 class _Points:
-    """The common part of both kinds of points; see :class:`cone.Block`."""
+    """Common part of both kinds of points; see :class:`cone.Block`."""
 
     def __init__(self, at: Places, radii: Floats, strengths: Floats, weights: Floats) -> None:
-        """Take the points' numbers in the units of the program.
+        """Store the points' numbers in the units of the program.
 
         Args:
             at: The points.
-            radii: γ, shape (num,).
-            strengths: Sizes of the strengths, about 1, which without cohesion γ is not.
-            weights: w, shape (num,).
+            radii: Yield radii γ, shape (num,).
+            strengths: Sizes of the strengths, about 1; γ itself may be much smaller without
+                cohesion.
+            weights: Weights w, shape (num,).
         """
         self.at, self.radii, self.strengths, self.weights = at, radii, strengths, weights
         self._viscosities = np.minimum(strengths**2, MOST_VISCOUS)
 
     @property
     def degree(self) -> int:
-        """Points."""
+        """Number of points."""
         return len(self.radii)
 
     def inner(self, now: Members) -> float:
@@ -217,12 +218,12 @@ class Cylinders(_Points):
         weights: Floats,
         tilts: Floats | None = None,
     ) -> None:
-        """As :class:`_Points`, with t, shape (num, m), None for zero."""
+        """Store the points as :class:`_Points`, with tilts t, shape (num, m), None for zero."""
         super().__init__(at, radii, strengths, weights)
         self._middles = None if tilts is None else radii[:, None] * tilts
 
     def start(self, borne: Borne) -> Members:
-        """Without stress."""
+        """Return the members at zero stress."""
         return self._start(self.static(borne, NO_OWN))
 
     def flow(self, moduli: Moduli) -> None:
@@ -230,7 +231,7 @@ class Cylinders(_Points):
         moduli.a[self.at] = self._viscosities
 
     def static(self, borne: Borne, own: Floats) -> Floats:
-        """(γ, s + γt), shape (num, 1 + m)."""
+        """Return (γ, s + γt), shape (num, 1 + m)."""
         tails = np.asfortranarray(borne.deviator[self.at])
         if self._middles is not None:
             tails = tails + self._middles
@@ -248,7 +249,7 @@ class Cylinders(_Points):
         return ConeRows(ConeKind.SECOND_ORDER, right, columns, factors)
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledCylinders":
-        """The points at an iterate."""
+        """Return the points at an iterate."""
         return ScaledCylinders(self, now, rates)
 
 
@@ -258,12 +259,12 @@ class Cones(_Points):
     def __init__(
         self, at: Places, radii: Floats, strengths: Floats, weights: Floats, slopes: Floats
     ) -> None:
-        """As :class:`_Points`, with α > 0, shape (num,)."""
+        """Store the points as :class:`_Points`, with slopes α > 0, shape (num,)."""
         super().__init__(at, radii, strengths, weights)
         self.slopes = slopes
 
     def start(self, borne: Borne) -> Members:
-        """With the pressure that leaves points without cohesion their strengths."""
+        """Write pressures that give cohesionless points their strengths, and return the members."""
         borne.pressure[self.at] = -(self.strengths - self.radii) / self.slopes
         return self._start(self.static(borne, NO_OWN))
 
@@ -273,12 +274,12 @@ class Cones(_Points):
         moduli.a[self.at] = self._viscosities
 
     def static(self, borne: Borne, own: Floats) -> Floats:
-        """(γ − αp, s), shape (num, 1 + m)."""
+        """Return (γ − αp, s), shape (num, 1 + m)."""
         heads = self.radii - self.slopes * borne.pressure[self.at]
         return np.column_stack([heads, np.asfortranarray(borne.deviator[self.at])])
 
     def rates(self, rates: Rates) -> Floats:
-        """(w tr ε/α, −w dev ε), shape (num, 1 + m)."""
+        """Return (w tr ε/α, −w dev ε), shape (num, 1 + m)."""
         heads = self.weights * rates.trace[self.at] / self.slopes
         return np.column_stack([heads, -self.weights[:, None] * rates.deviator[self.at]])
 
@@ -292,12 +293,12 @@ class Cones(_Points):
         return ConeRows(ConeKind.SECOND_ORDER, right, columns, factors)
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledCones":
-        """The points at an iterate."""
+        """Return the points at an iterate."""
         return ScaledCones(self, now, rates)
 
 
 class _ScaledPoints:
-    """The common part of both kinds at an iterate; see :class:`cone.ScaledBlock`."""
+    """Common part of both kinds of points at an iterate; see :class:`cone.ScaledBlock`."""
 
     def __init__(self, now: Members) -> None:
         self.scaling = Scaling(now.static, now.kinematic)
@@ -325,7 +326,7 @@ class ScaledCylinders(_ScaledPoints):
         return moduli
 
     def aim(self, products: Floats) -> tuple[Floats, Floats]:
-        """R, and the part of W⁻¹r that belongs to the deviator."""
+        """Return r, and the part of W⁻¹r that belongs to the deviator."""
         aim = quotient(self.scaling.point, products)
         return aim, self.scaling.invert(aim)[:, 1:]
 
@@ -351,7 +352,7 @@ class ScaledCylinders(_ScaledPoints):
         return NO_OWN
 
     def _stress(self, x: Floats) -> Floats:
-        """The moduli times x."""
+        """Return the moduli times x."""
         along = np.einsum("ni,ni->n", self._normal, x)
         found: Floats = self._a[:, None] * x - along[:, None] * self._normal
         return found
@@ -376,7 +377,7 @@ class ScaledCones(_ScaledPoints):
         return replace(moduli, along=along)
 
     def aim(self, products: Floats) -> Floats:
-        """R."""
+        """Return r."""
         return quotient(self.scaling.point, products)
 
     def bear(self, aim: Floats, change: Borne) -> None:
@@ -396,7 +397,7 @@ class ScaledCones(_ScaledPoints):
         return NO_OWN
 
     def _static(self, kinematic: Floats, aim: Floats | None = None) -> Floats:
-        """How static members change with kinematic ones, shape (num, 1 + m)."""
+        """Return the change of static members with kinematic ones, shape (num, 1 + m)."""
         scaled = -self.scaling.apply(kinematic)
         return self.scaling.apply(scaled if aim is None else scaled + aim)
 
@@ -409,11 +410,11 @@ class ConesAtPoints(Protocol):
     """The cone of each point.
 
     Attributes:
-        radii: γ (stress), ∞ where nothing yields, shape (count,).
-        slopes: α, shape (count,).
-        tilts: t, shape (count, m); None where all are zero.
-        sets: Of the points that have other sets instead; γ and α are there those of the narrowest
-            cone of the same apex around the set.
+        radii: Yield radius γ (stress), ∞ in elastic bodies, shape (count,).
+        slopes: Slope α, shape (count,).
+        tilts: Tilt t, shape (count, m); None where all are zero.
+        sets: Yield sets of other kinds at their points; γ and α there are those of the narrowest
+            cone with the same apex around the set.
     """
 
     radii: Floats
@@ -423,15 +424,16 @@ class ConesAtPoints(Protocol):
 
 
 def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Floats:
-    """By how much a stress exceeds yield, shape (count,): it is on the surface where 1 is found.
+    """Return the yield ratio of a stress, shape (count,): 1 on the surface of the yield set.
 
-    Negative where no multiple of the stress yields. Without cohesion, γ = 0, a multiple yields
-    where the stress does, and ‖s‖/(−αp) is found: how much steeper than the cone it is.
+    The ratio is negative where no multiple of the stress yields. Without cohesion (γ = 0) a
+    multiple yields if the stress does, and the ratio is ‖s‖/(−αp), the steepness relative to the
+    cone.
 
     Args:
         cones: The cones.
-        pressure: p, shape (count,).
-        deviator: s, shape (count, m).
+        pressure: Mean stress p, shape (count,).
+        deviator: Deviator s, shape (count, m).
     """
     sizes = np.linalg.norm(deviator, axis=1) + cones.slopes * pressure
     loose = cones.radii == 0
@@ -452,7 +454,7 @@ def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Fl
 
 
 def _steepness(heads: Floats, deviator: Floats) -> Floats:
-    """‖s‖/(−αp), 0 without any stress and ∞ where p does not press."""
+    """Return ‖s‖/(−αp): 0 without any stress, ∞ unless p is compressive."""
     sizes, rest = np.linalg.norm(deviator, axis=1), (heads <= 0) & ~deviator.any(axis=1)
     found: Floats = np.divide(sizes, -heads, out=np.full_like(sizes, np.inf), where=heads < 0)
     found[rest] = 0.0
@@ -460,16 +462,16 @@ def _steepness(heads: Floats, deviator: Floats) -> Floats:
 
 
 def own_strengths(cones: ConesAtPoints, pressure: Floats) -> Floats:
-    """Return the strengths that measure residuals: γ, or −αp of a stress without cohesion.
+    """Return the strengths to which residuals are relative: γ, or −αp of cohesionless points.
 
-    No more than a tensile strength.
+    A tensile strength limits them.
 
     Args:
         cones: The cones.
-        pressure: p (stress), shape (count,).
+        pressure: Mean stress p (stress), shape (count,).
 
     Returns:
-        Shape (count,), ∞ where nothing yields or, without cohesion, there is no pressure.
+        Shape (count,), ∞ in elastic bodies and, without cohesion, where p is not compressive.
     """
     heads = -cones.slopes * pressure
     own = np.where(heads > 0, heads, np.inf)
@@ -484,8 +486,8 @@ def powers(cones: ConesAtPoints, trace: Floats, deviator: Floats) -> Floats:
 
     Args:
         cones: The cones.
-        trace: ε'₀, shape (count,).
-        deviator: ε'₁, shape (count, m).
+        trace: Component ε'₀, shape (count,).
+        deviator: Components ε'₁, shape (count, m).
     """
     rates = np.linalg.norm(deviator, axis=1)
     np.divide(trace, cones.slopes, out=rates, where=cones.slopes > 0)

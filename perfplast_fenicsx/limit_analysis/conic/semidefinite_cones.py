@@ -1,23 +1,23 @@
-"""Positive semidefinite matrices of 3 × 3, and the blocks of points that they bound. NumPy only.
+"""Implement cones of semidefinite 3 × 3 matrices, and the blocks of points with them. NumPy only.
 
 Members are arrays of shape (..., 3, 3). Notation and formulas are those of M. J. Todd, K. C. Toh,
 R. H. Tütüncü, On the Nesterov–Todd direction in semidefinite programming, SIAM J. Optim. 8 (1998),
-769. What is done to each of them is written out, as libraries take longer to call.
+769. Operations on 3 × 3 matrices are written out, since library calls take longer.
 
-Points have sets of principal stresses, (1 + s)σ₁ − (1 − s)σ₃ ≤ b: Mohr–Coulomb, and Tresca of
-s = 0. Or that and a tensile strength, σ₁ ≤ f. With the mean stress p and the deviator d such a set
-is the shadow of one in (p, d, t) that two matrices bound,
+Points have sets of principal stresses, (1 + s)σ₁ − (1 − s)σ₃ ≤ b: Mohr–Coulomb, or Tresca if s = 0.
+A tensile strength may be added, σ₁ ≤ f. With the mean stress p and the deviator d, such a set is
+the projection of a set in (p, d, t) that two matrices bound,
 
     t I − (1 + s) d ⪰ 0,    (1 − s) d + (b − t − 2sp) I ⪰ 0,
 
-since the one says t ≥ (1 + s)d₁ and the other t ≤ b − 2sp + (1 − s)d₃ (K. Krabbenhøft, A. V.
-Lyamin, S. W. Sloan, Int. J. Solids Struct. 45 (2008), 6552). Strain rates are admissible where
-tr ε ≥ s Σ|ε_i|, and dissipate (b/2s) tr ε; of s = 0 where tr ε = 0, and then (b/2) Σ|ε_i|.
+since the first means t ≥ (1 + s)d₁ and the second t ≤ b − 2sp + (1 − s)d₃ (K. Krabbenhøft, A. V.
+Lyamin, S. W. Sloan, Int. J. Solids Struct. 45 (2008), 6552). Strain rates are admissible if
+tr ε ≥ s Σ|ε_i|, and dissipate (b/2s) tr ε. If s = 0 they need tr ε = 0 and dissipate (b/2) Σ|ε_i|.
 
 With f < b/2s there is a third matrix, f I − pI − d ⪰ 0. The set then ends at three vertices with
-σ₁ = f, and σ₂ and σ₃ each f or r = ((1 + s)f − b)/(1 − s). It holds no other stress without end
-where s > 0, and pressure alone where s = 0: so the same rates are admissible, of s = 0 those with
-tr ε ≥ 0, and dissipate (f − h) tr ε + h Σ|ε_i|, h = (f − r)/2.
+σ₁ = f, and σ₂ and σ₃ each f or r = ((1 + s)f − b)/(1 − s). Its recession cone is that of the set
+without f if s > 0, and the pressures if s = 0. So the same rates are admissible if s > 0, and those
+with tr ε ≥ 0 if s = 0. They dissipate (f − h) tr ε + h Σ|ε_i|, h = (f − r)/2.
 
 The members X_k = a_k t I + d_k dev σ + e_k p I + c_k b I are linear in y = (t, p, s), X = h + Gy.
 Their multipliers Z_k fulfil −Gᵀz = (0, w tr ε, w dev ε). With the scaling of Nesterov and Todd,
@@ -25,8 +25,8 @@ dx̃ + dz̃ = r̃ for the products to change by Λ∘r̃, so that
 
     GᵀW⁻²G dy = G̃ᵀ r̃ + Gᵀz + w(ε + dε),
 
-a system of 2 + m rows a point. Of its inverse the part without t is the modulus. Where p is in no
-member, as without friction, it follows the proximal point method.
+a system of 2 + m rows at each point. The part of its inverse without t is the modulus. If no member
+contains p, as without friction, p follows the proximal point method.
 """
 
 from collections.abc import Sequence
@@ -54,17 +54,17 @@ from perfplast_fenicsx.mandel_arrays import matrices, vectors
 from perfplast_fenicsx.rounding import TINY
 
 SIZE = 3
-"""Rows of a matrix, and what each counts in the degree of a program."""
+"""Rows of a matrix, and the contribution of a matrix to the degree of a program."""
 
 
 def product(a: Floats, b: Floats) -> Floats:
-    """Jordan's product (ab + ba)/2."""
+    """Return Jordan's product (ab + ba)/2."""
     one = a @ b
     return np.asarray((one + np.swapaxes(one, -1, -2)) / 2, dtype=np.float64)
 
 
 def least_eigenvalue(a: Floats) -> Floats:
-    """Return the least eigenvalue of each matrix, to rounding of its size, shape (...)."""
+    """Return the least eigenvalue of each matrix, to rounding relative to its size, shape (...)."""
     mean = np.trace(a, axis1=-2, axis2=-1) / SIZE
     rest = a - mean[..., None, None] * np.eye(SIZE)
     size = np.sqrt(np.einsum("...ij,...ij->...", rest, rest) / 6)
@@ -76,12 +76,12 @@ def least_eigenvalue(a: Floats) -> Floats:
 
 
 def eigenvalues(a: Floats) -> Floats:
-    """Return the eigenvalues of each matrix, the least first, shape (..., 3)."""
+    """Return the eigenvalues of each matrix in ascending order, shape (..., 3)."""
     return np.asarray(np.linalg.eigvalsh(a), dtype=np.float64)
 
 
 def longest_step(a: Floats, da: Floats) -> float:
-    """Largest t for which a + t da are semidefinite, a being so; ∞ if any is."""
+    """Return the largest t for which a + t da are semidefinite, for a inside; ∞ without a limit."""
     if not a.size:
         return np.inf
     back = _lower_inverse(_factor(a))
@@ -90,10 +90,10 @@ def longest_step(a: Floats, da: Floats) -> float:
 
 
 class MatrixScaling:
-    """The G of Nesterov and Todd with G⁻¹ s G⁻ᵀ = Gᵀ z G = Λ, for s and z inside.
+    """The scaling G of Nesterov and Todd with G⁻¹ s G⁻ᵀ = Gᵀ z G = Λ, for s and z inside.
 
     Attributes:
-        point: Λ's diagonal, shape (..., 3).
+        point: Diagonal of Λ, shape (..., 3).
     """
 
     def __init__(self, s: Floats, z: Floats) -> None:
@@ -104,15 +104,15 @@ class MatrixScaling:
         self._inverse = root[..., :, None] * (np.swapaxes(turned, -1, -2) @ _lower_inverse(left))
 
     def primal(self, s: Floats) -> Floats:
-        """G⁻¹ s G⁻ᵀ."""
+        """Return G⁻¹ s G⁻ᵀ."""
         return _congruent(self._inverse, s)
 
     def dual(self, z: Floats) -> Floats:
-        """Gᵀ z G."""
+        """Return Gᵀ z G."""
         return _congruent(np.swapaxes(self._G, -1, -2), z)
 
     def undone(self, scaled: Floats) -> Floats:
-        """Return the z whose :meth:`dual` is given."""
+        """Return the z whose :meth:`dual` is ``scaled``."""
         return _congruent(np.swapaxes(self._inverse, -1, -2), scaled)
 
     def quotient(self, a: Floats) -> Floats:
@@ -135,7 +135,7 @@ def _determinant(a: Floats) -> Floats:
 
 
 def _factor(a: Floats) -> Floats:
-    """Cholesky's lower triangle; what rounding leaves below zero on its diagonal is as if small."""
+    """Return Cholesky's lower triangle; diagonal entries below zero by rounding are made tiny."""
     L: Floats = np.zeros_like(a)
     for i in range(SIZE):
         rest = a[..., i:, i] - np.einsum("...ij,...j->...i", L[..., i:, :i], L[..., i, :i])
@@ -157,16 +157,17 @@ def _lower_inverse(L: Floats) -> Floats:
 
 
 def _orthogonal_columns(a: Floats) -> tuple[Floats, Floats]:
-    """V with columns of aV at right angles to each other, and their sizes: the singular values.
+    """Return V that makes the columns of aV orthogonal, and their norms: the singular values.
 
-    One-sided rotations of Jacobi, which find small ones as well as large ones (J. Demmel,
-    K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992), 1204).
+    One-sided rotations of Jacobi, which compute small values as accurately as large ones (J.
+    Demmel, K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992), 1204).
     """
     columns = [a[..., i].copy() for i in range(SIZE)]
     turned = [np.broadcast_to(row, columns[0].shape).copy() for row in np.eye(SIZE)]
-    # Rounds of Jacobi's rotations at most: four to six are usual, each squares what is left.
+    # Largest number of rounds of Jacobi's rotations: four to six are usual, and each squares the
+    # error.
     sweeps = 12
-    orthogonal = 1e-14  # cosine of the angle of two columns that counts as a right one
+    orthogonal = 1e-14  # cosine of the angle of two columns that count as orthogonal
     for _ in range(sweeps):
         largest = 0.0
         for i, j in ((0, 1), (0, 2), (1, 2)):
@@ -195,13 +196,14 @@ class PrincipalCones:
     """Sets of principal stresses at points, in the coordinates (p, s) of :mod:`standard_cones`.
 
     Attributes:
-        at: Their numbers, shape (num,).
-        bounds: b > 0 (stress), shape (num,).
-        sines: s in [0, 1), shape (num,).
-        tensions: f > 0 (stress), ∞ where nothing else bounds σ₁, shape (num,).
-        tensors: Unit tensor and orthonormal deviators that p and the first k of s are factors of,
-            shape (1 + k, 3, 3); others are of other sets.
-        flat: Whether no rate is out of the plane, and the stress there the mean of those in it.
+        at: Indices of the points, shape (num,).
+        bounds: Bounds b > 0 (stress), shape (num,).
+        sines: Sines s in [0, 1), shape (num,).
+        tensions: Tensile strengths f > 0 (stress), ∞ where there is no such limit, shape (num,).
+        tensors: Unit tensor and orthonormal deviators, whose factors are p and the first k
+            components of s, shape (1 + k, 3, 3). Other components of s belong to other sets.
+        flat: Whether out-of-plane rates are zero; the out-of-plane stress is then the mean of the
+            in-plane stresses.
     """
 
     at: Longs
@@ -213,41 +215,41 @@ class PrincipalCones:
 
     @classmethod
     def none(cls) -> "PrincipalCones":
-        """Return cones for no point."""
+        """Return cones without any point."""
         nothing: Floats = np.zeros(0)
         return cls(np.zeros(0, dtype=np.int64), nothing, nothing, nothing, np.zeros((1, 3, 3)))
 
     @property
     def count(self) -> int:
-        """Points."""
+        """Number of points."""
         return len(self.at)
 
     @property
     def cut(self) -> npt.NDArray[np.bool_]:
-        """Which have a tensile strength, shape (num,)."""
+        """Flags of the points with a tensile strength, shape (num,)."""
         return np.isfinite(self.tensions)
 
     @property
     def grows(self) -> npt.NDArray[np.bool_]:
-        """Where the mean stress is bounded, so that bodies dilate, shape (num,)."""
+        """Flags of the points whose mean stress is bounded, so that they dilate, shape (num,)."""
         return (self.sines > 0) | self.cut
 
     def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> "PrincipalCones":
-        """Return some of the points.
+        """Return the cones of some of the points.
 
         Args:
-            chosen: Which, flags of shape (num,) or places among them.
+            chosen: Flags of shape (num,), or indices among the points.
         """
         numbers = {name: getattr(self, name)[chosen] for name in ("bounds", "sines", "tensions")}
         return replace(self, at=self.at[chosen], **numbers)
 
     def divided(self, unit: float) -> "PrincipalCones":
-        """Return the same with stresses measured in a unit."""
+        """Return the cones with stresses measured in a unit."""
         bounds, tensions = (np.asarray(of / unit) for of in (self.bounds, self.tensions))
         return replace(self, bounds=bounds, tensions=tensions)
 
     def scaled(self, factors: Floats) -> "PrincipalCones":
-        """Return the same with bounds b multiplied by factors at all points, shape (count,)."""
+        """Return the cones with bounds b multiplied by factors of all points, shape (count,)."""
         return replace(self, bounds=self.bounds * factors[self.at])
 
     def block(self, unit: float, strengths: Floats, weights: Floats) -> "PrincipalPoints":
@@ -260,11 +262,11 @@ class PrincipalCones:
         return self.tensions
 
     def ratios(self, pressure: Floats, deviator: Floats) -> Floats:
-        """By how much stresses exceed yield, shape (num,); negative where no multiple does.
+        """Return the yield ratios of stresses, shape (num,); negative where no multiple yields.
 
         Args:
-            pressure: p at all points, shape (count,).
-            deviator: s at all points, shape (count, m).
+            pressure: Mean stress p at all points, shape (count,).
+            deviator: Deviator s at all points, shape (count, m).
         """
         d = eigenvalues(self.deviators(deviator))
         along = (1 + self.sines) * d[:, 2] - (1 - self.sines) * d[:, 0]
@@ -276,8 +278,8 @@ class PrincipalCones:
         """Return the dissipation of admissible rates per volume, shape (num,).
 
         Args:
-            trace: tr ε at all points, shape (count,).
-            deviator: The deviator of ε there, shape (count, m).
+            trace: Trace tr ε at all points, shape (count,).
+            deviator: Deviator of ε at all points, shape (count, m).
         """
         of_trace, of_sizes = self.factors
         found: Floats = of_trace * trace[self.at] + of_sizes * self.sizes(trace, deviator)
@@ -300,7 +302,7 @@ class PrincipalCones:
         return found
 
     def sizes(self, trace: Floats, deviator: Floats) -> Floats:
-        """Σ|ε_i|, without the trace where nothing bounds p, shape (num,); see :meth:`powers`."""
+        """Return Σ|ε_i| for :meth:`powers`, shape (num,), without the trace if p is unbounded."""
         unit = np.diag([1.0, 1.0, 0.0 if self.flat else 1.0])
         means = np.where(self.grows, trace[self.at], 0.0) / np.trace(unit)
         values = eigenvalues(self.deviators(deviator) + means[:, None, None] * unit)
@@ -308,18 +310,18 @@ class PrincipalCones:
         return found
 
     def components(self, deviator: Floats) -> Floats:
-        """Return those of s that count, shape (num, k), of s at all points."""
+        """Return the components of s that belong to these sets, shape (num, k)."""
         found: Floats = deviator[self.at, : len(self.tensors) - 1]
         return found
 
     def deviators(self, deviator: Floats) -> Floats:
-        """Return tensors of s at all points, shape (num, 3, 3)."""
+        """Return the tensors of these components, shape (num, 3, 3), given s at all points."""
         found: Floats = np.einsum("nj,jab->nab", self.components(deviator), self.tensors[1:])
         return found
 
 
 def principal_of(sets: Sequence[PointSets]) -> PrincipalCones:
-    """Return the sets of principal stresses among all."""
+    """Return the sets of principal stresses among all sets."""
     found = [it for it in sets if isinstance(it, PrincipalCones)]
     return found[0] if found else PrincipalCones.none()
 
@@ -327,21 +329,21 @@ def principal_of(sets: Sequence[PointSets]) -> PrincipalCones:
 class PrincipalPoints:
     """Points whose principal stresses are bounded; see :class:`cone.Block`.
 
-    Their matrices are two, or three where any of a rank's points has a tensile strength: the third
-    one of a point without is a constant.
+    A point has two matrices, or three if any of the rank's points has a tensile strength. The third
+    matrix of a point without a tensile strength is a constant.
 
     Attributes:
         cones: Cones of the points.
-        weights: w, shape (num,).
+        weights: Weights w, shape (num,).
     """
 
     def __init__(self, cones: PrincipalCones, strengths: Floats, weights: Floats) -> None:
-        """Write down what X_k is of t, p and the deviator.
+        """Compute the factors of t, p and the deviator in X_k.
 
         Args:
-            cones: Of the points, in the units of the program.
+            cones: Cones of the points, in the units of the program.
             strengths: Sizes of the strengths of the points, shape (num,).
-            weights: w, shape (num,).
+            weights: Weights w, shape (num,).
         """
         self.cones, self.weights, self._strengths = cones, weights, strengths
         s, one, none = cones.sines, np.ones(cones.count), np.zeros(cones.count)
@@ -358,23 +360,23 @@ class PrincipalPoints:
 
     @property
     def degree(self) -> int:
-        """Rows of all matrices."""
+        """Number of rows of all matrices."""
         return SIZE * self._of_t.size
 
     def members(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
-        """X, shape (num, k, 3, 3).
+        """Return X, shape (num, k, 3, 3).
 
         Args:
-            t: Shape (num,).
-            pressure: At all points.
-            deviator: As ``pressure``.
+            t: Unknowns t, shape (num,).
+            pressure: Mean stress at all points.
+            deviator: Deviator at all points.
         """
         found = self.changes(t, pressure, deviator)
         found += self._constant[:, :, None, None] * np.eye(SIZE)
         return found
 
     def changes(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
-        """Return those of X with changes of the arguments of :meth:`members`."""
+        """Return the changes of X with changes of the arguments of :meth:`members`."""
         cones = self.cones
         heads = self._of_t * t[:, None] + self._of_p * pressure[cones.at, None]
         tensors = cones.deviators(deviator)
@@ -384,14 +386,17 @@ class PrincipalPoints:
 
     @property
     def _viscosities(self) -> Floats:
-        """Return the squares of the factors of unit tensors P in the middle, shape (num, k)."""
+        """Return the squared factors of the unit tensor in the central matrices, shape (num, k)."""
         found: Floats = np.minimum(self._rooms**2, MOST_VISCOUS)
         return found
 
     def flow(self, moduli: Moduli) -> None:
-        """See :meth:`cone.Block.flow`: matrices are scaled by multiples of the unit tensor."""
+        """Write moduli for matrices scaled by multiples of the unit tensor.
+
+        See :meth:`cone.Block.flow`.
+        """
         grows, squares = self.cones.grows, self._viscosities
-        # with the t that makes the first two the same
+        # for the t that makes the first two equal
         of_p = self._of_p.copy()
         of_p[:, :2] = self._of_p[:, :2].mean(axis=1, keepdims=True)
         soft = SIZE * (of_p**2 / squares).sum(axis=1)
@@ -400,7 +405,7 @@ class PrincipalPoints:
         moduli.a[at] = 1 / (self._of_d**2 / squares).sum(axis=1)
 
     def start(self, borne: Borne) -> Members:
-        """In the middle of the sets, without a deviator."""
+        """Write the pressures at the centre of the sets, and return the members there."""
         borne.pressure[self.cones.at] = self._pressures
         apart = self._rooms / self._viscosities
         X, Z = (of[:, :, None, None] * np.eye(SIZE) for of in (self._rooms, apart))
@@ -411,7 +416,7 @@ class PrincipalPoints:
         return self.members(own, borne.pressure, borne.deviator)
 
     def rows(self, at: Columns) -> ConeRows:
-        """See :meth:`cone.MatrixBlock.rows`; the matrices of a point follow each other."""
+        """See :meth:`cone.MatrixBlock.rows`; the matrices of a point are consecutive."""
         cones, (count, many) = self.cones, self._of_t.shape
         of_s = at.deviator[cones.at, : len(cones.tensors) - 1]
         columns = np.column_stack([at.own, at.pressure[cones.at], of_s])
@@ -442,7 +447,7 @@ class PrincipalPoints:
     def missing(self, products: Floats, mu: float) -> Floats:
         """See :meth:`cone.Block.missing`."""
         found = np.zeros_like(products)
-        near = 1 + 1e-6  # most matrices have nothing to be moved, which their ends show sooner
+        near = 1 + 1e-6  # most matrices need no change, which their extreme eigenvalues show faster
         least, most = least_eigenvalue(products), -least_eigenvalue(-products)
         far = (least < near * NEAR * mu) | (most * near > mu / NEAR)
         values, axes = np.linalg.eigh(products[far])
@@ -450,7 +455,7 @@ class PrincipalPoints:
         return found
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledPrincipal":
-        """The points at an iterate."""
+        """Return the points at an iterate."""
         return ScaledPrincipal(self, now, rates)
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
@@ -460,18 +465,18 @@ class PrincipalPoints:
         out[at] = self._strengths / np.maximum(flows, 1 / stiffer)
 
     def middle(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Return the t that leaves both members as much room, shape (num,)."""
+        """Return the t that gives both members the same least eigenvalue, shape (num,)."""
         X = self.members(np.zeros(self.cones.count), pressure, deviator)
         least = least_eigenvalue(X)
         found: Floats = (least[:, 1] - least[:, 0]) / 2
         return found
 
     def columns(self, primal: Floats) -> Floats:
-        """Return the columns of members in (t, p, s), as vectors.
+        """Return the columns of G for (t, p, s), the members being vectors.
 
         Args:
-            primal: Unit tensor and deviators as each member scales them, shape (num, k, 1 + m, 3,
-                3).
+            primal: Unit tensor and deviators in the scaling of each member, shape (num, k, 1 + m,
+                3, 3).
 
         Returns:
             Shape (num, 6k, 2 + m).
@@ -486,7 +491,7 @@ class PrincipalPoints:
         return np.swapaxes(found, 2, 3).reshape(len(found), -1, found.shape[2])
 
     def works(self, Z: Floats) -> Floats:
-        """Gᵀz, shape (num, 2 + m)."""
+        """Return Gᵀz, shape (num, 2 + m)."""
         traces = np.trace(Z, axis1=2, axis2=3)
         deviators = np.einsum("nkab,jab->nkj", Z, self.cones.tensors[1:])
         return np.column_stack(
@@ -498,7 +503,7 @@ class PrincipalPoints:
         )
 
     def least(self, works: Floats) -> Floats:
-        """Return the smallest z of given :meth:`works`, that of p being left out where none is."""
+        """Return the smallest z with given :meth:`works`, without those of p if no member has p."""
         grows = self.cones.grows
         grid = np.empty((len(works), 2, 2))
         both = np.stack([self._of_t, self._of_p], axis=1)
@@ -513,10 +518,10 @@ class PrincipalPoints:
 
 
 class ScaledPrincipal:
-    """Such points at an iterate; see :class:`cone.ScaledBlock`."""
+    """Points with principal stresses at an iterate; see :class:`cone.ScaledBlock`."""
 
     def __init__(self, block: PrincipalPoints, now: Members, rates: Rates) -> None:
-        """Scale, and factorise the system of each point."""
+        """Compute the scaling, and factorise the system of each point."""
         self._block, self._cones = block, block.cones
         self._scaling = MatrixScaling(now.static, now.kinematic)
         scaled = [self._scaling.primal(tensor) for tensor in self._cones.tensors]
@@ -529,14 +534,14 @@ class ScaledPrincipal:
         self._off = block.works(now.kinematic) + self._rates(rates)
 
     def _rates(self, rates: Rates) -> Floats:
-        """w(0, tr ε, dev ε), shape (num, 2 + m)."""
+        """Return w(0, tr ε, dev ε), shape (num, 2 + m)."""
         at = self._cones.at
         parts = [np.zeros(len(at)), rates.trace[at], self._cones.components(rates.deviator)]
         return self._block.weights[:, None] * np.column_stack(parts)
 
     def stiffen(self, moduli: Moduli) -> Moduli:
         """See :meth:`cone.ScaledBlock.stiffen`."""
-        roots = self._roots[:, 1:, 1:]  # of a triangle's part, as it is a triangle too
+        roots = self._roots[:, 1:, 1:]  # inverse of a part of a triangle, which is a triangle too
         more = moduli.normal.shape[1] + 1 - roots.shape[2]
         return moduli.with_whole(self._cones.at, np.pad(roots, ((0, 0), (0, more), (0, more))))
 
@@ -549,7 +554,7 @@ class ScaledPrincipal:
         return product(*scaled)
 
     def aim(self, products: Floats) -> Floats:
-        """r̃."""
+        """Return r̃."""
         return self._scaling.quotient(products)
 
     def bear(self, aim: Floats, change: Borne) -> None:
@@ -575,14 +580,14 @@ class ScaledPrincipal:
         return own
 
     def _answer(self, aim: Floats, rates: Floats) -> Floats:
-        """Dy of an aim, with what is missing in Z, and of rates, shape (num, 2 + m)."""
+        """Return dy for an aim, with the residual of Z, and for rates, shape (num, 2 + m)."""
         right = rates + self._off
         numbers = vectors(aim).reshape(len(aim), -1, 1)
         right += (np.swapaxes(self._columns, 1, 2) @ numbers)[:, :, 0]
         return self._solved(right)
 
     def _solved(self, right: Floats) -> Floats:
-        """Dy of a right-hand side, shape (num, 2 + m)."""
+        """Return dy for a right-hand side, shape (num, 2 + m)."""
         half = np.einsum("nji,nj->ni", self._roots, right)
         found: Floats = np.einsum("nij,nj->ni", self._roots, half)
         return found

@@ -1,1 +1,1 @@
-"""Limit loads of the mesh."""
+"""Compute limit loads of the mesh."""

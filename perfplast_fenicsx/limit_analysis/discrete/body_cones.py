@@ -1,4 +1,4 @@
-"""The cones of a problem's bodies, as their laws say them, with the coordinates of each."""
+"""Collect the cones of a problem's bodies from their laws, with the coordinates of each cone."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
@@ -31,7 +31,7 @@ from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.spatial_fields import SpatialField
 
 OUT_OF_PLANE = 2
-"""Number of the component of a Mandel vector that is in no equation in plane strain."""
+"""Index of the Mandel component that is in no equation in plane strain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +39,13 @@ class BodyCone:
     """The bound of the stresses of a body.
 
     Attributes:
-        plain: Of the components that are in equations; None of what never yields.
-        principal: Of principal stresses, in its place.
-        standard: The same set in its coordinates; of principal stresses a cone around it.
-        shadow: How the stress out of the plane follows, in plane strain.
-        profile: The field that the bound c is multiplied by; None where it does not vary.
-        other: A set of another kind, in its place.
+        plain: Cone of the stress components in equations; None if the body never yields, or if the
+            bound is of another kind.
+        principal: Bound of principal stresses, instead of ``plain``.
+        standard: The same set in standard coordinates; for principal stresses a cone around it.
+        shadow: Rule for the out-of-plane stress in plane strain.
+        profile: Field that multiplies the bound c; None if it does not vary.
+        other: A set of another kind, instead of ``plain``.
     """
 
     plain: PlainCone | None
@@ -56,18 +57,11 @@ class BodyCone:
 
     @property
     def yields(self) -> bool:
-        """Whether any stress is out of the set."""
+        """Whether any stress is outside the set."""
         return not (self.plain is None and self.principal is None and self.other is None)
 
     def whole(self, stress: Floats) -> Floats:
-        """Return stresses with that out of the plane where it leaves the most room.
-
-        Args:
-            stress: Components in equations, shape (count, n).
-
-        Returns:
-            Mandel vectors, shape (count, m).
-        """
+        """Return stresses with the out-of-plane component that is farthest from yield."""
         if self.shadow is None:
             return stress
         free = stress @ self.shadow.along
@@ -81,9 +75,9 @@ class BodyCones:
     """The cones of all bodies.
 
     Attributes:
-        cones: Each once.
-        of_cells: Number among these of each cell that this rank owns.
-        normal: How many components in equations are normal stresses.
+        cones: The cones, each once.
+        of_cells: Index in ``cones`` for each cell that this rank owns.
+        normal: Number of normal stresses among the components in equations.
     """
 
     cones: Sequence[BodyCone]
@@ -92,15 +86,15 @@ class BodyCones:
 
     @property
     def varies(self) -> bool:
-        """Return whether the bound of any varies in space."""
+        """Return whether the bound of any cone varies in space."""
         return any(cone.profile is not None for cone in self.cones)
 
     def values(self, numbers: Longs, of: Callable[[SpatialField, Longs], Floats]) -> Floats | None:
         """Return values of the profiles in cells or at points; None if no bound varies.
 
         Args:
-            numbers: Number of the cone of each, shape (n,).
-            of: Values of a profile in those whose places are given, shape (m, ...) of (m,).
+            numbers: Index of the cone of each cell or point, shape (n,).
+            of: Function that returns the values of a profile at given indices: (m, ...) for (m,).
 
         Returns:
             Shape (n, ...), 1 where the bound does not vary.
@@ -118,22 +112,22 @@ class BodyCones:
 
     @property
     def isotropic(self) -> bool:
-        """Whether mean stress and deviator are the coordinates of all."""
+        """Whether mean stress and deviator are the coordinates of all cones."""
         return all(cone.standard.isotropic for cone in self.cones)
 
     @property
     def dilates(self) -> bool:
-        """Whether any has a slope."""
+        """Whether any cone has a slope."""
         return any(cone.standard.slope > 0 for cone in self.cones)
 
     @property
     def loose(self) -> bool:
-        """Whether any has no cohesion."""
+        """Whether any cone has no cohesion."""
         return any(cone.standard.radius == 0 for cone in self.cones)
 
     @property
     def all_loose(self) -> bool:
-        """Whether nothing that can yield has any."""
+        """Whether no body that can yield has cohesion."""
         plastic = [it.standard.radius for it in self.cones if np.isfinite(it.standard.radius)]
         return bool(plastic) and not any(plastic)
 
@@ -141,7 +135,7 @@ class BodyCones:
         """Return the points with sets of principal stresses.
 
         Args:
-            numbers: Number of the cone of each point.
+            numbers: Index of the cone of each point.
         """
         found = [i for i, cone in enumerate(self.cones) if cone.principal is not None]
         if not found:
@@ -153,18 +147,18 @@ class BodyCones:
         return PrincipalCones(at, bounds, sines, tensions, *self._tensors(found[0]))
 
     def _tensors(self, number: int) -> tuple[Floats, bool]:
-        """The tensors of a cone's coordinates; whether they are those in the plane."""
+        """Return the tensors of a cone's coordinates, and whether they are in-plane."""
         rows, flat = self.cones[number].standard.frame.T, self.normal == OUT_OF_PLANE
-        if flat:  # the stress out of the plane is between the others
+        if flat:  # the out-of-plane stress lies between the others
             rows = np.insert(rows, OUT_OF_PLANE, np.eye(len(rows))[0], axis=1)
         return matrices(rows), flat
 
     def sets_at(self, numbers: Longs, profile: Floats | None) -> tuple[PointSets, ...]:
-        """The sets of points that have no second-order cone, by their kinds.
+        """Return the sets of points without a second-order cone, by kinds.
 
         Args:
-            numbers: Number of the cone of each point.
-            profile: What strengths vary by at each point; None where none varies.
+            numbers: Index of the cone of each point.
+            profile: Factor of the strength at each point; None if no strength varies.
         """
         principal = self.principal_at(numbers)
         if profile is not None:
@@ -177,7 +171,7 @@ class BodyCones:
         return tuple(found)
 
     def at_cells(self) -> tuple[Floats, Floats, Floats | None]:
-        """γ (stress), α and t of the cells; None for t where all are zero."""
+        """Return γ (stress), α and t of the cells; None for t where all are zero."""
         forms = [cone.standard for cone in self.cones]
         radii = np.array([form.radius for form in forms])
         slopes = np.array([form.slope for form in forms])
@@ -192,17 +186,17 @@ def body_cones(problem: Problem) -> BodyCones:
     """Return the cones of the bodies. Not collective: materials are the same on all ranks.
 
     Raises:
-        InputError: If the method does not know a body's yield set.
+        InputError: If the method does not support a body's yield set.
     """
     return _cones(problem, not problem.kinematics.whole)
 
 
 @once_a_problem
 def whole_cones(problem: Problem) -> BodyCones:
-    """Return the cones of all stresses, that out of the plane too. Not collective.
+    """Return the cones of all stress components, the out-of-plane one included. Not collective.
 
     Raises:
-        InputError: If the method does not know a body's yield set.
+        InputError: If the method does not support a body's yield set.
     """
     return _cones(problem, False)
 
@@ -212,7 +206,7 @@ def _cones(problem: Problem, flat: bool) -> BodyCones:
 
     Args:
         problem: The bodies.
-        flat: Whether the stress out of the plane is in no equation.
+        flat: Whether the out-of-plane stress is in no equation.
     """
     tagged_mesh, materials = problem.tagged_mesh, materials_of(problem)
     topology = tagged_mesh.mesh.topology
@@ -242,10 +236,10 @@ def _cones(problem: Problem, flat: bool) -> BodyCones:
 
 
 def check_cones_are_provable(problem: Problem) -> None:
-    """Refuse bodies with sets that a proof cannot state. Not collective.
+    """Refuse bodies with yield sets that a proof cannot state. Not collective.
 
     Raises:
-        InputError: Naming the first one.
+        InputError: With the first such body.
     """
     if all(cone.other is None for cone in body_cones(problem).cones):
         return
@@ -261,10 +255,10 @@ def check_cones_are_provable(problem: Problem) -> None:
 
 
 def check_whole_cones(problem: Problem) -> None:
-    """Refuse bodies whose whole stresses have no cone that is a number. Not collective.
+    """Refuse bodies whose complete stresses have no cone with constant numbers. Not collective.
 
     Raises:
-        InputError: Naming the first one.
+        InputError: With the first such body.
     """
     _, size = _components(problem)
     for name, material in sorted(materials_of(problem).items()):
@@ -288,20 +282,20 @@ def check_whole_cones(problem: Problem) -> None:
 
 
 def has_cones(problem: Problem) -> bool:
-    """Return whether the method knows the yield sets of all bodies."""
+    """Return whether the method supports the yield sets of all bodies."""
     flat, size = _components(problem)
     thin, materials = problem.tagged_mesh.is_thin, materials_of(problem).values()
     return all(_cone_of(it, size, flat, thin) is not None for it in materials)
 
 
 def materials_of(problem: Problem) -> Mapping[str, Material]:
-    """Return the material of each volume, as the mesh has them."""
+    """Return the material of each volume; in thin bodies those of plane stress."""
     given = problem.given.materials
     return in_plane_stress(given) if problem.tagged_mesh.is_thin else given
 
 
 def _components(problem: Problem) -> tuple[bool, int]:
-    """Whether the stress out of the plane is in no equation; components of Mandel vectors."""
+    """Return whether the out-of-plane stress is in no equation, and the size of Mandel vectors."""
     return not problem.kinematics.whole, mandel_size(problem.tagged_mesh.mesh.geometry.dim)
 
 
@@ -315,15 +309,15 @@ def _is_same(one: BodyCone, other: BodyCone) -> bool:
 
 
 def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone | None:
-    """Return the cone of a body; None if that is not known.
+    """Return the cone of a body; None if it is not known.
 
-    A parameter that varies has its scale as its number, as if the profile were 1.
+    A parameter that varies counts as its scale, as if the profile were 1.
 
     Args:
-        material: The body's.
+        material: Material of the body.
         size: Components of Mandel vectors.
-        flat: Whether that out of the plane is in no equation.
-        thin: Whether that is zero then.
+        flat: Whether the out-of-plane stress is in no equation.
+        thin: Whether the out-of-plane stress is zero; only if ``flat``.
     """
     given = material.parameters()
     profiles = {one.profile for one in given.values() if isinstance(one, SpatialField)}
@@ -343,7 +337,7 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
 
 
 def _is_twice(one: BodyCone | None, other: BodyCone) -> bool:
-    """Return whether a cone has the shape of another one and twice its bound."""
+    """Return whether a cone has the shape of another cone and twice its bound."""
     if one is None or other.other is not None or (one.plain is None) != (other.plain is None):
         return False
     if one.plain is not None and other.plain is not None:
@@ -356,7 +350,7 @@ def _is_twice(one: BodyCone | None, other: BodyCone) -> bool:
 def _of_numbers(
     kind: type[Any], given: Mapping[str, float], of: tuple[int, bool, bool]
 ) -> BodyCone | None:
-    """Return the cone of a law with numbers; see :func:`_cone_of`."""
+    """Return the cone of a law with constant numbers; see :func:`_cone_of`."""
     size, flat, thin = of
     law: Any = kind(**{name: ufl.as_ufl(value) for name, value in given.items()})
     cones = None if law.carries_any_load else law.yields.cones(size)
@@ -375,7 +369,7 @@ def _of_numbers(
         principal = _principal(cones[0], law)
         by_matrices = not flat or np.isfinite(principal.tension)
         if by_matrices and principal.bound == 0:
-            return None  # no stress is inside of its matrices to start from
+            return None  # no stress is inside its matrices to start from
         if by_matrices:
             return BodyCone(None, principal.around(n, normal), none, principal)
         plain = principal.in_plane()
@@ -392,7 +386,7 @@ def _of_numbers(
 
 
 def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
-    """Return the numbers of a second-order cone of vectors of so many components."""
+    """Return the numbers of a second-order cone of vectors with ``size`` components."""
     plain = PlainCone(
         float(numbers_of(cone.bound)), numbers_of(cone.slope), numbers_of(cone.matrix)
     )

@@ -1,12 +1,12 @@
-"""C source of the sums of cells' stiffness matrices (:mod:`body_stiffness`).
+"""Generate the C source that sums cells' stiffness matrices (:mod:`body_stiffness`).
 
-Four cells are worked on at once, with each entry of all four side by side, so that any processor's
-vector instructions serve.
+The kernel works on four cells at once, with corresponding entries of the four side by side. So the
+vector instructions of any processor are used.
 """
 
 
 def source() -> str:
-    """Function body_sums."""
+    """Return the source of the function ``body_sums``."""
     return r"""
 #include <stdint.h>
 #include <stdlib.h>

@@ -1,8 +1,9 @@
-"""The stiffness of bodies with moduli given at each point, in nodal unknowns.
+"""Assemble the stiffness of bodies in nodal unknowns, with moduli given at each point.
 
-Matrices of cells are Σ (Bᵀ R)(Bᵀ R)ᵀ, with B the strain rates of nodal unknowns in the coordinates
-of the points' cones and R a root of the moduli there: a kernel sums them to blocks of nodes, and
-PETSc those of the ranks. A form of DOLFINx takes more than twice as long in space.
+Matrices of cells are Σ (Bᵀ R)(Bᵀ R)ᵀ. B are the strain rates of nodal unknowns in the coordinates
+of the points' cones, and R is a root of the moduli there. A kernel adds the matrices to blocks of
+nodes, and PETSc adds the blocks of the ranks. A form of DOLFINx takes more than twice as long in
+space.
 """
 
 import math
@@ -22,18 +23,18 @@ from perfplast_fenicsx.solvers.linear.petsc_calls import expect_entries, give_en
 
 
 class BodyStiffness:
-    """K, assembled again and again.
+    """K, which is assembled again for each set of moduli.
 
     Attributes:
-        matrix: K, with room for what contact couples, and the identity at supports.
+        matrix: K, with room for the entries of contact, and the identity at supports.
     """
 
     def __init__(self, problem: Problem, points: PointStrains) -> None:
-        """Find the pattern, and the strain rates of nodal unknowns. Collective.
+        """Compute the pattern, and the strain rates of nodal unknowns. Collective.
 
         Args:
-            problem: Whose bodies are meant.
-            points: Its points.
+            problem: The problem of the bodies.
+            points: Strains at its points.
         """
         self._kernels, self._ffi = compiled(problem.comm, source())
         topology, V = problem.tagged_mesh.mesh.topology, problem.V
@@ -54,11 +55,11 @@ class BodyStiffness:
         self._fixed = np.flatnonzero(problem.fixed[: V.dofmap.index_map.size_local])
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         self.matrix.destroy()
 
     def assemble(self, moduli: Moduli) -> None:
-        """Bring K to moduli at the points of this rank. Collective."""
+        """Assemble K with moduli at the points of this rank. Collective."""
         roots = (moduli.roots() * self._weights)[self._points]
         (cells, nodes), parts = self._shape, self._rates.shape[3]
         given = (self._ffi.from_buffer("double[]", array) for array in (self._rates, roots))
@@ -74,17 +75,17 @@ class BodyStiffness:
 
 
 def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.Mat]:
-    """A matrix that takes the entries of these blocks, and zeros where contact has others later.
+    """Return a matrix with room for these blocks, and for the zeros that contact may fill.
 
     Collective.
 
     Args:
-        problem: Whose contact is meant.
+        problem: The problem with the contact.
         rows: Rows of the blocks, global numbers of nodes.
-        columns: As ``rows``.
+        columns: Columns of the blocks, global numbers of nodes.
 
     Returns:
-        How many zeros it takes after the blocks' entries; the matrix.
+        Number of zeros that follow the blocks' entries; the matrix.
     """
     room = create_stiffness(problem)
     dim, size = room.getBlockSize(), room.getSize()[0] // room.getBlockSize()
@@ -108,7 +109,7 @@ def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.M
 
 
 def _blocks(room: PETSc.Mat) -> tuple[Longs, Longs]:
-    """Where blocks of each row of blocks begin, and the columns of blocks that they are in."""
+    """Return the start of each row of blocks, and the columns of its blocks."""
     pointer, columns, _ = room.getValuesCSR()
     dim = room.getBlockSize()
     starts = np.repeat(pointer[:-1:dim], np.diff(pointer)[::dim] // dim)
@@ -119,12 +120,12 @@ def _blocks(room: PETSc.Mat) -> tuple[Longs, Longs]:
 
 
 def _rates(problem: Problem, strains: PointStrains, cells: Ints) -> Floats:
-    """Strain rates of nodal unknowns in the coordinates of the points' cones, none where held.
+    """Return strain rates of nodal unknowns in the coordinates of the points' cones. Collective.
 
-    Collective.
+    The rates of held unknowns are zero.
 
     Returns:
-        As the kernel reads them: of four cells side by side, and zero beyond the last, shape
+        Rates in the order of the kernel: four cells side by side, zero after the last cell, shape
         (num_groups, num_points, n, 1 + m, 4).
     """
     at_once, size = 4, problem.S.dofmap.index_map_bs

@@ -1,4 +1,4 @@
-"""Ground without cohesion, and the loads that its strength depends on."""
+"""Check that loads determine the strength of ground without cohesion."""
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
@@ -9,7 +9,7 @@ def check_cohesion(problem: Problem) -> None:
     """Refuse ground without cohesion if no load determines its strength. Collective.
 
     Raises:
-        InputError: If loads do not both stay and grow.
+        InputError: Unless some loads are permanent and some grow.
     """
     grows, stays = problem.loads.grows(), problem.loads.has_dead()
     if body_cones(problem).all_loose and not (grows and stays):

@@ -1,4 +1,4 @@
-"""The stiffness with moduli given at each point, factorised in the contact basis."""
+"""Factorise the stiffness in the contact basis, with moduli given at each point."""
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
@@ -15,11 +15,11 @@ class ConicStiffness(SprungMatrix):
     """K of displacements in the contact basis; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, problem: Problem, points: PointStrains) -> None:
-        """Find the pattern. Collective.
+        """Compute the pattern. Collective.
 
         Args:
-            problem: Whose displacements are meant.
-            points: Its points.
+            problem: The problem of the displacements.
+            points: Strains at its points.
         """
         self._problem = problem
         self._bodies = BodyStiffness(problem, points)
@@ -27,16 +27,16 @@ class ConicStiffness(SprungMatrix):
         super().__init__(problem.comm, self._operator.matrix, problem.basis.index, DIRECT)
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         super().destroy()
         self._bodies.destroy()
 
     @phase("assembly")
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Bring K to moduli at the points of this rank. Collective.
+        """Assemble K with moduli at the points of this rank. Collective.
 
         Args:
-            moduli: At the points.
+            moduli: Moduli at the points.
             held: Local (owned) unknowns that stay zero.
         """
         self._bodies.assemble(moduli)
@@ -44,7 +44,7 @@ class ConicStiffness(SprungMatrix):
         self._operator.hold(held)
 
     def add_springs(self, springs: tuple[Ints, Floats]) -> None:
-        """Let K have springs at a few unknowns, from the next assembly on.
+        """Add springs to K at a few unknowns, from the next assembly on.
 
         Args:
             springs: See :meth:`ContactOperator.add_springs`.

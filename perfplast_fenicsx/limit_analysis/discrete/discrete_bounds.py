@@ -1,8 +1,8 @@
-"""Bounds of the discrete limit load from any iterate: printed values are computed from it.
+"""Compute bounds of the discrete limit load from any iterate: the numbers that are printed.
 
-A stress that is in equilibrium with λL and contact forces, and nowhere above yield, gives a lower
-bound; a velocity that keeps the volume of plastic bodies and the shape of elastic ones, and enters
-nothing, gives an upper one. Both are made exact here but for rounding.
+A stress in equilibrium with λL and contact forces, and nowhere above yield, gives a lower bound. A
+velocity that keeps the volume of plastic bodies and the shape of elastic ones, without penetration,
+gives an upper bound. This module fulfils these conditions up to rounding.
 """
 
 from dataclasses import dataclass
@@ -22,29 +22,31 @@ from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.linear.conjugate_residuals import ConjugateResiduals
 
 IN_BALANCE = 1e-8
-"""Largest force without balance, relative to the largest load, that counts as none."""
+"""Largest unbalanced force, relative to the largest load, that counts as zero."""
 
 
 EXACT = 1e-10
-"""Volume change (and strain of elastic bodies) that counts as none, relative to ‖ε(v)‖."""
+"""Volume change (and strain of elastic bodies), relative to ‖ε(v)‖, that counts as zero."""
 
 
 MOST_ITERATIONS, USUAL = 400, 20
-"""Iterations of the projection: the most, and the usual number. Each takes a solve with the same
-factors. A mesh that nearly locks takes more, as long as each leaves less than :data:`PROGRESS` of
-what there was."""
+"""Largest and usual number of iterations of the projection. Each iteration takes a solve with the
+same factors. A mesh that nearly locks takes more than usual, as long as each iteration leaves less
+than :data:`PROGRESS` of the inadmissible part.
+"""
 
 PROGRESS = 0.999
-"""Share of what is inadmissible that an iteration of the projection may leave, beyond the usual."""
+"""Share of the inadmissible part that an iteration beyond the usual number may leave."""
 
 
 @dataclass(frozen=True)
 class StaticLoad:
-    """λ of a stress in equilibrium, scaled into the yield set where nothing but λL loads.
+    """Factor λ of a stress in equilibrium; scaled into the yield set if λL are the only loads.
 
     Attributes:
-        value: The bound; None where equilibrium was not reached, or yield beside dead loads.
-        unbalanced: Largest force that nothing balances, relative to the largest of the loads.
+        value: The bound; None if equilibrium was not reached, or if the stress exceeds yield with
+            permanent loads.
+        unbalanced: Largest unbalanced force, relative to the largest of the loads.
     """
 
     value: float | None
@@ -53,13 +55,13 @@ class StaticLoad:
 
 @dataclass(frozen=True)
 class KinematicLoad:
-    """Dissipation of a mechanism with L(v) = 1, less the work of dead loads.
+    """Dissipation of a mechanism with L(v) = 1, less the work of permanent loads.
 
     Attributes:
-        value: The bound; None where no admissible mechanism was reached.
-        size: What its difference to others is measured by; 0 without a bound.
-        inadmissible: Volume change and strain of elastic bodies that are left, relative to ‖ε(v)‖.
-        entering: Largest entering, relative to the largest velocity.
+        value: The bound; None if no admissible mechanism was reached.
+        size: Size that differences of bounds are relative to; 0 without a bound.
+        inadmissible: Remaining volume change and strain of elastic bodies, relative to ‖ε(v)‖.
+        entering: Largest penetration rate, relative to the largest velocity.
     """
 
     value: float | None
@@ -71,10 +73,10 @@ class KinematicLoad:
 def static_load(iteration: InteriorIteration) -> StaticLoad:
     """Bring the iterate's stress into balance and scale it into the yield set. Collective.
 
-    Where the last step's factors do not balance it, those of uniform moduli do, with one more
+    If the last step's factors do not balance it, factors of uniform moduli do, which takes one more
     factorisation.
     """
-    # Force without balance, relative to the largest load, that need not be corrected.
+    # Unbalanced force, relative to the largest load, that needs no correction.
     balanced = 1e-12
     most_corrections = 3
     unbalanced = iteration.unbalanced()
@@ -86,7 +88,8 @@ def static_load(iteration: InteriorIteration) -> StaticLoad:
         unbalanced = iteration.unbalanced()
         if not unbalanced < before:
             break
-    left_by_factors = 1e-10  # more than that is balanced with others, whose K is far from singular
+    # more than that is balanced with other factors, whose K is far from singular
+    left_by_factors = 1e-10
     if not unbalanced <= left_by_factors:
         rebalance(iteration)
     program, now = iteration.program, iteration.now
@@ -100,18 +103,18 @@ def static_load(iteration: InteriorIteration) -> StaticLoad:
 
 
 def kinematic_load(iteration: InteriorIteration) -> KinematicLoad:
-    """Make the iterate's velocity admissible, which takes a factorisation or a few. Collective.
+    """Make the iterate's velocity admissible, with one or a few factorisations. Collective.
 
-    Pairs that push are held, and then those that enter; the iteration's velocity becomes the
+    Pairs that push are held first, then pairs that penetrate. The iteration's velocity becomes the
     admissible one.
     """
     program, now, v = iteration.program, iteration.now, iteration.velocity
     jumps, inadmissible, entering = program.jumps, np.inf, np.inf
     largest = v.norm(PETSc.NormType.NORM_INFINITY)
     closed = (now.forces > program.springs * now.rooms) | (now.rooms < ROUNDING * largest)
-    if program.dilates:  # in the end iterates are inside of all cones, and are left there
+    if program.dilates:  # final iterates are inside all cones, and remain there
         closed[:] = False
-    most_holdings = 5  # so often pairs are held; twice in the hardest case that was seen
+    most_holdings = 5  # rounds in which pairs are held; the hardest known case took two
     for _ in range(most_holdings):
         try:
             inadmissible = _project(iteration, jumps[closed])
@@ -123,7 +126,7 @@ def kinematic_load(iteration: InteriorIteration) -> KinematicLoad:
         if inadmissible > EXACT or entering <= ROUNDING:
             break
         closed |= enters > 0
-    if program.dilates and entering <= ROUNDING:  # no pair was held, and what enters is rounding
+    if program.dilates and entering <= ROUNDING:  # no pair was held, and penetration is rounding
         v.array[jumps] = np.minimum(v.array_r[jumps], 0.0)
         inadmissible, entering = iteration.inadmissible(), 0.0
     work, dissipation = program.work(v), program.dissipation(v)
@@ -139,15 +142,15 @@ def kinematic_load(iteration: InteriorIteration) -> KinematicLoad:
 def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float:
     """Bring the velocity to the nearest one that keeps volumes and elastic bodies. Collective.
 
-    It is nearest in the norm of the last viscosities, and found by the method of multipliers. Where
-    bodies dilate see :func:`_centred`.
+    It is nearest in the norm of the last viscosities; the method of multipliers computes it. If
+    bodies dilate, see :func:`_centred`.
 
     Args:
-        iteration: Whose velocity it is.
+        iteration: The iteration with the velocity.
         held: Unknowns that become zero.
 
     Returns:
-        What is left, relative to ‖ε(v)‖.
+        The remaining inadmissible part, relative to ‖ε(v)‖.
 
     Raises:
         SingularStiffness: If K cannot be factorised.
@@ -156,11 +159,11 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     if program.dilates:
         return _centred(iteration)
     strains = program.strains
-    # What is inadmissible that is gone on to as long as it is quick: what strict bounds and those
-    # who check them let pass is about `EXACT`.
+    # Iterations continue down to this inadmissible part as long as they converge quickly. Strict
+    # bounds and their checkers accept about `EXACT`.
     better = 1e-12
     v.array[held] = 0
-    # Regions that flow less than the mean are at most so many times stiffer in the projection.
+    # In the projection, regions that flow less than the mean are at most this many times stiffer.
     stiffer = 1e3
     rates, viscosity = program.rates_of(v), np.ones(strains.count)
     for block, members in zip(program.blocks, now.members, strict=True):
@@ -175,7 +178,7 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     forces, correction = program.create_vector(), program.create_vector()
     pressure, stress = np.zeros_like(viscosity), none
     inadmissible = np.inf
-    quick = 0.8  # share of what is inadmissible that an iteration leaves where it is quick
+    quick = 0.8  # an iteration is quick if it leaves less than this share of the inadmissible part
     for number in range(MOST_ITERATIONS):
         trace, deviator = strains.of(v)
         elastic = np.where(program.plastic[:, None], 0.0, deviator)
@@ -196,15 +199,15 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
 
 
 def _centred(iteration: InteriorIteration) -> float:
-    """Make the velocity admissible where bodies dilate, and others may keep volumes. Collective.
+    """Make the velocity admissible where bodies dilate; others may keep volumes. Collective.
 
-    Steps towards the middle of the cones let bodies that dilate grow enough. They leave volume
-    changes of the others that are small but no rounding, since the stiffness is next to singular.
-    These are taken away with the factors of the last step: its moduli are the scaling of the cones,
-    so that each cone changes by little beside what it has to spare.
+    Steps towards the centre of the cones let dilating bodies grow enough. They leave volume changes
+    of the other bodies that are small but above rounding, since the stiffness is nearly singular.
+    The factors of the last step remove these changes. Its moduli are the scaling of the cones, so
+    that the change of each cone is small compared with its margin.
 
     Returns:
-        What is left, relative to ‖ε(v)‖.
+        The remaining inadmissible part, relative to ‖ε(v)‖.
 
     Raises:
         SingularStiffness: If K cannot be factorised.
@@ -212,8 +215,8 @@ def _centred(iteration: InteriorIteration) -> float:
     program, v = iteration.program, iteration.velocity
     keeps = ~(program.plastic & (program.strains.slopes > 0))
     both = bool(program.comm.allreduce(bool(keeps.any()), MPI.LOR))
-    # What may be left without cohesion, and where volumes are kept too: what strict bounds and
-    # those who check them let pass is about `EXACT`.
+    # Inadmissible part that may remain without cohesion, and where volumes are kept too. Strict
+    # bounds and their checkers accept about `EXACT`.
     better = 1e-12
     most_centrings = 3
     left = iteration.inadmissible()
@@ -226,7 +229,7 @@ def _centred(iteration: InteriorIteration) -> float:
         return left
 
     weights, roots = program.weights, np.sqrt(program.weights)[:, None]
-    stiff = weights / PROXIMAL**2  # as the last step has them
+    stiff = weights / PROXIMAL**2  # as in the last step
 
     def changes(velocity: PETSc.Vec) -> Floats:
         trace, deviator = program.strains.of(velocity)

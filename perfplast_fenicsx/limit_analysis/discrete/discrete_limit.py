@@ -1,8 +1,8 @@
-"""The limit load of the discrete problem by an interior point method, without a loading path.
+"""Compute the limit load of the discrete problem by an interior point method, without a path.
 
-Static and kinematic limit load are brought together in 5 to 30 factorisations, whatever the mesh.
-The bounds that are returned are those of the *discrete* problem: equilibrium is that of the finite
-elements, and yield and dissipation are those of the points of the quadrature.
+Static and kinematic limit load converge to each other in 5 to 30 factorisations, for any mesh. The
+bounds are those of the *discrete* problem: equilibrium of the finite elements, with yield and
+dissipation at the quadrature points.
 """
 
 from collections.abc import Callable
@@ -42,16 +42,16 @@ from perfplast_fenicsx.problem.problem import Problem
 def interior_point(
     problem: Problem, rtol: float = 1e-4, monitor: Callable[[InteriorStep], None] | None = None
 ) -> LimitLoad:
-    """Find the discrete limit load, its mechanism and its stress. Collective.
+    """Compute the discrete limit load, its mechanism and its stress. Collective.
 
     Args:
         problem: The bodies and their loads.
-        rtol: Largest difference of the bounds, relative.
+        rtol: Largest relative difference of the bounds.
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or the
-            method does not know a body's yield set (:mod:`body_cones`).
+        InputError: If ``rtol`` is not between 0 and 1, supports move, there are no loads, or the
+            method does not support a body's yield set (:mod:`body_cones`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
@@ -72,7 +72,7 @@ def interior_point(
 
 
 def _or_none(problem: Problem, found: LimitLoad) -> LimitLoad:
-    """Return the same, since no load at all is always carried where there are no constant ones."""
+    """Return the result with a lower bound of at least 0 if there are no permanent loads."""
     return found if problem.loads.has_dead() else replace(found, lower=max(found.lower, 0.0))
 
 
@@ -82,7 +82,7 @@ def _searched(
     monitor: Callable[[InteriorStep], None] | None,
     question: Question,
 ) -> LimitLoad:
-    """Search, and start again as long as that may help. Collective."""
+    """Search, and start again as long as that may improve the result. Collective."""
     found, start = _search(problem, rtol, monitor, Start.within(rtol), question)
     while start is not None:
         before = found
@@ -92,7 +92,7 @@ def _searched(
 
 
 def _with_standing(found: LimitLoad, stands: LimitLoad) -> LimitLoad:
-    """Return the result with the share of the dead loads that is carried."""
+    """Return the result together with the share of the permanent loads that is carried."""
     told = _of_dead_loads(stands)
     standing = told.standing
     if standing is not None and not standing.falls:
@@ -102,7 +102,7 @@ def _with_standing(found: LimitLoad, stands: LimitLoad) -> LimitLoad:
 
 
 def _of_dead_loads(stands: LimitLoad) -> LimitLoad:
-    """Return the result as a multiple of dead loads, and not as a load factor."""
+    """Return the result as a multiple of the permanent loads, without a load factor."""
     times = stands.lower if np.isfinite(stands.lower) else None
     standing = Standing(times, stands.upper)
     return replace(
@@ -117,7 +117,7 @@ def _of_dead_loads(stands: LimitLoad) -> LimitLoad:
 
 
 def _together(before: LimitLoad, after: LimitLoad) -> LimitLoad:
-    """Return the better one of two searches, with the iterations of both."""
+    """Return the better of two results, with the iterations of both searches."""
     worse = after.verdict is not Verdict.FOUND and after.upper is None
     return _of_both(before if worse and before.upper is not None else after, before, after)
 
@@ -141,7 +141,7 @@ def _search(
     start: Start,
     question: Question,
 ) -> tuple[LimitLoad, Start | None]:
-    """Search from a start, and return the next start; None to end. Collective."""
+    """Search from a start; return the result and the next start, None to end. Collective."""
     with ExitStack() as made:
         program = limit_program(problem, question, start.reserve)
         made.callback(program.destroy)
@@ -165,7 +165,7 @@ def _search(
             reason = UNLIMITED
             if problem.degree == 1:
                 reason += (
-                    "; so they seem to wherever linear elements lock: ask quadratic ones (degree ="
+                    "; this also seems so where linear elements lock: use quadratic ones (degree ="
                     " 2 under [element])"
                 )
             found = discrete_result(

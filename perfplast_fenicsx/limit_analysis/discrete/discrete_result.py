@@ -1,4 +1,4 @@
-"""The limit load of a mesh from an iterate of the interior point method."""
+"""Return the limit load of a mesh for an iterate of the interior point method."""
 
 import numpy as np
 from dolfinx import fem
@@ -17,10 +17,10 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def why_unbounded(problem: Problem) -> str:
-    """Why no mechanism is in sight."""
+    """Return the likely reason why there is no mechanism."""
     if any(on.law.dilates for on in problem.laws):
         return (
-            "bodies that dilate where they flow may be confined, so that they carry any load, or"
+            "bodies that dilate as they flow may be confined, so that they carry any load, or"
             " elements have too few motions; leave them room, or use quadratic elements"
         )
     if problem.degree == 1:
@@ -28,13 +28,15 @@ def why_unbounded(problem: Problem) -> str:
             "linear elements lock in plastic flow, which keeps the volume; use quadratic ones"
             " (degree = 2 under [element]), or the loads are carried by bodies that do not yield"
         )
-    return "they are carried by bodies that do not yield, or that cannot flow in any way"
+    return "they are carried by bodies that do not yield, or that cannot flow"
 
 
 def _remedy(problem: Problem) -> str:
     """Return a remedy for a mesh without an admissible mechanism."""
     if problem.degree == 1:
-        return "as linear elements lock; quadratic ones (degree = 2 under [element]) may have one"
+        return (
+            "since linear elements lock; quadratic ones (degree = 2 under [element]) may have one"
+        )
     return "though a finer mesh may have one"
 
 
@@ -50,7 +52,8 @@ def discrete_result(
 ) -> LimitLoad:
     """Return the limit load of an iterate, with bounds computed from its fields. Collective.
 
-    Its ``lower`` is that of a stress, −∞ without one, and not yet that without loads.
+    Its ``lower`` is the bound of a stress, −∞ without one; the bound 0 without loads is not yet
+    used.
     """
     mechanism = fem.Function(problem.V, name="mechanism")
     stress = fem.Function(problem.S, name="stress")
@@ -65,19 +68,19 @@ def discrete_result(
         low = static_load(iteration)
         lower, unbalanced = low.value, low.unbalanced
         if lower is None and verdict is Verdict.FOUND:
-            reason += "; forces were not brought into balance within yield, so that no load is"
-            reason += " surely carried"
+            reason += "; no stress within yield balances the forces, so that no load is"
+            reason += " carried for certain"
         _write_stress(problem, iteration, stress)
         forces = iteration.now.forces * program.force_unit
         if verdict in (Verdict.FOUND, Verdict.STALLED):
-            iteration.now = iterate  # pairs that push are those before it was balanced
+            iteration.now = iterate  # pairs that push are those before balancing
             high = kinematic_load(iteration)
             upper, inadmissible = high.value, high.inadmissible
             if upper is None:
                 locked = locking_bodies(problem, iteration)
                 reason += f"; no admissible mechanism was found, {_remedy(problem)}"
-                # A mechanism that is less admissible, after it was
-                # projected, gives no estimate.
+                # A mechanism with a larger inadmissible part after the projection gives no
+                # estimate.
                 nearly = 1e-6
                 verdict = verdict if inadmissible <= nearly else Verdict.STALLED
         if verdict is Verdict.FOUND or upper is not None:
@@ -90,9 +93,8 @@ def discrete_result(
                 verdict = Verdict.FOUND if upper - lower <= rtol * size else verdict
             reason = apart if verdict is Verdict.FOUND else f"{reason}; {apart}"
         if verdict is Verdict.FOUND and estimate is None:
-            # Excess of an upper bound over the kinematic load of the last step, relative to what a
-            # mechanism dissipates, from which on it means nothing for the limit load: rounding is
-            # in it, of the strain of bodies that are far too strong to flow.
+            # Excess of an upper bound over the last kinematic load, relative to the dissipation:
+            # above it the bound contains rounding of bodies that are far too strong to flow.
             polluted = 0.01
             useful = upper is not None and upper <= kinematic + polluted * power
             known = [bound for bound in (lower, upper if useful else None) if bound is not None]
@@ -123,7 +125,7 @@ def discrete_result(
 def _write_mechanism(
     problem: Problem, iteration: InteriorIteration, question: Question, mechanism: fem.Function
 ) -> None:
-    """Write the velocity, on which the loads do the work 1, into a function of V. Collective."""
+    """Write the velocity, scaled to the work 1 of the loads, into a function of V. Collective."""
     problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
     mechanism.x.scatter_forward()
     load, _, _ = question.loads(problem.loads.live, problem.loads.dead)

@@ -1,9 +1,9 @@
-"""Bounds of the load that bodies with Coulomb's friction carry: Drucker's two theorems.
+"""Compute Drucker's bounds of the load that bodies with Coulomb's friction carry.
 
 No limit theorem holds for Coulomb's friction, as slip does not follow the normal of the friction
-cone. But a body carries no less than without any friction, and no more than if nothing could slip
-or part where there is friction: both are limit loads of perfect plasticity (D. C. Drucker, Coulomb
-friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954), 71).
+cone. But a body carries no less than without any friction. It carries no more than if surfaces with
+friction could neither slip nor separate. Both are limit loads of perfect plasticity (D. C. Drucker,
+Coulomb friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954), 71).
 """
 
 import math
@@ -20,7 +20,7 @@ from perfplast_fenicsx.problem.variant import variant
 
 
 def drucker_bounds(problem: Problem) -> DruckerBounds:
-    """Find both. Collective.
+    """Compute both bounds. Collective.
 
     Raises:
         InputError: As :func:`discrete_limit.interior_point`.
@@ -39,12 +39,12 @@ def _borne(found: LimitLoad) -> float | None:
 
 
 def without_friction(problem: Problem) -> Problem:
-    """Return the same problem, of which nothing rubs. Collective."""
+    """Return the same problem without friction. Collective."""
     return variant(problem, friction=problem.friction.smooth())
 
 
 def without_slip(problem: Problem) -> Problem:
-    """Return the same problem, in which nothing slips or parts where it rubs. Collective."""
+    """Return the same problem, glued where there is friction. Collective."""
     basis, friction = problem.basis, problem.friction
     parts = np.ones(len(basis.index), dtype=np.bool_)
     parts[friction.pair] = False

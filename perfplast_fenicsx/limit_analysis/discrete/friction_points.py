@@ -1,11 +1,11 @@
-"""Friction in limit analysis: places of slip are points beside those of the bodies.
+"""Treat places of slip as points beside those of the bodies, for friction in limit analysis.
 
-A place with the area A and the force c that slip s has to overcome is a point with the volume A h,
-the strain s/h and the yield radius c/A, h = A^(1/(gdim − 1)): its cone is ‖μ‖ ≤ c, an interval in
-the plane, and what it dissipates is c‖s‖.
+A place has the area A and the force c that slip s has to overcome. It is a point with the volume
+A h, the strain s/h and the yield radius c/A, where h = A^(1/(gdim − 1)). Its cone is ‖μ‖ ≤ c, an
+interval in the plane, and it dissipates c‖s‖.
 
-A place may also open, by w along its normal, and be held by what presses there: then w/h is the
-trace of its strain, and its cone is ‖μ‖ ≤ c − αp with the slope α and p < 0 of a pressure.
+A place may also open, by w along its normal, and pressure may increase its resistance. Then w/h is
+the trace of its strain, and its cone is ‖μ‖ ≤ c − αp with the slope α and p < 0 for compression.
 """
 
 from dataclasses import dataclass, fields
@@ -23,14 +23,14 @@ from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Stiffness, Strains
 
 Springs = tuple[Ints, Floats]
-"""Unknowns of small groups, shape (n, k), −1 for none, and their moduli, shape (n, k, k)."""
+"""Unknowns of small groups, shape (n, k), −1 for none, and their stiffnesses, shape (n, k, k)."""
 
 
 class SpringStiffness(Stiffness, Protocol):
     """A stiffness that may have springs at a few unknowns."""
 
     def add_springs(self, springs: Springs) -> None:
-        """Let K have springs, from the next assembly on."""
+        """Add springs to K, from the next assembly on."""
         ...
 
 
@@ -40,11 +40,12 @@ class SlipPlaces:
 
     Attributes:
         index: Local (owned) unknowns, −1 for none, shape (num_places, k).
-        shares: Of these in each component of the jump, shape (num_places, gdim − 1, k).
-        area: What a place stands for (length, area), shape (num_places,).
+        shares: Coefficients of these unknowns in each component of the jump, shape (num_places,
+            gdim − 1, k).
+        area: Area of a place (length, area), shape (num_places,).
         bound: Force c that slip has to overcome, shape (num_places,); 0 where α > 0.
-        closing: Local (owned) unknown that is −w, −1 for none, shape (num_places,).
-        slope: α, shape (num_places,).
+        closing: Local (owned) unknown that equals −w, −1 for none, shape (num_places,).
+        slope: Slope α, shape (num_places,).
     """
 
     index: Ints
@@ -56,7 +57,7 @@ class SlipPlaces:
 
     @classmethod
     def of(cls, friction: Friction) -> "SlipPlaces":
-        """Those where a friction resists."""
+        """Return the places where friction resists slip."""
         rubs = friction.bound > 0
         index = friction.index[rubs]
         if friction.shares is None:
@@ -67,24 +68,24 @@ class SlipPlaces:
 
     @classmethod
     def that_slip(cls, index: Ints, shares: Floats, area: Floats, bound: Floats) -> "SlipPlaces":
-        """Those whose resistance no pressure changes."""
+        """Return places whose resistance does not depend on pressure."""
         return cls(index, shares, area, bound, np.full(len(area), -1), np.zeros(len(area)))
 
     def and_those(self, others: "SlipPlaces") -> "SlipPlaces":
-        """These, then others whose jumps are of as many unknowns."""
+        """Return these places, followed by others whose jumps have as many unknowns."""
         names = (it.name for it in fields(self))
         both = (np.concatenate([getattr(self, it), getattr(others, it)]) for it in names)
         return SlipPlaces(*both)
 
     def shared_out(self, pressure: Floats, slips: Floats) -> Floats:
-        """Shear stresses of which pressure bears all that it can, and what adheres the rest.
+        """Return shear stresses in which pressed places bear all they can, and others the rest.
 
         Args:
-            pressure: P of the places, shape (num_places,), at most 0 where one presses.
-            slips: Shear stresses there, shape (num_places, gdim − 1).
+            pressure: Pressure p at the places, shape (num_places,), at most 0 in compression.
+            slips: Shear stresses at the places, shape (num_places, gdim − 1).
 
         Returns:
-            The latter, with the same sums at each node.
+            Shear stresses with the same sums at each node, same shape.
         """
         pressed = np.flatnonzero(self.slope > 0)
         adheres = np.flatnonzero(self.slope == 0)
@@ -103,12 +104,12 @@ class SlipPlaces:
 
     @cached_property
     def unknowns(self) -> Ints:
-        """All that w and the jump are made of, −1 for none, shape (num_places, 1 + k)."""
+        """Return all unknowns of w and the jump, −1 for none, shape (num_places, 1 + k)."""
         return np.column_stack([self.closing, self.index]).astype(np.int32)
 
     @cached_property
     def rows(self) -> Floats:
-        """Return the rows of these points in (w, jump), shape (num_places, gdim, 1 + k)."""
+        """Return (w, jump) as rows of these unknowns, shape (num_places, gdim, 1 + k)."""
         count, size, k = self.shares.shape
         found: Floats = np.zeros((count, 1 + size, 1 + k))
         found[:, 0, 0] = np.where(self.closing >= 0, -1.0, 0.0)
@@ -116,14 +117,17 @@ class SlipPlaces:
         return found
 
     def jumps(self, array: Floats) -> Floats:
-        """W and jumps of the entries of a local array, shape (num_places, gdim)."""
+        """Return w and jumps for the entries of a local array, shape (num_places, gdim)."""
         if not self.index.size:
             return np.zeros((len(self.area), 1 + self.shares.shape[1]))
         values = np.where(self.unknowns >= 0, array[self.unknowns], 0.0)
         return (self.rows @ values[:, :, None])[:, :, 0]
 
     def add(self, forces: Floats, array: Floats) -> None:
-        """Add forces on these to the entries of a local array, the transpose of that."""
+        """Add forces on w and jumps to the entries of a local array.
+
+        This is the transpose of :meth:`jumps`.
+        """
         values = (forces[:, None] @ self.rows)[:, 0]
         there = self.unknowns >= 0
         np.add.at(array, self.unknowns[there], values[there])
@@ -146,11 +150,11 @@ class FrictionStrains:
             self.tilts = np.concatenate([points.tilts, np.zeros((len(area), self.size))])
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         self._points.destroy()
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Trace and deviator, shapes (count,) and (count, m). Collective."""
+        """Return trace and deviator, shapes (count,) and (count, m). Collective."""
         trace, deviator = self._points.of(y)
         opens, *jumps = (self._places.jumps(y.array_r) / self.length[:, None]).T
         more = np.zeros((len(opens), self.size), order="F")
@@ -184,7 +188,7 @@ class FrictionStrains:
         self._places.add(share[:, None] * stress, out.array)
 
     def springs(self, moduli: Moduli) -> Springs:
-        """Return the unknowns of friction points, and the springs that their moduli make."""
+        """Return the unknowns of friction points, and the springs of their moduli."""
         of_places, rows = moduli.beyond(self._points.count).matrices(), self._places.rows
         of_places = of_places[:, : rows.shape[1], : rows.shape[1]]
         share = self.weights[self._points.count :] / self.length**2
@@ -193,7 +197,7 @@ class FrictionStrains:
 
     @property
     def _size(self) -> int:
-        """Components of a jump."""
+        """Number of components of a jump."""
         return int(self._places.shares.shape[1])
 
 
@@ -201,7 +205,7 @@ class FrictionStiffness:
     """K with friction; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, bodies: SpringStiffness, strains: FrictionStrains, count: int) -> None:
-        """Take K of the bodies over, whose points are ``count``."""
+        """Take over K of the bodies, which have ``count`` points."""
         self._bodies, self._strains, self._count = bodies, strains, count
         self.jump_diagonal, self.add_at_jumps = bodies.jump_diagonal, bodies.add_at_jumps
         self.factorise, self.solve = bodies.factorise, bodies.solve
@@ -209,15 +213,15 @@ class FrictionStiffness:
 
     @property
     def factorisations(self) -> int:
-        """So far."""
+        """Number of factorisations so far."""
         return self._bodies.factorisations
 
     @property
     def solves(self) -> int:
-        """Systems solved so far."""
+        """Number of systems solved so far."""
         return self._bodies.solves
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Bring K to moduli at all points. Collective."""
+        """Assemble K with moduli at all points. Collective."""
         self._bodies.add_springs(self._strains.springs(moduli))
         self._bodies.assemble(moduli.first(self._count), held)

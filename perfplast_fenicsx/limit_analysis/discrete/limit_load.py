@@ -1,4 +1,4 @@
-"""The result of a search for a limit load, by either of the two methods."""
+"""Define the result of a search for a limit load, by either of the two methods."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from perfplast_fenicsx.problem.judged.state import Level
 
 
 class LimitMethod(StrEnum):
-    """How a limit load is found: directly, or where a loading path levels off."""
+    """Method of the search: directly, or by a loading path that levels off."""
 
     INTERIOR_POINT = "interior-point"
     PATH = "path"
@@ -28,11 +28,11 @@ class LimitLoad:
 
     Attributes:
         method: The method that found it.
-        lower: Static side of the mesh, not a bound of the body: λ of a stress in equilibrium on the
-            mesh and within yield, or the largest ζ(α) reached. −∞ beside constant loads, if none is
-            known.
-        estimate: Limit load of the mesh, between both sides: an estimate of that of the body. None
-            without a result, or without a kinematic side and a plateau.
+        lower: Static side of the mesh, not a bound of the body: factor of a stress in equilibrium
+            on the mesh and within yield, or the largest ζ(α) reached. −∞ with permanent loads if
+            none is known.
+        estimate: Limit load of the mesh, between both sides: an estimate for the body. None without
+            a result, or without a kinematic side and a plateau.
         residual: Relative change of the estimate with the last level; None without two estimates.
         upper: Kinematic side of the mesh, not a bound of the body: (D(v) − L₀(v))/L₁(v) of a
             mechanism that is incompressible on the mesh; None without a mechanism.
@@ -60,9 +60,9 @@ class LimitLoad:
             without equilibrium. Neither bounds anything else.
         drucker: Drucker's two bounds with Coulomb's friction; None if not sought.
         locked: Bodies that keep the interior point method from a mechanism, if it found none.
-        question: The loads whose factor was sought. These are the constant ones, if no load grows
-            or no load factor is carried beside them; the mechanism is then theirs.
-        standing: The multiple of the constant loads that is carried, if sought.
+        question: The loads whose factor was sought. These are the permanent loads if no load grows,
+            or if no load factor is carried together with them; the mechanism then belongs to them.
+        standing: Multiple of the permanent loads that is carried, if sought.
     """
 
     method: LimitMethod
@@ -92,7 +92,7 @@ class LimitLoad:
 
     @property
     def collapses(self) -> bool:
-        """Whether there is a mechanism, if only the velocity that a path ends with."""
+        """Whether there is a mechanism, possibly just the final velocity of a path."""
         known: tuple[float | None, ...] = (self.upper, self.estimate)
         if self.question is Question.STANDS and self.standing is not None:
             known = (self.standing.upper,)

@@ -1,4 +1,4 @@
-"""Which of the two methods suits a problem, and a limit load that must be one."""
+"""Choose the method that suits a problem, and check that loads are resisted."""
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
@@ -8,7 +8,7 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_b
 from perfplast_fenicsx.problem.problem import Problem
 
 MOST_UNKNOWNS = {2: 1_000_000, 3: 300_000}
-"""Up to so many unknowns, by dimension, 20 factorisations are quicker than a loading."""
+"""Largest number of unknowns, by dimension, with which 20 factorisations are faster than a path."""
 
 
 TOLERANCE = 1e-3
@@ -16,7 +16,7 @@ TOLERANCE = 1e-3
 
 
 def method_for(problem: Problem) -> LimitMethod:
-    """Return the interior point method where it knows laws and loads, and a factorisation fits."""
+    """Return the interior point method if it supports laws and loads of a small enough problem."""
     if not collapses_by_loads(problem):
         return LimitMethod.PATH
     small = problem.num_dofs <= MOST_UNKNOWNS[problem.bodies.gdim]

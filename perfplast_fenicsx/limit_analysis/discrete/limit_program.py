@@ -1,4 +1,4 @@
-"""The limit load of a discrete problem; velocities are displacements in the contact basis."""
+"""Pose the limit load of a discrete problem, with displacements in the contact basis."""
 
 from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram
 from perfplast_fenicsx.limit_analysis.conic.discretisation import Discretisation, Stiffness, Strains
@@ -14,13 +14,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def limit_program(problem: Problem, question: Question, reserve: float) -> ConicProgram:
-    """Compile the forms. Collective.
-
-    Args:
-        problem: The bodies and their loads.
-        question: The loads whose factor is sought.
-        reserve: See :class:`ConicProgram`.
-    """
+    """Return the program of a problem's limit load. Collective."""
     points = PointStrains(problem)
     bodies = ConicStiffness(problem, points)
     strains: Strains = points

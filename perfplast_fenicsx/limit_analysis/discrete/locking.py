@@ -1,8 +1,7 @@
-"""Which bodies lock: where no velocity of the mesh keeps the volume, and moves as the loads want.
+"""Identify bodies that lock: those that prevent a velocity of the mesh from keeping volumes.
 
-A quadratic velocity on tetrahedra that meet anyhow has few ways to keep the volume at all points.
-What the nearest one that was found changes of volumes shows the bodies that are meshed too coarsely
-for a mechanism.
+A quadratic velocity on arbitrary tetrahedra has few ways to keep the volume at all points. The
+volume changes of the nearest velocity show the bodies whose mesh is too coarse for a mechanism.
 """
 
 from collections.abc import Sequence
@@ -13,18 +12,18 @@ from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIt
 from perfplast_fenicsx.problem.problem import Problem
 
 MOST = 0.9
-"""Share of what is inadmissible that the bodies which are named have together."""
+"""Share of the inadmissible part that the named bodies have together."""
 
 
 def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str, ...]:
-    """Return bodies that have most of what makes a velocity no mechanism. Collective.
+    """Return the bodies with most of the inadmissible part of a velocity. Collective.
 
     Args:
         problem: The bodies.
-        iteration: With the velocity, projected as far as it went.
+        iteration: The iteration with the velocity after the projection.
 
     Returns:
-        Names of volumes, those with most first; nothing where nothing is inadmissible.
+        Names of volumes, those with the largest part first; empty if the velocity is admissible.
     """
     program, tagged_mesh = iteration.program, problem.tagged_mesh
     trace, deviator = program.strains.of(iteration.velocity)
@@ -40,7 +39,7 @@ def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str,
 
 
 def _largest(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
-    """Return the fewest names with :data:`MOST` of all, the largest first."""
+    """Return the fewest names that have the share :data:`MOST` together, the largest first."""
     total = sum(shares)
     if not 0 < total < np.inf:
         return ()

@@ -1,7 +1,8 @@
-"""Coordinates of stresses and strain rates at a problem's points, and numbers of their cones there.
+"""Provide coordinates of stresses and strain rates at a problem's points, and their cones.
 
-Where all cones are about the hydrostatic axis these are trace and deviator of Mandel vectors (in
-plane strain of those in the plane, kept as vectors of four); else those of each cone.
+If all cones are about the hydrostatic axis, the coordinates are trace and deviator of Mandel
+vectors. In plane strain these are in-plane vectors, kept with four components. Otherwise each point
+has the coordinates of its cone.
 """
 
 import numpy as np
@@ -15,31 +16,32 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 class PointCoordinates:
-    """(p, s) and the rates that do their work; see :mod:`standard_cones`.
+    """Coordinates (p, s) of stresses, and the conjugate rates; see :mod:`standard_cones`.
 
     Attributes:
-        numbers: Number of the cone of each point of this rank, shape (count,).
-        radii: γ (stress) of the points of this rank, ∞ where nothing yields, shape (count,).
-        profile: What the strengths vary by, a factor of γ, shape (count,); None where none varies.
-        slopes: α, shape (count,).
-        tilts: t, shape (count, m); None where all are zero.
-        sets: Of the points that have no second-order cone.
-        isotropic: Whether they are trace and deviator at all points.
+        numbers: Index of the cone of each point of this rank, shape (count,).
+        radii: Yield radius γ (stress) of the points of this rank, ∞ in elastic bodies, shape
+            (count,).
+        profile: Factor by which γ varies in space, shape (count,); None if no strength varies.
+        slopes: Slope α, shape (count,).
+        tilts: Tilt t, shape (count, m); None where all are zero.
+        sets: Sets of the points without a second-order cone.
+        isotropic: Whether the coordinates are trace and deviator at all points.
         dilates: Whether any cone has a slope.
-        normal: Normal stresses in equations, two in plane strain.
-        among: Numbers of the Mandel components in equations.
+        normal: Number of normal stresses in equations, two in plane strain.
+        among: Indices of the Mandel components in equations.
         frames: Frames of the cones.
     """
 
     def __init__(self, problem: Problem, cones: BodyCones | None = None) -> None:
-        """Ask the laws. Collective.
+        """Read the cones of the laws. Collective.
 
         Args:
             problem: The bodies and the points.
-            cones: Cones of the bodies; by default those of the stresses in equations.
+            cones: Cones of the bodies; by default those of the stress components in equations.
 
         Raises:
-            InputError: If the method does not know a body's yield set.
+            InputError: If the method does not support a body's yield set.
         """
         self._cones = cones = body_cones(problem) if cones is None else cones
         self.isotropic, self.dilates, self.normal = cones.isotropic, cones.dilates, cones.normal
@@ -61,16 +63,12 @@ class PointCoordinates:
         self.frames = StressFrames(cones, numbers, self._size)
 
     def sets_of(self, copies: int) -> tuple[PointSets, ...]:
-        """Return the sets of points that follow each other so many times."""
+        """Return the sets of the points, repeated ``copies`` times one after the other."""
         profile = None if self.profile is None else np.tile(self.profile, copies)
         return self._cones.sets_at(np.tile(self.numbers, copies), profile)
 
     def rates(self, e: Floats) -> tuple[Floats, Floats]:
-        """ε' of strain rates, shapes (count,) and (count, m).
-
-        Args:
-            e: Mandel vectors, shape (count, m); overwritten.
-        """
+        """Return ε' of strain rates, shapes (count,) and (count, m)."""
         if not self.isotropic:
             return self.frames.rates(e[:, self.among])
         sums = e[:, :3].sum(axis=1)
@@ -80,7 +78,7 @@ class PointCoordinates:
     def working(self, pressure: Floats, deviator: Floats, out: Floats) -> None:
         """Set ``out``, shape (count, m), to Mandel vectors that do the work of σ on strain rates.
 
-        What is out of the plane does none.
+        Out-of-plane components that do no work are zero.
         """
         if self.isotropic:
             out[:] = deviator
@@ -90,7 +88,10 @@ class PointCoordinates:
             out[:, self.among] = self.frames.stresses(pressure, deviator)
 
     def whole(self, pressure: Floats, deviator: Floats) -> Floats:
-        """σ as Mandel vectors, with the best one out of the plane, shape (count, m)."""
+        """Return σ as Mandel vectors, shape (count, m).
+
+        The out-of-plane stress takes its most favourable value.
+        """
         stress = np.empty((len(pressure), self._size))
         self.working(pressure, deviator, stress)
         return self.frames.whole(stress[:, self.among])

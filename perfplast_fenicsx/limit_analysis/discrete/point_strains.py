@@ -1,8 +1,8 @@
-"""Strain rates of velocities at the quadrature points as arrays, and the forces of stresses there.
+"""Evaluate strain rates of velocities at the quadrature points, and the forces of stresses there.
 
-Both are in the coordinates of the points' cones (:mod:`standard_cones`): where all cones are about
-the hydrostatic axis these are trace and deviator of Mandel vectors. In plane strain they are of the
-components in the plane: the stress out of it is in no equation, and takes its best value.
+Both are in the coordinates of the points' cones (:mod:`standard_cones`). If all cones are about the
+hydrostatic axis, these are trace and deviator of Mandel vectors. In plane strain they contain the
+in-plane components. The out-of-plane stress is in no equation, and takes its most favourable value.
 """
 
 from collections.abc import Iterator
@@ -32,17 +32,19 @@ class Rates(Protocol):
     """Strain rates of nodal velocities at the points of a problem, and their transpose.
 
     Attributes:
-        weights: Volume that each point of this rank stands for, shape (count,).
-        on_axis: Points whose rates are zero whatever moves, shape (count,).
+        weights: Volume of each point of this rank, shape (count,).
+        on_axis: Flags of the points whose rates are zero for all velocities, shape (count,).
     """
 
     weights: Floats
     on_axis: PairFlags
 
     def of(self, v: fem.Function) -> Floats:
-        """Return ε of a velocity whose ghosts are up to date, Mandel vectors, shape (count, m).
+        """Return ε of a velocity with updated ghosts as Mandel vectors, shape (count, m).
 
-        They lie component by component in memory. Collective.
+        Collective.
+
+        Each component is contiguous in memory.
         """
         ...
 
@@ -68,7 +70,7 @@ class RatesAtPoints:
     """Rates at quadrature points; see :class:`Rates` for the methods."""
 
     def __init__(self, problem: Problem) -> None:
-        """Compile what evaluates them. Collective."""
+        """Compile the expressions. Collective."""
         self._problem = problem
         self._u, self._e = fem.Function(problem.V), fem.Function(problem.S)
         self._stress = fem.Function(problem.S)
@@ -105,13 +107,13 @@ class PointStrains:
     """ε(v) of velocities in the contact basis; see :class:`discretisation.Strains`.
 
     Attributes:
-        rates: Those of nodal velocities.
-        coordinates: Of stresses and rates at the points.
+        rates: Rates of nodal velocities.
+        coordinates: Coordinates of stresses and rates at the points.
         profile: See :class:`point_coordinates.PointCoordinates`.
     """
 
     def __init__(self, problem: Problem, cones: BodyCones | None = None) -> None:
-        """Compile what evaluates them. Collective.
+        """Compile the expressions. Collective.
 
         Args:
             problem: The bodies and the points.
@@ -132,11 +134,11 @@ class PointStrains:
         self.gdim = at.normal
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         self._force.destroy()
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Trace and deviator of ε(Ty). Collective.
+        """Return trace and deviator of ε(Ty). Collective.
 
         Returns:
             Shapes (count,) and (count, m).
@@ -146,17 +148,19 @@ class PointStrains:
         return self.of_function(self._u)
 
     def of_function(self, v: fem.Function) -> tuple[Floats, Floats]:
-        """Return the same of ε(v) for a function whose ghosts are up to date. Collective."""
+        """Return trace and deviator of ε(v) for a function with updated ghosts. Collective."""
         return self.coordinates.rates(self.rates.of(v))
 
     def power_rates(self, v: fem.Function) -> Floats:
-        """ε(v) that does the work of stresses, Mandel vectors, shape (count, m). Collective.
+        """Return the ε(v) that does the work of stresses, Mandel vectors, shape (count, m).
 
-        Where the coordinates are trace and deviator it is without the change of volume of bodies
-        that keep theirs, which is rounding.
+        Collective.
+
+        If the coordinates are trace and deviator, the volume change of volume-preserving bodies is
+        left out; it is rounding.
 
         Args:
-            v: Admissible, its ghosts up to date.
+            v: Admissible velocity with updated ghosts.
         """
         if not self.coordinates.isotropic:
             return self.rates.of(v)
@@ -165,10 +169,11 @@ class PointStrains:
         return e
 
     def nodal(self) -> Iterator[Floats]:
-        """Yield the rates of each nodal unknown of the cells of this rank. Collective.
+        """Yield the rates of each nodal unknown of this rank's cells. Collective.
 
         Yields:
-            Trace and deviator, zero where it is held, shape (num_cells, num_points, 1 + m).
+            Trace and deviator, zero where the unknown is held, shape (num_cells, num_points, 1 +
+            m).
         """
         problem, e = self._problem, self.rates.of_unknowns()
         points, nodes = problem.Q.dofmap.list[: len(e)], problem.V.dofmap.list[: len(e)]
@@ -208,7 +213,7 @@ class PointStrains:
         self.forces_of(self._stress, out)
 
     def forces_of(self, stress: Floats, out: PETSc.Vec) -> None:
-        """Set ``out`` to the same of stresses as Mandel vectors, shape (count, m). Collective."""
+        """Set ``out`` to the forces of stresses as Mandel vectors, shape (count, m). Collective."""
         self.rates.forces(stress, self._force)
         self._problem.basis.T.multTranspose(self._force, out)
 
@@ -218,8 +223,8 @@ def forces_of_pairs(
 ) -> Floats:
     """Return the contact forces that balance a stress and the loads. Collective.
 
-    See :func:`~perfplast_fenicsx.problem.judged.certificate.contact_forces`, which does not know
-    points that are coefficients.
+    See :func:`~perfplast_fenicsx.problem.judged.certificate.contact_forces`for the forces in other
+    problems than those with coefficients as points.
     """
     if not has_coefficients(problem):
         return contact_forces(problem, stress, zeta, times)
@@ -235,7 +240,7 @@ def forces_of_pairs(
 
 
 def weights_of_points(problem: Problem) -> Floats:
-    """Volume that each point of this rank stands for, shape (count,). Collective."""
+    """Return the volume of each point of this rank, shape (count,). Collective."""
     vector = create_vector(problem.Q)
     assemble_force(vector, fem.form(ufl.TestFunction(problem.Q) * problem.dx), [])
     weights: Floats = vector.array_r[: problem.Q.dofmap.index_map.size_local].copy()

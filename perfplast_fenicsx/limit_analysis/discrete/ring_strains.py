@@ -1,12 +1,12 @@
-"""Strain rates of v = ru around an axis by Bernstein coefficients, for ground that dilates.
+"""Evaluate strain rates of v = ru around an axis by Bernstein coefficients, for dilating ground.
 
-Of the strain rates ε of u, r²ε is quadratic in a cell of the section
-(:func:`~perfplast_fenicsx.mesh.ring_polynomials.ring_rates`). The rates that a yield set admits are
-a convex cone. Bernstein's polynomials are not negative, so that r²ε lies in the cone everywhere in
-the cell if its six coefficients q_i do. The power D is convex and of degree one, and
-∫ D(ε) r ≤ Σ D(q_i) ∫ B_i/r. So the points of a cell are its coefficients. The rate of a point is
-q_i/ρ_i with the coefficient ρ_i of r, and its weight ρ_i ∫ B_i/r. Where ρ_i = 0, on the axis, q_i
-is zero, and the point counts as one that cannot yield.
+For the strain rates ε of u, r²ε is quadratic in a cell of the section
+(:func:`~perfplast_fenicsx.mesh.ring_polynomials.ring_rates`). The admissible rates of a yield set
+are a convex cone. Bernstein's polynomials are not negative. So r²ε lies in the cone everywhere in
+the cell if its six coefficients q_i do. The power D is convex and of degree one, and ∫ D(ε) r ≤ Σ
+D(q_i) ∫ B_i/r. So the points of a cell are its coefficients. The rate of a point is q_i/ρ_i with
+the coefficient ρ_i of r, and its weight is ρ_i ∫ B_i/r. On the axis ρ_i = 0, and q_i is zero; such
+a point is treated as elastic.
 """
 
 import math
@@ -29,27 +29,27 @@ from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.problem.problem import Problem
 
 COUNT = 6
-"""Coefficients of a quadratic function in a triangle."""
+"""Number of coefficients of a quadratic function in a triangle."""
 
 PARTS = 8
-"""Parts of a cell's edge for the integrals of B_i/r."""
+"""Number of parts of a cell's edge for the integrals of B_i/r."""
 
 
 def has_coefficients(problem: Problem) -> bool:
-    """Return whether the points of a problem are coefficients. Not collective."""
+    """Return whether the points of a problem are Bernstein coefficients. Not collective."""
     by_flux = isinstance(problem.kinematics, RingFlux)
     return by_flux and problem.Q.dofmap.dof_layout.num_dofs == COUNT
 
 
 def nodes_of_cells(problem: Problem, count: int) -> tuple[Ints, Ints]:
-    """Return nodes of cells at vertices, then between them on the edges opposite these.
+    """Return the nodes of cells: at the vertices, then on the edges opposite these vertices.
 
     Args:
-        problem: Quadratic, on triangles.
-        count: The first so many cells.
+        problem: A problem with quadratic elements on triangles.
+        count: Number of cells, counted from the first.
 
     Returns:
-        Local numbers, shape (count, 6); the places of these among the nodes of a cell, shape (6,).
+        Local numbers, shape (count, 6); their positions among the nodes of a cell, shape (6,).
     """
     layout = problem.V.dofmap.dof_layout
     columns = [layout.entity_dofs(of, i)[0] for of in (0, 1) for i in range(3)]
@@ -60,12 +60,12 @@ class RingCoefficients:
     """Rates q_i/ρ_i of velocities v = ru; see :class:`point_strains.Rates` for the methods.
 
     Attributes:
-        weights: Shape (count,); of points on the axis a sixth of their cell.
-        on_axis: Points whose rates are zero, shape (count,).
+        weights: Weights, shape (count,); a point on the axis has a sixth of its cell.
+        on_axis: Flags of the points on the axis, whose rates are zero, shape (count,).
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Find the matrices of the cells. Not collective."""
+        """Compute the matrices of the cells. Not collective."""
         self._problem, self._sums = problem, fem.Function(problem.V)
         cells, places = corners(problem.tagged_mesh.mesh)
         x = places[cells]
@@ -115,14 +115,14 @@ class RingCoefficients:
 
 
 def _over_radius(x: Floats, areas: Floats) -> Floats:
-    """Return ∫ B_i/r in cells from above, shape (num_cells, 6).
+    """Return upper bounds of ∫ B_i/r in cells, shape (num_cells, 6).
 
     Args:
         x: Vertices of cells, shape (num_cells, 3, 2).
-        areas: Of the cells, shape (num_cells,).
+        areas: Areas of the cells, shape (num_cells,).
     """
     parts = equal_parts(PARTS)
-    unit = np.eye(COUNT)[None]  # the coefficients of each polynomial
+    unit = np.eye(COUNT)[None]  # coefficients of each polynomial
     found = np.zeros((len(x), COUNT))
     for part in parts:
         weights = weights_of_rates(x[..., 0] @ part.T, areas / len(parts))

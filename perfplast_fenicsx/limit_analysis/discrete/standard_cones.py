@@ -1,20 +1,20 @@
-"""Yield sets that are one second-order cone, as numbers, and coordinates in which it is upright.
+"""Represent yield sets that are one second-order cone, and transform them to standard coordinates.
 
 A set {x : ‖Mx‖ ≤ c − q·x} of n stress components x (Mandel) with a matrix M of rank n − 1 or n is
 
     x = F (p, s),    ‖s + γt‖ ≤ γ − αp,    α ≥ 0,  ‖t‖ < 1,  and t = 0 where α > 0,
 
-with ε' = Fᵀε as strain rates, so that σ:ε = p ε'₀ + s·ε'₁. If M has a null vector ν, p is along it:
-α > 0 where q·ν ≠ 0, and where it is zero nothing bounds p. A matrix of rank n bounds all stresses,
-and there is no p: F has a column of zeros for it. Where q = Mᵀr, ‖r‖ < 1, the set is an ellipsoid
-(or a cylinder over one) about another stress than zero, which t gives.
+with strain rates ε' = Fᵀε, so that σ:ε = p ε'₀ + s·ε'₁. If M has a null vector ν, p is along it.
+Then α > 0 if q·ν ≠ 0; if it is zero, nothing bounds p. A matrix of rank n bounds all stresses, and
+there is no p: F has a column of zeros for it. If q = Mᵀr with ‖r‖ < 1, the set is an ellipsoid (or
+a cylinder over one) whose centre is not at zero stress; t describes the shift.
 
-In plane strain the stress out of the plane is in no equation. The set is then the shadow of the
-whole one on the others: with a = Me and b = q·e for the free component e, and β = b/‖a‖,
+In plane strain the out-of-plane stress is in no equation. The set is then projected on the other
+components. With a = Me and b = q·e for the free component e, and β = b/‖a‖,
 
     min_τ ‖M(x + τe)‖ − c + q·(x + τe) = √(1 − β²)‖Py‖ − c + q·x − β a·y/‖a‖,    y = Mx,
 
-where P takes a off; |β| ≥ 1 leaves room for any x.
+where P projects off a. If |β| ≥ 1, all x are possible.
 """
 
 import math
@@ -26,17 +26,18 @@ from perfplast_fenicsx.arrays import Floats
 
 ROUNDING = 1e-12
 """Difference of entries of matrices of about 1, or share of the largest singular value, that counts
-as none."""
+as zero.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class PlainCone:
-    """‖matrix·x‖ ≤ bound − slope·x, numbers.
+    """The cone ‖matrix·x‖ ≤ bound − slope·x, with numbers.
 
     Attributes:
-        bound: c ≥ 0 (stress), 0 of what the slope closes.
-        slope: q, shape (n,).
-        matrix: M of full row rank, shape (k, n).
+        bound: Bound c ≥ 0 (stress); 0 only with a slope, without cohesion.
+        slope: Vector q, shape (n,).
+        matrix: Matrix M of full row rank, shape (k, n).
     """
 
     bound: float
@@ -45,7 +46,7 @@ class PlainCone:
 
     @property
     def is_cone(self) -> bool:
-        """Whether shapes, signs and the rank of the matrix are those of a cone with 0 in it."""
+        """Whether shapes, signs and the rank of the matrix describe a cone that contains 0."""
         numbers = (np.array([self.bound]), self.slope, self.matrix)
         if self.matrix.ndim != 2 or self.slope.shape != self.matrix.shape[1:]:
             return False
@@ -58,7 +59,7 @@ class PlainCone:
         return 0 < k <= n and bool(values[-1] > ROUNDING * values[0])
 
     def normalised(self) -> "PlainCone":
-        """Return the same set, the geometric mean of the matrix' singular values being 1."""
+        """Return the same set, with singular values of the matrix whose geometric mean is 1."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         size = float(np.exp(np.log(values).mean()))
         slope, matrix = (np.asarray(it / size, np.float64) for it in (self.slope, self.matrix))
@@ -75,10 +76,10 @@ class Shadow:
     """The projection of a cone along a free component of the stress.
 
     Attributes:
-        cone: Cone of the others; None where these are not bounded.
-        along: The free one is along·x − share·‖matrix·x‖ where that leaves the most room, with the
-            matrix of ``cone``; shape (n − 1,).
-        share: As ``along``.
+        cone: Cone of the other components; None if they are not bounded.
+        along: Coefficients of the free component that is farthest from yield:
+            along·x − share·‖matrix·x‖, with the matrix of ``cone``; shape (n − 1,).
+        share: Coefficient ``share`` in it.
     """
 
     cone: PlainCone | None
@@ -87,12 +88,12 @@ class Shadow:
 
 
 def shadow(cone: PlainCone, at: int, usual: Floats) -> Shadow:
-    """Return the set of what the other components can be.
+    """Return the projection of a cone on all components but a free one.
 
     Args:
         cone: Cone of all components.
-        at: Number of the free one.
-        usual: What the free one is of the others where the cone says nothing, shape (n − 1,).
+        at: Index of the free component.
+        usual: Coefficients of the free component if the cone does not determine it, shape (n − 1,).
     """
     a, b = cone.matrix[:, at], float(cone.slope[at])
     rest, q = np.delete(cone.matrix, at, axis=1), np.delete(cone.slope, at)
@@ -113,15 +114,15 @@ def shadow(cone: PlainCone, at: int, usual: Floats) -> Shadow:
 
 @dataclass(frozen=True, eq=False)
 class StandardCone:
-    """x = F (p, s) with ‖s + γt‖ ≤ γ − αp.
+    """The cone x = F (p, s) with ‖s + γt‖ ≤ γ − αp.
 
     Attributes:
-        radius: γ (stress); ∞ of what never yields, 0 without cohesion.
-        slope: α ≥ 0.
-        tilt: t, shape (k,).
-        frame: F, shape (n, 1 + k).
-        isotropic: Whether p is the mean of normal stresses and s the deviator of the rest, in an
-            orthonormal basis of these.
+        radius: Yield radius γ (stress); ∞ if nothing yields, 0 without cohesion.
+        slope: Slope α ≥ 0.
+        tilt: Tilt t, shape (k,).
+        frame: Frame F, shape (n, 1 + k).
+        isotropic: Whether p is the mean of normal stresses, and s the deviator in an orthonormal
+            basis.
     """
 
     radius: float
@@ -132,11 +133,11 @@ class StandardCone:
 
 
 def never_yields(n: int, normal: int) -> StandardCone:
-    """Return all stresses, in mean stress and deviator.
+    """Return the set of all stresses, in mean stress and deviator.
 
     Args:
-        n: Components.
-        normal: How many of them, the first, are normal stresses.
+        n: Number of components.
+        normal: Number of normal stresses, which are the first components.
     """
     unit = np.zeros(n)
     unit[:normal] = 1.0
@@ -146,12 +147,12 @@ def never_yields(n: int, normal: int) -> StandardCone:
 
 @dataclass(frozen=True)
 class PlainPrincipal:
-    """(1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound and σ₁ ≤ tension, numbers.
+    """The set (1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound and σ₁ ≤ tension, with numbers.
 
     Attributes:
-        bound: b ≥ 0 (stress), 0 where there is a sine alone.
-        sine: s in [0, 1).
-        tension: f > 0 (stress), ∞ where nothing else bounds σ₁.
+        bound: Bound b ≥ 0 (stress), 0 only with a sine.
+        sine: Sine s in [0, 1).
+        tension: Tensile strength f > 0 (stress), ∞ if there is no such limit.
     """
 
     bound: float
@@ -159,9 +160,10 @@ class PlainPrincipal:
     tension: float = math.inf
 
     def in_plane(self) -> PlainCone:
-        """Return the cone of the stresses in the plane, with the one out of it free.
+        """Return the cone of the in-plane stresses, with the out-of-plane stress free.
 
-        It is between the principal ones in the plane where it leaves them the most room.
+        The out-of-plane stress lies between the principal in-plane stresses if it is farthest from
+        yield.
         """
         half = 1 / math.sqrt(2)
         matrix = np.array([[half, -half, 0.0], [0.0, 0.0, 1.0]])
@@ -169,14 +171,14 @@ class PlainPrincipal:
         return PlainCone(half * self.bound, slope, matrix)
 
     def around(self, n: int, normal: int) -> StandardCone:
-        """Return a cone about the hydrostatic axis that has the set inside.
+        """Return a cone about the hydrostatic axis that contains the set.
 
-        It is the narrowest one of the same apex, where friction makes one; a tensile strength
-        without friction has one of slope 1.
+        With friction it is the narrowest cone of the same apex. A tensile strength without friction
+        has a cone of slope 1.
 
         Args:
-            n: Components.
-            normal: How many of them are normal stresses.
+            n: Number of components.
+            normal: Number of normal stresses.
         """
         size = math.sqrt(6) / (3 - self.sine)
         radius, slope = size * self.bound, 2 * size * self.sine
@@ -186,13 +188,13 @@ class PlainPrincipal:
 
 
 def standard_cone(cone: PlainCone, normal: int) -> StandardCone | None:
-    """Return the coordinates of a cone, and its numbers in these; None of sets that have none.
+    """Return the standard coordinates and numbers of a cone; None for sets that have none.
 
-    These are sets with more than one direction that nothing bounds, and hyperboloids.
+    Such sets are unbounded in more than one direction, or hyperboloids.
 
     Args:
-        cone: Normalised (:meth:`PlainCone.normalised`).
-        normal: How many components, the first, are normal stresses.
+        cone: Normalised cone (:meth:`PlainCone.normalised`).
+        normal: Number of normal stresses, which are the first components.
     """
     M, q = cone.matrix, cone.slope
     k, n = M.shape
@@ -226,7 +228,7 @@ def standard_cone(cone: PlainCone, normal: int) -> StandardCone | None:
 
 
 def _is_isotropic(M: Floats, normal: int) -> bool:
-    """Return whether ‖Mx‖ is the size of the deviator of normal stresses, and shears."""
+    """Return whether ‖Mx‖ is the norm of the deviator of normal stresses, and of the shears."""
     k, n = M.shape
     unit = np.zeros(n)
     unit[:normal] = 1 / math.sqrt(normal)

@@ -1,4 +1,4 @@
-"""Advice for bodies that are far stronger, or weaker, than those that bear the loads."""
+"""Give advice on bodies that are far stronger, or weaker, than those that bear the loads."""
 
 from mpi4py import MPI
 
@@ -9,19 +9,18 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_o
 from perfplast_fenicsx.problem.problem import Problem
 
 NOTICED = 1e-3
-"""Share of an upper bound that rounding may have without a word."""
+"""Share of an upper bound that may be rounding without advice."""
 
 RESOLVED = 1e5
-"""Ratio of strengths up to which the balance of weak bodies beside strong ones, which is rounding
-of these (1e-15), is far below 1e-9 of the weak ones."""
+"""Ratio of strengths up to which weak bodies are balanced far below 1e-9 of their strength. The
+rounding of the strong ones (1e-15) limits this balance.
+"""
 
 
 def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
-    """Return advice if rounding has a large share of an upper bound; else nothing. Collective.
+    """Return advice if rounding has a large share of an upper bound; otherwise nothing.
 
-    Args:
-        problem: The bodies.
-        share: :attr:`Bound.of_rounding`.
+    Collective.
     """
     radii = _radii(problem)
     least, largest = min(radii.values(), default=np.inf), max(radii.values(), default=0.0)
@@ -36,9 +35,9 @@ def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
 
 
 def weak_bodies(problem: Problem) -> tuple[str, ...]:
-    """Return advice if rounding leaves no lower bound beside weak bodies. Collective.
+    """Return advice if rounding prevents a lower bound with weak bodies. Collective.
 
-    Nothing where there are none.
+    The result is empty without such bodies.
     """
     radii = _radii(problem)
     largest = max(radii.values(), default=0.0)
@@ -55,7 +54,7 @@ def weak_bodies(problem: Problem) -> tuple[str, ...]:
 def _radii(problem: Problem) -> dict[str, float]:
     """Return the least yield radius of each body that has a positive one. Collective.
 
-    Sand without cohesion has none: its strength is that of its pressure.
+    Cohesionless sand is not included, as its strength depends on the pressure.
     """
     found, (of_cells, *_) = {}, body_cones(problem).at_cells()
     profile = profiles_of_cells(problem, "below")
@@ -71,10 +70,10 @@ def _radii(problem: Problem) -> dict[str, float]:
 
 
 def _told(ratios: dict[str, float]) -> str:
-    """Return very strong bodies with their strength ratio."""
+    """Return a list of bodies in words, with their strength ratios."""
     return ", ".join(f"'{name}', {ratio:.0e} times" for name, ratio in ratios.items())
 
 
 def _them(ratios: dict[str, float]) -> str:
-    """They, or it."""
+    """Return "it" for one body, "them" for several."""
     return "it" if len(ratios) == 1 else "them"

@@ -1,10 +1,10 @@
-"""Strengths that vary in space, as limit loads and bounds see them.
+"""Approximate strengths that vary in space by linear functions, for limit loads and bounds.
 
 The bound c of a cone, ‖Mσ‖ ≤ c − q·σ, is the product of a number and a profile. A lower bound takes
-a linear function that is nowhere above the profile in each cell. The left side is convex in the
-coordinates then, and the right one linear. So a linear stress is within yield in the whole cell if
-it is so at the vertices. An upper bound takes a linear function that is nowhere below the profile,
-so that no mechanism dissipates less. Both bounds are strict.
+a linear function that is nowhere above the profile in each cell. Then the left side is convex in
+the coordinates, and the right side linear. So a linear stress is within yield in the whole cell if
+it is at the vertices. An upper bound takes a linear function that is nowhere below the profile, so
+that no mechanism dissipates less. Both bounds are strict.
 """
 
 from typing import Literal
@@ -25,24 +25,24 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.spatial_fields import SpatialField, varying
 
 Side = Literal["below", "above"]
-"""Where a linear function lies beside a profile."""
+"""Side of a profile on which a linear function lies."""
 
 PLACE = "the strength of a body"
 """Name of a profile in messages."""
 
 
 def profiles_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side) -> Floats | None:
-    """Return linear functions beside the profiles in simplices. Not collective.
+    """Return linear functions below or above the profiles in simplices. Not collective.
 
     Args:
         cones: Cones of the bodies.
-        numbers: Number of the cone of each simplex, shape (n,).
-        simplices: Their vertices, shape (n, k, d).
-        side: Where the functions lie.
+        numbers: Index of the cone of each simplex, shape (n,).
+        simplices: Vertices of the simplices, shape (n, k, d).
+        side: Side on which the functions lie.
 
     Returns:
-        Values at the vertices, shape (n, k), 1 where the bound does not vary; None where no bound
-        does.
+        Values at the vertices, shape (n, k), 1 where the bound does not vary; None if no bound
+        varies.
 
     Raises:
         InputError: If no such function is known.
@@ -55,11 +55,13 @@ def profiles_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side)
 
 
 def profiles_of_cells(problem: Problem, side: Side) -> Floats | None:
-    """Return the same in the cells that this rank owns, shape (num_cells, d + 1).
+    """Return linear functions as :func:`profiles_in`, in this rank's cells.
+
+    Shape (num_cells, d + 1).
 
     Args:
         problem: The bodies, on straight cells.
-        side: Where the functions lie.
+        side: Side on which the functions lie.
     """
     vertices, places = corners(problem.tagged_mesh.mesh)
     cones = body_cones(problem)
@@ -69,13 +71,13 @@ def profiles_of_cells(problem: Problem, side: Side) -> Floats | None:
 def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
     """Return the profiles at the points of this rank, shape (num_points,). Collective.
 
-    Points at the vertices of cells (:mod:`vertex_points`) have (c_v + Σ c_w)/(d + 2), with a linear
-    function c that is nowhere below the profile. The mean over the vertices of that times a linear
-    function f is then the mean of c f in the cell.
+    Points at the vertices of cells (:mod:`vertex_points`) get (c_v + Σ c_w)/(d + 2), where c is a
+    linear function that is nowhere below the profile. The mean over the vertices of this value
+    times a linear function f is then the mean of c f in the cell.
 
     Args:
         problem: The bodies.
-        numbers: Number of the cone of each point.
+        numbers: Index of the cone of each point.
     """
     cones = body_cones(problem)
     if not cones.varies:
@@ -95,10 +97,10 @@ def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
 
 
 def check_profiles(problem: Problem) -> None:
-    """Refuse strengths that vary in a way that strict bounds do not know. Collective.
+    """Refuse strengths whose variation strict bounds do not support. Collective.
 
     Raises:
-        InputError: If bodies are of revolution, if no linear functions are known beside a profile
+        InputError: If bodies are of revolution, if no linear functions beside a profile are known
             in each cell, or if the one below is not positive.
     """
     if not body_cones(problem).varies or has_curved_cells(problem.tagged_mesh.mesh):
@@ -152,7 +154,7 @@ def profiles_in_words(problem: Problem) -> tuple[str, ...]:
 
 
 def varying_of(problem: Problem) -> dict[str, dict[str, SpatialField]]:
-    """Return the fields of each volume whose material has some, by name."""
+    """Return the fields of materials by volume and name, for the volumes that have any."""
     given = problem.given.materials
     found = {name: varying(given[name]) for name in sorted(given)}
     return {name: fields for name, fields in found.items() if fields}

@@ -1,4 +1,4 @@
-"""Bodies with strengths that are divided by a factor, and which problems have such a factor."""
+"""Divide strengths of bodies by a factor, and check which problems have such a factor."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -23,12 +23,12 @@ Rubs = TypeVar("Rubs", bound=Contact | Obstacle)
 
 
 def weakened(problem: Problem, factor: float) -> Problem:
-    """Return the same problem with strengths divided by a factor, of contacts as well. Collective.
+    """Return the problem with strengths divided by a factor, also those of contacts. Collective.
 
     Strengths of materials, contacts and obstacles with ``reduced = false`` stay as they are.
 
     Raises:
-        InputError: If a body has no reduced strength.
+        InputError: If the strength of a body cannot be divided.
     """
     given = problem.given
     rubbing = (
@@ -42,28 +42,29 @@ class Weakening:
     """A problem whose loads all grow, with strengths that are divided by a factor in place.
 
     Attributes:
-        problem: With the strengths of the last factor, at first with those that are given.
+        problem: The problem with the strengths of the last factor; at first with the given
+            strengths.
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Make one with laws and friction of its own. Collective.
+        """Create the problem with laws and friction of its own. Collective.
 
         Raises:
-            InputError: If a load grows, a body has no reduced strength, none yields, or ground is
-                of a kind of which bounds alone are known.
+            InputError: If a load grows, if the strength of a body cannot be divided, if no body
+                yields, or if only bounds are known for a kind of ground.
         """
         given: Any = problem.given
         rubbing = [*given.contacts, *given.obstacles]
         check_stands(given.loads, given.materials, rubbing)
         if all_elastic(given.materials.values()):
             raise InputError(
-                "none of the bodies can yield, and blocks have no curve of F over work, as they do"
-                " not deform; leave path out."
+                "no body can yield, and blocks have no curve of F over work, as they do"
+                " not deform; remove path."
             )
         if pair_of(given.materials) is not None:
             raise InputError(
-                "ground with nonassociated = 'radenkovic' has no curve of F over work, as bounds"
-                " alone are known of it; leave path out, or give nonassociated = 'davis-b'."
+                "ground with nonassociated = 'radenkovic' has no curve of F over work, as only"
+                " bounds are known for it; remove path, or give nonassociated = 'davis-b'."
             )
         self._materials = given.materials
         self.problem = variant(
@@ -78,10 +79,10 @@ class Weakening:
         self._divided = flags[problem.constraints.surface[friction.pair]]
 
     def divide(self, factor: float) -> None:
-        """Divide the strengths that are given by a factor. Collective.
+        """Divide the given strengths by a factor. Collective.
 
         Raises:
-            InputError: If a body then has another law.
+            InputError: If the law of a body changes.
         """
         problem, mesh = self.problem, self.problem.tagged_mesh
         materials: Mapping[str, Material] = _reduced(self._materials, factor)
@@ -105,21 +106,22 @@ class Weakening:
 
 
 def _reduced(materials: Mapping[str, Any], factor: float) -> dict[str, Material]:
-    """Return materials of volumes with strengths divided by a factor, if it divides them."""
+    """Return materials of volumes with strengths divided by a factor, where it applies."""
     found = {}
     for name, material in materials.items():
         divided_by = getattr(material, "divided_by", None)
         if divided_by is None:
             raise InputError(
-                f"the material of '{name}' ({type(material).__name__}) has no reduced strength; a"
-                " factor of safety is of materials that have one, such as those of case files."
+                f"the material of '{name}' ({type(material).__name__}) has no strength that can be"
+                " divided; for a factor of safety give a material with one, such as those of case"
+                " files."
             )
         found[name] = divided_by(factor if is_divided(material) else 1.0)
     return found
 
 
 def _less(rubs: Rubs, factor: float) -> Rubs:
-    """Return a contact or an obstacle with friction divided by a factor, if it divides that."""
+    """Return a contact or an obstacle with friction divided by a factor, if the factor applies."""
     if not rubs.reduced:
         return rubs
     tresca, coulomb = (
@@ -136,7 +138,10 @@ def is_divided(one: object) -> bool:
 def divided_strengths(
     materials: Mapping[str, object], rubbing: Sequence[Contact | Obstacle]
 ) -> list[str]:
-    """Return what a factor of safety divides, in words; arguments as of :func:`kept_strengths`."""
+    """Return the strengths that a factor of safety divides, in words.
+
+    See :func:`kept_strengths` for the arguments.
+    """
     bodies = {name: it for name, it in materials.items() if is_divided(it)}
     told = [f"'{name}'" for name, it in bodies.items() if not all_elastic([it])]
     return told + [_friction_on(it) for it in rubbing if it.rubs and is_divided(it)]
@@ -150,7 +155,7 @@ def _friction_on(it: Contact | Obstacle) -> str:
 def kept_strengths(
     materials: Mapping[str, object], rubbing: Sequence[Contact | Obstacle]
 ) -> list[str]:
-    """Return what a factor of safety does not divide by its ``reduced = false``, in words.
+    """Return the strengths that keep their values by ``reduced = false``, in words.
 
     Args:
         materials: Materials of the bodies by name.
@@ -168,7 +173,7 @@ def check_all_divided(
     """Refuse ``reduced = false`` where no factor divides strengths.
 
     Raises:
-        InputError: Naming the first body or contact that has it.
+        InputError: With the first body or contact that has it.
     """
     if kept := kept_strengths(materials, [*contacts, *obstacles]):
         raise InputError(
@@ -182,7 +187,7 @@ def check_stands(
     materials: Mapping[str, object],
     rubbing: Sequence[Contact | Obstacle],
 ) -> None:
-    """Refuse loads that grow, and bodies that a factor would weaken nothing of.
+    """Refuse loads that grow, and bodies without any strength that a factor divides.
 
     Args:
         loads: Loads of the bodies.
@@ -190,7 +195,7 @@ def check_stands(
         rubbing: Contacts and obstacles.
 
     Raises:
-        InputError: Naming the first load that grows, or why nothing is divided.
+        InputError: With the first load that grows, or the reason why nothing is divided.
     """
     rubs = any(it.rubs and is_divided(it) for it in rubbing)
     if all_elastic(materials.values()) and not rubs:

@@ -1,4 +1,7 @@
-"""Stresses and strain rates of points in the coordinates of their cones (:mod:`standard_cones`)."""
+"""Transform stresses and strain rates to the coordinates of the points' cones.
+
+See :mod:`standard_cones`.
+"""
 
 import numpy as np
 
@@ -7,19 +10,19 @@ from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones
 
 
 class StressFrames:
-    """x = F (p, s) at points, those of each cone together.
+    """The relation x = F (p, s) at points, grouped by cones.
 
     Attributes:
-        size: Components of s; those that a cone does not have are zero.
+        size: Number of components of s; missing components of a cone are zero.
     """
 
     def __init__(self, cones: BodyCones, of_points: Longs, size: int | None = None) -> None:
-        """Sort the points.
+        """Group the points by their cones.
 
         Args:
             cones: Cones of the bodies.
-            of_points: Number of the cone of each point.
-            size: Components of s; by default the most of any cone.
+            of_points: Index of the cone of each point.
+            size: Number of components of s; by default the largest of all cones.
         """
         frames = [cone.standard.frame for cone in cones.cones]
         self.size = max(F.shape[1] - 1 for F in frames) if size is None else size
@@ -28,7 +31,7 @@ class StressFrames:
         self.groups = [np.flatnonzero(of_points == i) for i in range(len(frames))]
 
     def rates(self, e: Floats) -> tuple[Floats, Floats]:
-        """ε' of strain rates, shapes (count,) and (count, size).
+        """Return ε' of strain rates, shapes (count,) and (count, size).
 
         Args:
             e: Components in equations, shape (count, n).
@@ -39,7 +42,7 @@ class StressFrames:
         return found[:, 0].copy(), found[:, 1:].copy(order="F")
 
     def stresses(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Return components in equations, shape (count, n)."""
+        """Return the components in equations, shape (count, n)."""
         both = np.column_stack([pressure, deviator])
         found = np.zeros((self._count, len(self.frames[0])))
         for here, F in zip(self.groups, self.frames, strict=True):
@@ -47,7 +50,7 @@ class StressFrames:
         return found
 
     def whole(self, stress: Floats) -> Floats:
-        """Mandel vectors of :meth:`stresses`, shape (count, m)."""
+        """Return Mandel vectors of stresses from :meth:`stresses`, shape (count, m)."""
         found = np.zeros((self._count, 4 if stress.shape[1] == 3 else stress.shape[1]))
         for here, cone in zip(self.groups, self._cones.cones, strict=True):
             found[here] = cone.whole(stress[here])

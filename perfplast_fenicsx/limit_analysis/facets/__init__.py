@@ -1,1 +1,1 @@
-"""Cells, facets and interfaces of the body of a bound."""
+"""Collect cells, facets and interfaces of the body of a bound."""

@@ -1,13 +1,13 @@
-"""Coulomb's friction whose slip follows the normal of its cone, as bounds of the jumps alone.
+"""Give Coulomb's friction slip that follows the normal of its cone, as bounds of the jumps.
 
-Surfaces that slip so part by w_n ≥ μ‖w_t‖, and dissipate nothing beside what adhesion does. In the
-plane that is two bounds, with the jump s = −w_n along the normal,
+Surfaces that slip then separate by w_n ≥ μ‖w_t‖, and only adhesion dissipates. In the plane these
+are two bounds, with the jump s = −w_n along the normal,
 
     a = s + μ w_t ≤ 0,   b = s − μ w_t ≤ 0,
 
-and a and b take the places of s and w_t as unknowns. In space, where the cone is no wedge, the
-mechanisms that are looked for neither slip there nor part: they are fewer, and the least load of
-any of them is an upper bound all the same.
+where a and b replace s and w_t as unknowns. In space the cone is no wedge. There the mechanisms of
+the search neither slip nor separate. This reduces their number, but the least load of any mechanism
+remains an upper bound.
 """
 
 from dataclasses import replace
@@ -28,10 +28,10 @@ from perfplast_fenicsx.problem.variant import variant
 
 
 def with_strict_contact(problem: Problem) -> Problem:
-    """Return the problem in which mechanisms of upper bounds are looked for. Collective.
+    """Return the problem in which mechanisms of upper bounds are sought. Collective.
 
-    They enter nothing between nodes either, where that can be asked for, and slip as Coulomb's
-    friction asks.
+    They do not penetrate between nodes, where this can be required, and slip as Coulomb's friction
+    requires.
 
     Args:
         problem: The bodies and their contact.
@@ -40,18 +40,18 @@ def with_strict_contact(problem: Problem) -> Problem:
 
 
 def with_associated_slip(problem: Problem) -> Problem:
-    """Return a problem whose mechanisms slip like that where friction is Coulomb's. Collective.
+    """Return a problem whose slip is associated where friction is Coulomb's. Collective.
 
-    It is one for :func:`discrete_limit.interior_point` alone, as its unknowns are its own.
+    Only :func:`discrete_limit.interior_point` accepts this problem, as its unknowns are different.
 
     Args:
-        problem: The bodies and their contact; where friction is to be that of the coefficients of
-            slip, the problem of
-            :func:`~perfplast_fenicsx.limit_analysis.facets.entering.without_entering`.
+        problem: The bodies and their contact; the problem of
+            :func:`~perfplast_fenicsx.limit_analysis.facets.entering.without_entering` if friction
+            is to apply to the coefficients of slip.
 
     Returns:
-        A problem without Coulomb's friction that shares all but contact with the given one, or that
-        one.
+        A problem without Coulomb's friction that shares all but contact with the given one; the
+        given problem itself if it has no such friction.
     """
     constraints = problem.constraints
     _, coulomb = constraints.friction_of(np.arange(len(constraints.surface)))
@@ -66,7 +66,7 @@ def with_associated_slip(problem: Problem) -> Problem:
 
 
 def _glued(problem: Problem, rows: PairFlags) -> Problem:
-    """Return the problem in which chosen pairs neither part nor slip. Collective."""
+    """Return the problem in which chosen pairs neither separate nor slip. Collective."""
     basis, friction = problem.basis, problem.friction
     places = ~rows[friction.pair]
     held = np.concatenate([basis.index[rows], friction.unknowns(~places)])
@@ -79,7 +79,7 @@ def _glued(problem: Problem, rows: PairFlags) -> Problem:
 
 
 def _some(friction: Friction, places: PairFlags, numbers: Ints, problem: Problem) -> Friction:
-    """Chosen places of friction, with new numbers of pairs. Collective."""
+    """Return chosen places of friction, with new numbers of pairs. Collective."""
     coulomb = friction.coulomb[places]
     return Friction(
         pair=numbers[friction.pair[places]].astype(np.int32),
@@ -96,7 +96,10 @@ def _some(friction: Friction, places: PairFlags, numbers: Ints, problem: Problem
 
 
 def _wedged(problem: Problem) -> Problem:
-    """The plane problem with the unknowns a and b where friction is Coulomb's. Collective."""
+    """Return the plane problem with the unknowns a and b where friction is Coulomb's.
+
+    Collective.
+    """
     basis, friction, comm = problem.basis, problem.friction, problem.comm
     places = np.flatnonzero((friction.coulomb > 0) & (friction.index[:, 0] >= 0))
     normal, along = basis.index[friction.pair[places]], friction.index[places, 0]
@@ -108,7 +111,7 @@ def _wedged(problem: Problem) -> Problem:
     half, one = np.full(len(mu), 0.5), np.ones(len(mu))
 
     def block(*rows: tuple[Floats, Floats]) -> list[Entries]:
-        """Return entries of 2×2 matrices whose rows are those of s and w_t."""
+        """Return entries of 2×2 matrices with the given rows for s and w_t."""
         return [
             (row, column + first, value)
             for row, values in zip((normal, along), rows, strict=True)

@@ -1,9 +1,10 @@
-"""Vertices at which ground without cohesion bears no stress, since nothing presses on its surface.
+"""Find vertices at which unconfined, cohesionless ground bears no stress.
 
-On a free facet σn = 0, and without cohesion one principal stress of zero is bounded by the other:
-all of σ is zero. So are the tractions of all other facets of that cell at the vertex then, and σ
-in its neighbours; not where there is water, whose pressure effective stresses follow. Such stresses
-are no unknowns of a lower bound: they have no inside.
+On a free facet σn = 0. Without cohesion, the other principal stress then bounds a principal stress
+of zero, so all of σ is zero. The tractions of all other facets of the cell at that vertex are then
+zero too, and so is σ in its neighbours. This does not hold with water, since effective stresses
+depend on its pressure. Such stresses are no unknowns of a lower bound, as their set has no
+interior.
 """
 
 import numpy as np
@@ -19,12 +20,12 @@ Flags = npt.NDArray[np.bool_]
 
 
 def bare_vertices(problem: Problem, at: BoundBody, loose: Flags) -> Flags:
-    """Return which vertices of the cells that this rank owns, shape (num_cells, d + 1). Collective.
+    """Return flags of these vertices in this rank's cells, shape (num_cells, d + 1). Collective.
 
     Args:
         problem: The bodies.
         at: Conditions on their facets.
-        loose: Which of these cells have no cohesion, shape (num_cells,).
+        loose: Flags of the cells without cohesion, shape (num_cells,).
     """
     topology, on = problem.tagged_mesh.mesh.topology, at.numbers.facets
     tdim = topology.dim

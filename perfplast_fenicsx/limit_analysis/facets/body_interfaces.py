@@ -1,7 +1,7 @@
-"""Interfaces of the bodies of a bound: with each other, and with half spaces.
+"""Collect the interfaces of the bodies of a bound, with each other and with half spaces.
 
-The strength of an interface (:mod:`contact_strength`) defines what it bears, whatever its kind is;
-this module defines the facets on which it acts, and the unknowns that are its jumps.
+The strength of an interface (:mod:`contact_strength`) defines the tractions that it bears, for any
+kind of interface. This module defines the facets of an interface, and the unknowns of its jumps.
 """
 
 from dataclasses import dataclass, replace
@@ -22,14 +22,14 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """Where two bodies, or a body and an obstacle, cannot enter each other.
+    """A pair of bodies, or a body and an obstacle, that cannot penetrate each other.
 
     Attributes:
-        surfaces: Their names, that of the primary body first; one beside an obstacle.
-        strength: What tractions they bear.
+        surfaces: Names of the surfaces, that of the primary body first; one for an obstacle.
+        strength: Tractions that the interface bears.
         obstacle: The obstacle; None between bodies.
-        into: Unit normal into it where it is a half space, shape (d,); None for others.
-        dilation: μ where bodies part as they slip, else 0.
+        into: Unit normal into the obstacle if it is a half space, shape (d,); otherwise None.
+        dilation: Coefficient μ if bodies separate as they slip, otherwise 0.
     """
 
     surfaces: tuple[str, ...]
@@ -44,20 +44,22 @@ class InterfaceFacets:
     """Interfaces on the local facets, ghosts included.
 
     Attributes:
-        axes: Directions of a facet's components, the first one along the normal on surfaces in
-            contact and on guides, shape (num_facets, d, d).
-        held: Which of these supports hold, shape (num_facets, d).
+        axes: Directions of a facet's components, shape (num_facets, d, d). On surfaces in contact
+            and on roller supports the first one is along the normal.
+        held: Flags of the components that supports hold, shape (num_facets, d).
         hosts: Owned facets whose first component is a jump.
-        twins: Unknowns that the jumps are relative to, −1 for none, shape (num_facets, d, d); of
-            the components at each vertex, of the first one alone where nothing rubs.
+        twins: Unknowns that the jumps are relative to, −1 for none, shape (num_facets, d, d): for
+            the components at each vertex, only for the first component without friction.
         in_contact: Owned facets of surfaces in contact.
         adhesion: Shear stress that slip has to overcome on a host facet, shape (num_facets,).
-        friction: μ on host facets that part as they slip, whose two components are in the plane the
-            jumps a and b of :mod:`associated_slip`; 0 on others. Shape (num_facets,).
-        rubbing: Owned facets whose shear tractions are those of such a resistance, both sides.
+        friction: Coefficient μ on host facets that separate as they slip, shape (num_facets,); 0 on
+            others. In the plane their two components are the jumps a and b of
+            :mod:`associated_slip`.
+        rubbing: Owned facets of both sides with shear tractions by such a resistance.
         oblique: Whether supports hold any surface obliquely to its normal, on this rank.
         matched: Whether all surfaces match facet by facet.
-        both_held: Whether supports hold surfaces that rub, of both sides or along their normal.
+        both_held: Whether supports hold surfaces with friction, on both sides or along their
+            normal.
     """
 
     axes: Floats
@@ -74,17 +76,18 @@ class InterfaceFacets:
 
     @classmethod
     def none(cls, held: Flags, guided: Floats) -> "InterfaceFacets":
-        """Return those of no interface.
+        """Return the data of facets without any interface.
 
         Args:
             held: Components that supports hold, shape (num_facets, d).
-            guided: Directions that are held beside these, 0 for none, the same shape.
+            guided: Further directions that are held, 0 for none, shape (num_facets, d).
         """
         count, d = held.shape
         axes, held = np.tile(np.eye(d), (count, 1, 1)), held.copy()
         along = np.where(held, 0.0, guided)
         sizes = np.linalg.norm(along, axis=1, keepdims=True)
-        on = np.flatnonzero(sizes > 1e-9)  # what guides hold beside supports, but for rounding
+        # directions that roller supports add to the others, except for rounding
+        on = np.flatnonzero(sizes > 1e-9)
         axes[on], held[on] = turned_axes(along[on] / sizes[on], held[on], np.zeros_like(held[on]))
         held[on, 0] = True
         twins = np.full((count, d, d), -1)
@@ -92,7 +95,7 @@ class InterfaceFacets:
         return cls(axes, held, no, twins, no, np.zeros(count), np.zeros(count), no)
 
     def add(self, problem: Problem, facets: FacetGeometry, interface: Interface) -> None:
-        """Take an interface in. Collective."""
+        """Add an interface. Collective."""
         if interface.obstacle is None:
             self._add_bodies(problem, facets, interface)
         else:
@@ -134,8 +137,8 @@ class InterfaceFacets:
         self._dilate(pressed, interface.dilation)
 
     def _free(self, on: Ints, normal: Floats) -> Flags:
-        """Return which facets supports leave free along a normal."""
-        along = 1e-10  # part of a unit normal that is rounding
+        """Return flags of the facets that supports leave free along a normal."""
+        along = 1e-10  # component of a unit normal that is rounding
         part = np.linalg.norm(np.where(self.held[on], 0.0, normal), axis=1)
         free: Flags = part > along
         self.oblique |= bool((free & (part < 1 - along)).any())
@@ -145,7 +148,7 @@ class InterfaceFacets:
         self.axes[on], self.held[on] = turned_axes(normal, self.held[on], aligned)
 
     def _rub(self, host: Longs, interface: Interface, *others: Longs) -> bool:
-        """Let facets adhere or rub; whether they do."""
+        """Give facets adhesion or friction, and return whether they have any."""
         adhesion = interface.strength.adhesion
         rubs = adhesion > 0 or interface.dilation > 0
         if rubs:
@@ -154,7 +157,7 @@ class InterfaceFacets:
         return rubs
 
     def _dilate(self, host: Longs, friction: float, *others: Longs) -> None:
-        """Let facets part as they slip: in the plane with w = a(n/2 + t/2μ) + b(n/2 − t/2μ)."""
+        """Let facets separate as they slip; in the plane w = a(n/2 + t/2μ) + b(n/2 − t/2μ)."""
         if friction > 0:
             self.friction[host] = friction
             for on in (host, *others):
@@ -165,13 +168,13 @@ class InterfaceFacets:
 
 
 def by_friction_alone(problem: Problem) -> bool:
-    """Return whether some surfaces have friction that stresses do not know, and no adhesion."""
+    """Return whether surfaces have friction that is not associated, and no adhesion."""
     found = [it for it in interfaces_of(problem) if it.dilation == 0]
     return any(it.strength.loose for it in found)
 
 
 def interfaces_of(problem: Problem) -> tuple[Interface, ...]:
-    """Those that a problem declares."""
+    """Return the interfaces that a problem declares."""
     given, origin = problem.given, np.zeros((1, problem.bodies.gdim))
     found = [Interface((it.primary, it.secondary), strength_of(it)) for it in given.contacts]
     for it in given.obstacles:
@@ -184,7 +187,7 @@ def interfaces_of(problem: Problem) -> tuple[Interface, ...]:
 
 
 def _rows(problem: Problem, facets: FacetGeometry, on: Ints, held: Flags, free: Flags) -> FacetRows:
-    """Return facets that travel to be matched."""
+    """Return facets as rows that are exchanged for matching."""
     rows = np.zeros(len(on), dtype=facet_type(facets.tdim))
     rows["corners"] = facets.corners(on)
     rows["x"][:, : facets.tdim] = rows["corners"].mean(axis=1)

@@ -1,7 +1,7 @@
-"""The bodies of a strict bound as arrays of a rank, read off a problem once.
+"""Read the bodies of a strict bound from a problem, once, as arrays of a rank.
 
-What supports, loads and interfaces say of the cells and of the tractions on each facet: stress and
-velocity programs, the shares of the gap, the corners that are divided and the proof file read it.
+Supports, loads and interfaces determine the conditions on cells and on the tractions of each facet.
+Stress and velocity programs, error indicators, the division of corners and the proof file use them.
 """
 
 from collections.abc import Sequence
@@ -52,19 +52,20 @@ class BoundBody:
 
     Attributes:
         numbers: Numbers of the facets.
-        geometry: Geometry of the outer ones.
+        geometry: Geometry of the outer facets.
         vertices: Vertices of the owned cells, in the order of their geometry, shape (num_cells, d +
             1, d).
-        supported: Cartesian components that supports hold, shape (num_facets, d); not of free
+        supported: Cartesian components that supports hold, shape (num_facets, d); without free
             rigid surfaces.
-        guided: Unit vectors along which facets are held beside, 0 for none, shape (num_facets, d).
+        guided: Unit vectors along which roller supports hold facets, 0 for none, shape (num_facets,
+            d).
         live: Loads that ζ multiplies, at ζ = 1.
-        dead: Those that it does not.
+        dead: Permanent loads.
         rigid: Facets of surfaces that move as rigid ones.
-        interfaces: Contacts, and then obstacles.
+        interfaces: Contacts, followed by obstacles.
         facets: Supports and interfaces of the facets, also of rigid surfaces.
-        why_not: Why results do not hold for the body.
-        prevents: Why nothing can be found.
+        why_not: Reasons why results do not hold for the body.
+        prevents: Reason why there can be no result; None without one.
         turned: Whether the bodies are of revolution.
     """
 
@@ -85,7 +86,7 @@ class BoundBody:
 
 @once_a_problem
 def bound_body(problem: Problem) -> BoundBody:
-    """Return the bodies of a problem, read once for as long as it lives. Collective."""
+    """Return the bodies of a problem, which are read once and kept with it. Collective."""
     mesh, given = problem.tagged_mesh.mesh, problem.given
     tdim = mesh.topology.dim
     numbers = facet_numbers(mesh)
@@ -136,7 +137,10 @@ def bound_body(problem: Problem) -> BoundBody:
 
 
 def _guided(problem: Problem, facets: FacetGeometry) -> Floats:
-    """Return directions along which guides hold facets, the same on all ranks. Collective."""
+    """Return directions along which roller supports hold facets, the same on all ranks.
+
+    Collective.
+    """
     guides = problem.guides
     found = np.zeros((facets.num, facets.tdim))
     for surface, normal in zip(guides.surfaces, guides.normals, strict=True):
@@ -149,7 +153,7 @@ def _guided(problem: Problem, facets: FacetGeometry) -> Floats:
 
 
 def _held(problem: Problem, facets: FacetGeometry) -> Flags:
-    """Cartesian components that supports hold, the same on all ranks. Collective."""
+    """Return the Cartesian components that supports hold, the same on all ranks. Collective."""
     tdim = facets.tdim
     flags = la.vector(facets.index_map, tdim)
     array = flags.array.reshape(-1, tdim)

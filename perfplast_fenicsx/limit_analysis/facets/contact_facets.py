@@ -1,4 +1,4 @@
-"""Facets of surfaces in contact, with the nodes of a velocity on them."""
+"""Collect the facets of surfaces in contact, with the nodes of a velocity on them."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -15,18 +15,18 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class ContactFacets:
-    """Those of this rank's cells, ghosts too, of dimension d − 1.
+    """Contact facets of this rank's cells, ghosts too, of dimension d − 1.
 
     Attributes:
         nodes: Nodes of each facet, its vertices first, shape (num_facets, num_nodes).
-        middles: Columns of ``nodes`` at the middles of edges, in the order of pairs of vertices;
-            none of linear elements. Shape (num_facets, num_edges).
-        cells: Their cells.
-        sides: Local vertex that each is opposite to.
-        areas: Their areas, around an axis those of their middles' full turn; 0 where the cell is
-            another rank's.
-        normals: Unit normals out of their cells, shape (num_facets, d).
-        tags: Tags of their surfaces.
+        middles: Columns of ``nodes`` at the midpoints of edges, in the order of pairs of vertices,
+            shape (num_facets, num_edges); no columns for linear elements.
+        cells: Cells of the facets.
+        sides: Local vertex opposite to each facet.
+        areas: Areas, around an axis those of the full turn of the facets' midpoints; 0 where
+            another rank owns the cell.
+        normals: Unit normals out of the cells, shape (num_facets, d).
+        tags: Tags of the surfaces.
     """
 
     nodes: Ints
@@ -38,7 +38,7 @@ class ContactFacets:
     tags: Ints
 
     def edges(self, chosen: PairFlags | slice = slice(None)) -> Ints:
-        """Midside and ends of each edge of chosen quadratic facets, shape (num_edges, 3)."""
+        """Return midside node and end nodes of each edge of chosen facets, shape (num_edges, 3)."""
         nodes, middles = self.nodes[chosen], self.middles[chosen]
         d = self.normals.shape[1]
         between = np.take_along_axis(nodes, middles, axis=1)
@@ -51,7 +51,7 @@ class ContactFacets:
 
 @once_a_problem
 def contact_facets(problem: Problem) -> ContactFacets:
-    """Find them. Collective."""
+    """Return the contact facets. Collective."""
     V, tagged_mesh = problem.V, problem.tagged_mesh
     topology = V.mesh.topology
     tdim = topology.dim
@@ -87,10 +87,10 @@ def contact_facets(problem: Problem) -> ContactFacets:
 
 
 def _middles(x: Floats, tdim: int) -> Ints:
-    """Return columns of the nodes between each two vertices.
+    """Return the columns of the nodes between each two vertices.
 
     Args:
-        x: Places of the nodes of facets, shape (num_facets, num_nodes, 3).
+        x: Coordinates of the nodes of facets, shape (num_facets, num_nodes, 3).
         tdim: Dimension of the mesh.
     """
     pairs = list(combinations(range(tdim), 2))

@@ -1,8 +1,8 @@
-"""Contact and ties of plane meshes that do not match, in bounds of the body: made to match.
+"""Make contact and ties of plane meshes match, for bounds of the body.
 
-Where both surfaces lie on each other, the bodies stay as they are. Two polygons that stand for one
-curve overlap and part. There bounds are of a projected model: each body ends at the polygon through
-the nodes of both.
+If both surfaces lie on each other, the bodies do not change. Two polygons that approximate one
+curve overlap and leave gaps. Then bounds hold for a projected model: each body ends at the polygon
+through the nodes of both.
 """
 
 import logging
@@ -21,16 +21,16 @@ log = logging.getLogger(__name__)
 def with_divided_interfaces(problem: Problem) -> Problem:
     """Return the problem on a mesh with a node wherever the other side has one. Collective.
 
-    Facets that lie on each other match then, so that tractions and velocities of both sides are
-    compared point by point. The new mesh states how its bodies differ from those of the old one
+    Facets that lie on each other then match, so that tractions and velocities of both sides are
+    compared point by point. The new mesh states how its bodies differ from the old ones
     (``taken``).
 
     Args:
-        problem: In space, on curved cells and where surfaces neither lie on each other nor are
-            polygons of one curve it is left as it is.
+        problem: The problem. It is returned unchanged in space, on curved cells, and if surfaces
+            neither lie on each other nor are polygons of one curve.
 
     Raises:
-        InputError: If a cell is thinner than its facet is bent.
+        InputError: If a cell is thinner than the deviation of its facet.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     pairs: list[Contact | Tie] = [*given.contacts, *given.ties]
@@ -47,12 +47,12 @@ def with_divided_interfaces(problem: Problem) -> Problem:
 
 
 def _matching(tagged_mesh: TaggedMesh, primary: str, secondary: str) -> TaggedMesh:
-    """Return the mesh divided at one pair of surfaces. Collective."""
+    """Return the mesh, divided at one pair of surfaces. Collective."""
     one, other = (surface_ends(tagged_mesh, name) for name in (primary, secondary))
     ends = one.reshape(-1, 2), other.reshape(-1, 2)
     away = farthest(one, ends[1]), farthest(other, ends[0])
     moved = 0.0 if None in away else max(it for it in away if it is not None)
-    # What vertices on straight surfaces are off by rounding, over their length.
+    # Distance by which rounding moves vertices off straight surfaces, relative to their length.
     size = max((float(it.max() - it.min()) for it in ends if len(it)), default=0.0)
     bent = moved > 1e-8 * size
     finer = divided(tagged_mesh, primary, ends[1], one if bent else None)

@@ -1,9 +1,9 @@
-"""Pressures in pores that are not linear in each cell, between functions that are.
+"""Enclose pore pressures that are not linear in each cell between functions that are.
 
-A stress in equilibrium whose effective part σ + uδ is within yield shows that the loads are carried
-with any smaller pressure too, as pressing on ground takes it no nearer to yield. In a mechanism the
-pressure does the work ∫ u tr ε, tr ε ≥ 0, and any smaller one does no more. So a lower bound takes
-the pressure from above, an upper one from below, and both are strict.
+A stress in equilibrium whose effective part σ + uδ is within yield shows that the loads are also
+carried with any smaller pressure, since compression takes ground no nearer to yield. In a mechanism
+the pressure does the work ∫ u tr ε with tr ε ≥ 0, and a smaller pressure does no more. So a lower
+bound takes the pressure from above, an upper bound from below, and both are strict.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,18 +33,18 @@ from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.spatial_fields import SpatialField
 
 PRESSED = (Elastic, VonMises, Tresca, DruckerPrager, MohrCoulomb)
-"""Laws whose stresses stay within yield when a pressure is added to them."""
+"""Laws whose stresses remain within yield when a pressure is added to them."""
 
 
 def with_enclosed_pores(problem: Problem, side: str) -> Problem:
-    """Return the problem with such pressures from one side; itself where all are linear.
+    """Return the problem with linear pressures on one side of the given ones. Collective.
 
-    Collective. Where loads grow nothing is changed, as one proof then has both bounds, and so the
-    same loads.
+    If all are linear, the problem itself is returned. The same holds if loads grow: one proof then
+    has both bounds, and thus the same loads.
 
     Args:
         problem: The bodies and their loads.
-        side: "above" or "below", where the linear functions are.
+        side: "above" or "below": the side of the linear functions.
     """
     bent = _bent(problem)
     if not bent:
@@ -54,7 +54,7 @@ def with_enclosed_pores(problem: Problem, side: str) -> Problem:
 
 
 def pores_in_words(problem: Problem) -> tuple[str, ...]:
-    """Return clauses on how bounds approximate such pressures. Collective."""
+    """Return clauses on how bounds approximate nonlinear pressures. Collective."""
     return tuple(
         f"the pore pressure in '{load.on}', which is not linear in each cell, is taken from above"
         " for the lower bound and from below for the upper one; so both are strict"
@@ -67,12 +67,14 @@ def on_kinks(
     loads: Sequence[Load],
     strengths: Sequence[tuple[str, SpatialField]] = (),
 ) -> npt.NDArray[np.bool_]:
-    """Return at which local vertices the slope of a pressure or a strength changes. Collective.
+    """Return flags of the local vertices where the slope of a pressure or strength changes.
+
+    Collective.
 
     Args:
-        tagged_mesh: Of straight cells.
-        loads: Of any kind; those that are pressures in pores count.
-        strengths: Fields of volumes, with the names of these.
+        tagged_mesh: Mesh of straight cells.
+        loads: Loads of any kind; only pore pressures count.
+        strengths: Names of volumes with their fields.
     """
     mesh = tagged_mesh.mesh
     index_map = mesh.topology.index_map(0)
@@ -100,18 +102,21 @@ def on_kinks(
         sums.scatter_forward()
         spread = table[:, :1] * table[:, 1 + d :] - table[:, 1 : 1 + d] ** 2
         largest = tagged_mesh.mesh.comm.allreduce(np.abs(slopes).max(initial=0.0), MPI.MAX)
-        noticed = 1e-6  # of the largest slope, far above what rounding leaves of small cells
+        noticed = 1e-6  # share of the largest slope, far above the rounding of small cells
         found |= (spread > (noticed * largest) ** 2 * table[:, :1] ** 2).any(axis=1)
     return found
 
 
 def _low(field: SpatialField, corners: Floats) -> Floats:
-    """Return a linear function below a strength at the vertices of cells."""
+    """Return the values at vertices of linear functions below a strength in cells."""
     return field.between(corners, "a strength")[0]
 
 
 def _bent(problem: Problem) -> list[Load]:
-    """Return the pressures in pores that are enclosed and not linear in each cell. Collective."""
+    """Return the pore pressures that are not linear in each cell but can be enclosed.
+
+    Collective.
+    """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     pores = [it for it in given.loads if type(it) is PorePressure and isinstance(it.value, str)]
     if not pores or not all(load.constant for load in given.loads):

@@ -1,4 +1,4 @@
-"""Few directions among whose positive sums many are: v·b ≤ 0 of the few means v·n ≤ 0 of all."""
+"""Enclose directions in cones: v·b ≤ 0 for a few b implies v·n ≤ 0 for all directions n."""
 
 import numpy as np
 import numpy.typing as npt
@@ -6,25 +6,26 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats, Ints
 
 NARROWEST = 0.02
-"""Tangent of the angle that cones have at least, so that their directions make a basis."""
+"""Tangent of the smallest angle of a cone, so that its directions form a basis."""
 
 
 def enclosing_cones(directions: Floats, known: npt.NDArray[np.bool_]) -> tuple[Floats, Ints]:
     """Return cones of at most d directions around given ones.
 
-    One direction or two in a plane are taken as they are, but for angles that are too small; more
-    in space are enclosed by the smallest of some triangles around their ends on a plane.
+    One direction, or two in a plane, are taken as they are, except if their angle is too small.
+    More directions in space are enclosed by the smallest of several triangles around their ends on
+    a plane.
 
     Args:
-        directions: Shape (n, most, d); zero where nothing is asked for.
-        known: Which of them there are, shape (n, most).
+        directions: Directions, shape (n, most, d); zero where there is none.
+        known: Flags of the existing directions, shape (n, most).
 
     Returns:
-        Unit vectors b, shape (n, d, d), and how many they are, shape (n,); −1 where the given
-        directions do not lie on one side of a plane.
+        Unit vectors b, shape (n, d, d), and their number, shape (n,); −1 where the given directions
+        do not lie on one side of a plane.
     """
-    same = 1e-9  # tangents that differ by less are one
-    widest = 0.1  # cosine to the mean that each direction has at least
+    same = 1e-9  # tangents that differ by less are equal
+    widest = 0.1  # least cosine between each direction and the mean
     n, _, d = directions.shape
     sizes = np.linalg.norm(directions, axis=2)
     known = known & (sizes > same)

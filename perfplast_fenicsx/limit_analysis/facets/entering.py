@@ -1,9 +1,9 @@
-"""Does a mechanism enter another body between the nodes of contact?
+"""Check whether a mechanism penetrates another body between the nodes of contact.
 
 The jump w of a quadratic velocity along a fixed normal is quadratic on a facet. Its Bernstein
-coefficients are those at the vertices and 2 w_m − (w_a + w_b)/2 at a midside m between a and b: w
-is nowhere positive if they are not. Three nodes that do not enter are not enough (0, 0 and −1 at
-the middle enter by 1/8 between).
+coefficients are those at the vertices and 2 w_m − (w_a + w_b)/2 at a midside m between a and b. If
+no coefficient is positive, w is nowhere positive. It is not enough that three nodes do not
+penetrate: the values 0, 0 and −1 at one end, the middle and the other end give 1/8 in between.
 """
 
 from dataclasses import replace
@@ -42,11 +42,13 @@ IN_MEAN = "surfaces whose nodes do not match are kept apart in the mean alone"
 
 
 def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str]:
-    """Why bodies may enter each other, in words; nothing where they do not. Collective.
+    """Return reasons why bodies may penetrate each other, in words; none if they do not.
+
+    Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
-        velocity: Its ghosts up to date.
+        velocity: Velocity with updated ghosts.
     """
     if problem.constraints.in_mean or problem.given.ties:
         return [IN_MEAN]
@@ -59,16 +61,18 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
 def entered_share(
     problem: Problem, velocity: fem.Function, *, rubbing: bool = False
 ) -> float | None:
-    """The largest share that enters of the velocities at a facet and opposite it. Collective.
+    """Return the largest penetration relative to the velocities at and opposite a facet.
+
+    Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
-        velocity: Its ghosts up to date.
-        rubbing: Whether surfaces with Coulomb's friction that part by too little for their slip
-            count as entering.
+        velocity: Velocity with updated ghosts.
+        rubbing: Whether surfaces with Coulomb's friction that separate too little for their slip
+            count as penetrating.
 
     Returns:
-        The share; None where surfaces are curved and normals averaged.
+        The ratio; None where surfaces are curved and normals averaged.
     """
     if not problem.num_pairs:
         return 0.0
@@ -101,18 +105,18 @@ def _are_flat(problem: Problem, facets: ContactFacets, faces: Floats) -> bool:
 
 
 def without_entering(problem: Problem) -> Problem | None:
-    """The same problem with Bernstein's coefficients of jumps bounded, not those at midsides.
+    """Return the problem with bounds on Bernstein's coefficients of jumps, not on midside values.
 
-    Its mechanisms enter nothing between the nodes of a straight mesh, and what resists slip
-    resists the coefficients of slip. Collective.
+    Its mechanisms do not penetrate between the nodes of a straight mesh, and friction acts on the
+    coefficients of slip. Collective.
 
     Args:
         problem: The bodies and their contact.
 
     Returns:
-        A problem that shares all but contact with the given one; that one itself if its elements
-        are linear and contact is flat; None where nodes do not match, and on curved faces that
-        :func:`facet_contact.with_facet_contact` cannot do.
+        A problem that shares all but contact with the given one. It is the given one if its
+        elements are linear and contact is flat. None where nodes do not match, and on curved faces
+        that :func:`facet_contact.with_facet_contact` does not support.
     """
     if problem.constraints.in_mean or problem.given.ties:
         return None
@@ -182,7 +186,7 @@ def without_entering(problem: Problem) -> Problem | None:
 
 
 def _summed(problem: Problem, values: Floats) -> Floats:
-    """Sums over all ranks of values at local nodes, ghosts too. Collective."""
+    """Return sums over all ranks of values at local nodes, ghosts too. Collective."""
     sums = la.vector(problem.V.dofmap.index_map, 1)
     sums.array[:] = values
     sums.scatter_reverse(la.InsertMode.add)

@@ -1,4 +1,4 @@
-"""Jumps of a velocity on the flat faces of contact, as whoever judges them sees them.
+"""Evaluate jumps of a velocity on the flat faces of contact, as the checker of a proof does.
 
 The jump w of a quadratic velocity along a fixed normal is quadratic on a facet. Its Bernstein
 coefficients are those at the vertices and 2 w_m − (w_a + w_b)/2 at a midside m between a and b.
@@ -18,10 +18,11 @@ from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 
 SAME = 1e-9
-"""Normals whose components differ by less are the same."""
+"""Normals whose components differ by less are equal."""
 
 UNSEEN = 5e-13
-"""Share of the velocities at a facet that may enter it: half of what is left to whoever checks."""
+"""Penetration, relative to the velocities at a facet, that is allowed: half of the checker's limit.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +31,15 @@ class FaceJumps:
 
     Attributes:
         source: Number of the contact or obstacle among the sources of constraints.
-        normal: Normal of its pairs, along which a jump is positive where bodies enter, shape (d,).
-        here: Which of the contact facets (:func:`contact_facets.contact_facets`) are on it.
-        moves: Local nodes without a pair of this face that supports do not hold altogether.
-        w: Bernstein's coefficients of the jump at local nodes, 0 at those that supports keep from
-            entering, shape (num_nodes, d).
-        along: Those along the facets' own normals, shape (here.sum(), num_nodes_of_facet).
-        across: The magnitudes of what is left.
-        speeds: The largest component of velocities at each facet and at that opposite.
+        normal: Normal of its pairs, shape (d,); a jump along it is positive where bodies penetrate.
+        here: Flags of the contact facets (:func:`contact_facets.contact_facets`) on the face.
+        moves: Flags of local nodes without a pair of this face that supports do not hold
+            completely.
+        w: Bernstein's coefficients of the jump at local nodes, shape (num_nodes, d); 0 where
+            supports prevent penetration.
+        along: Components along the facets' own normals, shape (here.sum(), num_nodes_of_facet).
+        across: Norms of the remaining components, same shape.
+        speeds: Largest velocity component on each facet and the opposite one, shape (here.sum(),).
     """
 
     source: int
@@ -50,10 +52,10 @@ class FaceJumps:
     speeds: Floats
 
     def entered(self, friction: float = 0.0) -> float:
-        """The largest share of velocities that enters, or parts too little for its slip, here.
+        """Return the largest relative penetration here, or lack of separation for the slip.
 
         Args:
-            friction: μ of Coulomb's friction that follows its normal.
+            friction: Coefficient μ of Coulomb's friction with associated slip.
         """
         most = (self.along + friction * self.across).max(axis=1, initial=0.0)
         found = np.divide(most, self.speeds, out=np.zeros_like(most), where=self.speeds > 0)
@@ -61,11 +63,11 @@ class FaceJumps:
 
 
 def face_jumps(problem: Problem, velocity: fem.Function) -> Iterator[FaceJumps]:
-    """Yield the those of each face in turn. Collective.
+    """Yield the jumps of each face in turn. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
-        velocity: Its ghosts up to date.
+        velocity: Velocity with updated ghosts.
     """
     faces = flat_faces(problem)
     if faces is None or not len(faces):
@@ -95,15 +97,15 @@ def face_jumps(problem: Problem, velocity: fem.Function) -> Iterator[FaceJumps]:
 
 @once_a_problem
 def has_pair(problem: Problem) -> PairFlags:
-    """Return which local nodes, ghosts too, have a pair. Collective."""
+    """Return flags of the local nodes, ghosts too, that have a pair. Collective."""
     every = np.ones(len(problem.constraints.host), dtype=bool)
     return at_nodes(problem, np.zeros(len(every)), every)[1]
 
 
 def jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
-    """The whole jumps of pairs, shape (num_pairs, d); along the normal positive if they enter.
+    """Return the jump vectors of pairs, shape (num_pairs, d). Collective.
 
-    Collective.
+    Along the normal, a jump is positive where a pair penetrates.
     """
     weights, gdim = problem.constraints.weights, problem.V.dofmap.index_map_bs
     on_nodes, on_rows = weights.createVecs()
@@ -119,18 +121,17 @@ def jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
 
 
 def least_speed(problem: Problem, velocity: fem.Function) -> float:
-    """Return velocities at facets count as so much at least. Collective.
+    """Return the least value by which velocities at facets count. Collective.
 
-    Jumps below the rounding of the largest velocity of all count as zero, however slow a body is
-    itself.
+    Jumps below the rounding of the largest velocity count as zero, however slow a body itself is.
     """
-    slowest = 1e-8  # share of the largest velocity, as whoever judges jumps has it
+    slowest = 1e-8  # share of the largest velocity, as in the checker of jumps
     mine = float(np.abs(velocity.x.array).max(initial=0.0))
     return slowest * float(problem.comm.allreduce(mine, MPI.MAX))
 
 
 def _speeds_of_pairs(problem: Problem, velocity: fem.Function) -> Floats:
-    """The largest component of the velocities of each pair, shape (num_pairs,). Collective."""
+    """Return the largest velocity component of each pair, shape (num_pairs,). Collective."""
     constraints = problem.constraints
     sizes = np.abs(velocity.x.array.reshape(problem.fixed.shape)).max(axis=1, initial=0.0)
     on_nodes, on_rows = constraints.shares.createVecs()
@@ -145,9 +146,9 @@ def _speeds_of_pairs(problem: Problem, velocity: fem.Function) -> Floats:
 
 @once_a_problem
 def flat_faces(problem: Problem) -> Floats | None:
-    """Rows (number of the contact, normal) that pairs have; None if they are too many to be flat.
+    """Return (number of the contact, normal) of all pairs; None if there are too many. Collective.
 
-    Collective.
+    Surfaces with too many different normals are not flat.
     """
     constraints = problem.constraints
     mine = _distinct(np.column_stack([constraints.surface, constraints.normal]))
@@ -157,22 +158,22 @@ def flat_faces(problem: Problem) -> Floats | None:
 
 
 def rows_of(problem: Problem, face: Floats) -> PairFlags:
-    """Return pairs of a flat face."""
+    """Return flags of the pairs of a flat face."""
     rows = np.column_stack([problem.constraints.surface, problem.constraints.normal])
     return np.asarray((np.abs(rows - face) <= SAME).all(axis=1))
 
 
 def _distinct(rows: Floats) -> Floats:
-    """One of each kind of rows that are the same but for rounding."""
+    """Return one row of each set of rows that are equal to rounding."""
     _, first = np.unique(np.round(rows / SAME / 100), axis=0, return_index=True)
     return rows[first]
 
 
 def at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats, PairFlags]:
-    """Return jumps of the chosen pairs at all their nodes, and which nodes those are. Collective.
+    """Return jumps of chosen pairs at all their nodes, and flags of these nodes. Collective.
 
     Returns:
-        For each local node, ghosts too; 0 and False at others.
+        Values for each local node, ghosts too; 0 and False at other nodes.
     """
     shares = problem.constraints.shares
     on_nodes, on_rows = shares.createVecs()

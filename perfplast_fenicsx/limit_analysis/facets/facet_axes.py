@@ -1,4 +1,4 @@
-"""Axes of a facet's components, the first one along its normal."""
+"""Compute axes of a facet's components, the first one along its normal."""
 
 import numpy as np
 
@@ -6,19 +6,19 @@ from perfplast_fenicsx.arrays import Floats, PairFlags
 
 
 def turned_axes(normal: Floats, held: PairFlags, aligned: PairFlags) -> tuple[Floats, PairFlags]:
-    """Return axes that begin with a normal, and which of them are held.
+    """Return axes that begin with a normal, and flags of the axes that are held.
 
     Args:
-        normal: Unit vectors that no held component has a part in, shape (n, d). Those that are the
-            same but for rounding get the same axes.
-        held: Cartesian components, shape (n, d).
-        aligned: Others that are to be axes, shape (n, d).
+        normal: Unit vectors, zero in held components, shape (n, d). Vectors that are equal to
+            rounding get the same axes.
+        held: Flags of Cartesian components that are held, shape (n, d).
+        aligned: Flags of other components that are to be axes, shape (n, d).
 
     Returns:
         Shapes (n, d, d) and (n, d).
     """
     tdim = normal.shape[1]
-    digits = 6  # decimals of components of normals that are compared
+    digits = 6  # decimals in which components of normals are compared
     sizes = np.round(1 - np.abs(normal), digits)
     first = np.where(held, 3.0, np.where(aligned, 2.0, sizes))
     order = np.argsort(-first, axis=1, kind="stable")

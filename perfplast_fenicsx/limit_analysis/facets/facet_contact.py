@@ -1,11 +1,11 @@
-"""Contact on the facets themselves: mechanisms that enter no facet of a curved surface.
+"""Formulate contact on facets, so that mechanisms penetrate no facet of a curved surface.
 
-Nodes of curved surfaces have an averaged normal, and what keeps to it enters facets beside. Here a
-pair of nodes keeps to a cone of at most d directions around the normals of all its facets
-(:mod:`enclosing_cones`), and at midsides Bernstein's coefficient of the jump does, so that no facet
-is entered anywhere. Where that would take more unknowns than nodes have, as where three bodies
-meet, their nodes move as one. Such mechanisms are fewer than those of the body, and the least load
-of any of them is an upper bound all the same.
+Nodes of curved surfaces have an averaged normal. A velocity that satisfies it penetrates facets
+beside the node. Here a pair of nodes has a cone of at most d directions around the normals of all
+its facets (:mod:`enclosing_cones`), and at midsides Bernstein's coefficient of the jump has it. So
+no facet is penetrated anywhere. If that would take more unknowns than nodes have, as where three
+bodies meet, their nodes move together. This reduces the number of mechanisms, but the least load of
+any mechanism remains an upper bound.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 def with_facet_contact(problem: Problem) -> Problem | None:
-    """Return the same problem whose mechanisms enter no facet. Collective.
+    """Return the same problem with mechanisms that penetrate no facet. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
@@ -69,10 +69,10 @@ def _rows(
     glued: Flags,
     one: Flags,
 ) -> tuple[Constraints, Constraints] | None:
-    """Return rows of pairs that may part, and of nodes that are glued. Collective."""
+    """Return rows of pairs that may separate, and of nodes that are glued. Collective."""
     comm = problem.comm
     knots = _knots(problem, pairs, glued)
-    # pairs within a knot say nothing more; those at it are hosted by the node beside it
+    # pairs within a knot add nothing; pairs at a knot have the other node as host
     place = np.searchsorted(knots.nodes, pairs.nodes)
     inside = np.isin(pairs.nodes, knots.nodes)
     label = np.full(pairs.nodes.shape, -1)
@@ -105,7 +105,7 @@ def _rows(
 
 
 def _contact(problem: Problem, rows: npt.NDArray[np.void]) -> Constraints:
-    """Return rows of jumps along vectors, of Bernstein's coefficients at midsides. Collective."""
+    """Return rows of jumps along vectors, with Bernstein's coefficients at midsides. Collective."""
     first = problem.V.dofmap.index_map.local_range[0]
     middle = rows["nodes"][:, 1, 0] >= 0
     factors = np.where(middle[:, None], [2.0, -0.5, -0.5], [1.0, 0.0, 0.0])
@@ -126,12 +126,12 @@ def _contact(problem: Problem, rows: npt.NDArray[np.void]) -> Constraints:
 
 
 class _Knots:
-    """Nodes that move as one.
+    """Groups of nodes that move together.
 
     Attributes:
-        nodes: Global numbers in order, on every rank, shape (n,).
-        labels: Labels of their knots, shape (n,).
-        held: Components that supports hold, shape (n, d).
+        nodes: Global numbers in ascending order, on every rank, shape (n,).
+        labels: Labels of their groups, shape (n,).
+        held: Flags of components that supports hold, shape (n, d).
     """
 
     def __init__(self, edges: npt.NDArray[np.void], gdim: int) -> None:
@@ -145,7 +145,7 @@ class _Knots:
 
 
 def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
-    """Join glued pairs to knots: those along edges where three bodies meet. Collective."""
+    """Join glued pairs to groups, such as those along edges where three bodies meet. Collective."""
     gdim = problem.bodies.gdim
     edge = [("nodes", np.int64, 2), ("held", np.bool_, (2, gdim))]
     mine = np.zeros(int(glued.sum()), dtype=edge)
@@ -154,7 +154,7 @@ def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
 
 
 def _ties(problem: Problem, knots: _Knots) -> Constraints:
-    """Each free component of a node of a knot is that of its root: a held one, or the first."""
+    """Return rows that tie each free component in a group to its root: a held one, or the first."""
     V = problem.V
     first, last = V.dofmap.index_map.local_range
     parts = []

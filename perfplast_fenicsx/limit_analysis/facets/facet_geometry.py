@@ -1,4 +1,4 @@
-"""Places and normals of the outer facets of a rank, in the numbers that bounds have for them."""
+"""Compute coordinates and normals of a rank's outer facets, in the local numbering of bounds."""
 
 import numpy as np
 from dolfinx.mesh import exterior_facet_indices
@@ -13,9 +13,9 @@ class FacetGeometry:
     """Geometry of the exterior facets of this rank, by local number.
 
     Attributes:
-        exterior: Local numbers of those that it owns, sorted.
-        cell: The cell of each facet, ghosts too, shape (num_facets,).
-        side: The vertex of it that the facet is opposite.
+        exterior: Local numbers of the facets that it owns, sorted.
+        cell: Cell of each facet, ghosts too, shape (num_facets,).
+        side: Vertex of the cell opposite to the facet, shape (num_facets,).
         vertices: Vertices of the cells, shape (num_cells, d + 1, d).
     """
 
@@ -32,21 +32,21 @@ class FacetGeometry:
         self._numbers, self.vertices, self.cell, self.side = numbers, vertices, cell, side
 
     def normals(self, facets: Ints | Longs) -> Floats:
-        """Outward unit normals."""
+        """Return outward unit normals, shape (n, d)."""
         cells = self.vertices[self.cell[facets]]
         slopes = gradients(cells)[0][np.arange(len(facets)), self.side[facets]]
         normals: Floats = -slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
         return normals
 
     def areas(self, facets: Ints | Longs) -> Floats:
-        """Areas, in the plane lengths."""
+        """Return areas (lengths in the plane), shape (n,)."""
         slopes, volumes = gradients(self.vertices[self.cell[facets]])
         heights = np.linalg.norm(slopes[np.arange(len(facets)), self.side[facets]], axis=1)
         found: Floats = self.tdim * volumes * heights
         return found
 
     def corners(self, facets: Ints) -> Floats:
-        """Return vertices by their places, shape (n, d, d)."""
+        """Return vertices of facets in the facets' own order, shape (n, d, d)."""
         tdim, cell, side = self.tdim, self.cell[facets], self.side[facets]
         others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
         x = self.vertices[cell[:, None], others[side]]
@@ -54,16 +54,16 @@ class FacetGeometry:
         return np.take_along_axis(x, np.argsort(places, axis=1)[:, :, None], axis=1)
 
     def at_corners(self, facets: Ints, values: Floats) -> Floats:
-        """Return values at vertices in the order of the cell's, shape (n, d, ...).
+        """Return values at vertices in the order of the cell's vertices, shape (n, d, ...).
 
         Args:
             facets: Numbers of facets.
-            values: At their vertices by their places, shape (n, d, ...).
+            values: Values at vertices in the facets' own order, shape (n, d, ...).
         """
         places = self._numbers.places[self.cell[facets], self.side[facets]]
         return values[np.arange(len(facets))[:, None], places]
 
     def of(self, problem: Problem, surface: str) -> Ints:
-        """Owned exterior facets of a surface."""
+        """Return the owned exterior facets of a surface."""
         found: Ints = np.intersect1d(problem.tagged_mesh.facets(surface), self.exterior)
         return found

@@ -1,4 +1,4 @@
-"""Loads of cells and facets, as stresses that are linear in the cells balance them."""
+"""Collect loads of cells and facets, in the form that cell-wise linear stresses balance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,17 +30,18 @@ BENT = "a formula that is not linear"
 
 @dataclass(frozen=True, eq=False)
 class FacetLoads:
-    """Loads, of which stresses that follow a pore pressure are the effective ones.
+    """Loads on cells and facets; with pore pressure, stresses are effective stresses.
 
     Attributes:
-        tractions: At the vertices by their places, shape (num_facets, d, d); cartesian.
-        forces: Per volume, shape (num_cells, d).
-        pores: Pressure in the pores at the vertices of each cell, shape (num_cells, d + 1).
-        wet: Whether any of them is a pore pressure.
+        tractions: Cartesian tractions at the vertices in the facets' own order, shape (num_facets,
+            d, d).
+        forces: Forces per volume, shape (num_cells, d).
+        pores: Pore pressure at the vertices of each cell, shape (num_cells, d + 1).
+        wet: Whether any of the loads is a pore pressure.
         rigid_forces: Forces on free rigid surfaces, shape (num_surfaces, d).
-        rigid_moments: Their moments about the origin, shape (num_surfaces, 1 or 3).
+        rigid_moments: Moments of these forces about the origin, shape (num_surfaces, 1 or 3).
         resultants: The same in the surfaces' unknowns (:meth:`RigidFacets.resultants`).
-        on_rigid: The largest of these over the area of its surface.
+        on_rigid: Largest resultant over the area of its surface.
     """
 
     tractions: Floats
@@ -53,26 +54,28 @@ class FacetLoads:
     on_rigid: float
 
     def pushes(self, slopes: Floats, volumes: Floats) -> tuple[Floats, Floats]:
-        """Forces that a pressure u in pores stands for: u n all around each cell, and −∇u in it.
+        """Return the forces of a pore pressure u: u n around each cell, and −∇u inside it.
 
         Args:
             slopes: Gradients ∇φ of the barycentric coordinates, shape (num_cells, d + 1, d).
             volumes: Volumes of the cells.
 
         Returns:
-            Of the facet opposite each vertex at each of its own, in the order of the cell's, what
-            that stands for of the facet's force, shape (num_cells, d + 1, d, d); and in each cell,
-            shape (num_cells, d).
+            Forces of the facet opposite each vertex, divided among its vertices in the order of the
+            cell's, shape (num_cells, d + 1, d, d); and forces in each cell, shape (num_cells, d).
         """
         corners = range(slopes.shape[1])
         around = [[v for v in corners if v != facet] for facet in corners]
-        outward = -slopes * volumes[:, None, None]  # of length area / d
+        outward = -slopes * volumes[:, None, None]  # with the length area / d
         on_facets = self.pores[:, around][..., None] * outward[:, :, None]
         inside = -np.einsum("cv,cvi,c->ci", self.pores, slopes, volumes)
         return on_facets, inside
 
     def largest(self, extent: float) -> float:
-        """Return a stress that they cause on this rank: the largest traction, pressure and column.
+        """Return the order of the stress that the loads cause on this rank.
+
+        It is the sum of the largest traction and pressure, of the weight of a column, and of the
+        largest resultant of a rigid surface over its area.
 
         Args:
             extent: Extent of the bodies.
@@ -86,13 +89,13 @@ class FacetLoads:
 def loads_of(
     problem: Problem, facets: FacetGeometry, rigid: RigidFacets, loads: Sequence[Load]
 ) -> tuple[FacetLoads, str | None]:
-    """Return sums of loads, and what of them is not linear, in words. Collective.
+    """Return sums of loads, and the load that is not linear, in words. Collective.
 
     Args:
         problem: The bodies.
-        facets: Of them.
-        rigid: Those of rigid surfaces.
-        loads: What acts, of kinds that strict bounds know.
+        facets: Geometry of their facets.
+        rigid: Facets of rigid surfaces.
+        loads: Loads of kinds that strict bounds support.
     """
     count, corners, tdim = facets.vertices.shape
     values = np.zeros((facets.num, tdim, tdim))

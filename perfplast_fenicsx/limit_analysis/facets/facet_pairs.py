@@ -1,4 +1,4 @@
-"""Facets of two surfaces that lie on each other, or opposite each other along their normal."""
+"""Match facets of two surfaces that lie on each other, or face each other along their normal."""
 
 from dataclasses import dataclass
 
@@ -21,10 +21,15 @@ FacetRows = npt.NDArray[np.void]
 def facet_type(gdim: int) -> np.dtype:
     """Return the type of a row.
 
-    Its fields are the middle ``x`` (3 numbers), the outward unit ``normal``, the ``corners`` in the
-    order of their global numbers, the ``rank`` that owns the facet, its local and its global number
-    ``facet`` and ``number``, the components that supports hold of it, ``held``, and whether they
-    leave it ``free`` along the normal.
+    The fields are:
+
+    - ``x``: the midpoint (3 numbers),
+    - ``normal``: the outward unit normal,
+    - ``corners``: the vertices in the order of their global numbers,
+    - ``rank``: the rank that owns the facet,
+    - ``facet`` and ``number``: its local and its global number,
+    - ``held``: flags of the components that supports hold,
+    - ``free``: whether supports leave it free along the normal.
     """
     return np.dtype(
         [
@@ -45,13 +50,14 @@ class FacetPairs:
     """Pairs of facets.
 
     Attributes:
-        host: Owned facets whose velocity along the normal is to be a jump, shape (num_pairs,).
+        host: Owned facets whose velocity along the normal becomes a jump, shape (num_pairs,).
         guest: Unknown along the normal that the jump is relative to, at each of the host's
-            vertices; −1 where supports hold the other side. Shape (num_pairs, d).
-        aligned: Components that supports hold of either side, by host, shape (num_pairs, d).
-        turned: Owned facets that are guests, whose normal is to be the host's.
-        turned_aligned: The same components, by guest.
-        both_held: Whether supports hold components of both sides of any pair of this rank.
+            vertices, shape (num_pairs, d); −1 where supports hold the other side.
+        aligned: Flags of components that supports hold on either side, by host, shape (num_pairs,
+            d).
+        turned: Owned facets that are guests, whose normal becomes that of the host.
+        turned_aligned: The flags of ``aligned``, by guest.
+        both_held: Whether supports hold components on both sides of any pair of this rank.
     """
 
     host: Longs
@@ -70,8 +76,8 @@ def pair_facets(
     Args:
         comm: The ranks.
         primary: Facets of one surface that this rank owns.
-        secondary: Those of the other.
-        turned: Whether they are sections of rings, which match at equal radii alone.
+        secondary: Facets of the other surface that this rank owns.
+        turned: Whether they are sections of rings, which match only at equal radii.
 
     Returns:
         The pairs; None if the surfaces do not match facet by facet.
@@ -89,9 +95,9 @@ def pair_facets(
 
 
 def _to_owners(comm: MPI.Intracomm, a: FacetRows, b: FacetRows, order: Longs) -> FacetPairs:
-    """Inform the owners of both facets. Collective.
+    """Send pairs to the owners of both facets. Collective.
 
-    Host is the first facet, but where supports hold components of it and fewer of the other.
+    The host is the first facet, unless supports hold more of its components than of the other's.
     """
     gdim = order.shape[1]
     flags = ("aligned", np.bool_, gdim)

@@ -1,9 +1,11 @@
-"""Velocities of the facets' vertices, d a vertex, d² a facet, numbered over all ranks.
+"""Number velocities of the facets' vertices over all ranks, d per vertex and d² per facet.
 
-Around an axis a facet has three nodes, its ends and one between (:mod:`ring_cells`).
-Facets have DOLFINx's numbers, their vertices follow each other by global number. Where two bodies
-touch, the velocity of one side along the normal is that of the other side plus the jump: the jump
-is the unknown there, and the facet has a *twin*. Facets of a rigid surface *follow* few unknowns.
+Around an axis a facet has three nodes, its ends and a point between them (:mod:`ring_cells`).
+
+Facets have DOLFINx's numbers, and their vertices are in the order of their global numbers. Where
+two bodies touch, the jump along the normal replaces the velocity of one side as unknown. The
+velocity of that side is the jump plus that of the other side, its *twin*. Facets of a rigid surface
+*follow* a few unknowns.
 """
 
 from dataclasses import dataclass
@@ -24,8 +26,8 @@ class FacetNumbers:
 
     Attributes:
         facets: Local facet opposite each vertex of each owned cell, shape (num_cells, d + 1).
-        places: Place of each of its vertices, as they are in the cell, among the facet's own, shape
-            (num_cells, d + 1, d).
+        places: Position of each facet vertex, in the cell's order, within the facet's own order,
+            shape (num_cells, d + 1, d).
     """
 
     facets: Ints
@@ -33,7 +35,7 @@ class FacetNumbers:
 
 
 def facet_numbers(mesh: Mesh) -> FacetNumbers:
-    """Number the facets' vertices, from either cell alike. Collective."""
+    """Number the facets' vertices in an order that both cells share. Collective."""
     topology = mesh.topology
     tdim = topology.dim
     topology.create_connectivity(tdim, tdim - 1)
@@ -54,8 +56,9 @@ class Followers:
         leads: Global numbers of all leads, on every rank.
         cells: Numbers of the cells.
         keep: 0 for unknowns of facets that follow and 1 for others, shape (n, num_outer).
-        shares: What those of facets that follow are in the leads, shape (n, num_outer, num_leads).
-        tall: Unknowns of all ranks that follow a lead, shape (num_leads,).
+        shares: Coefficients of the leads in the unknowns that follow, shape (n, num_outer,
+            num_leads).
+        tall: Number of unknowns of all ranks that follow a lead, shape (num_leads,).
     """
 
     leads: Longs
@@ -69,11 +72,11 @@ class FacetVelocities:
     """Facet velocities as a PETSc vector, and as arrays of the cells.
 
     Attributes:
-        count: Unknowns that this rank owns.
+        count: Number of unknowns that this rank owns.
         of_cells: Local unknowns of each owned cell, in the order of
             :class:`stress_cells.CellLayout`, shape (num_cells, num_outer).
         numbers: Global numbers of the local unknowns, ghosts too.
-        twins: Global number that the value of a local unknown is to be added to, −1 for none.
+        twins: Global number of the unknown that is added to the value of a local one, −1 for none.
         followers: Cells whose facets follow others.
     """
 
@@ -116,12 +119,15 @@ class FacetVelocities:
         there.destroy()
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         for thing in (self.vector, self._local, self._scatter):
             thing.destroy()
 
     def gather(self, owned: Floats) -> Floats:
-        """Velocities by cell, shape (num_cells, num_outer), of those owned here. Collective."""
+        """Return velocities by cell, shape (num_cells, num_outer), from the owned ones.
+
+        Collective.
+        """
         self.vector.array[:] = owned
         self._scatter.scatter(self.vector, self._local, addv=PETSc.InsertMode.INSERT)
         local = self._local.array_r
@@ -135,7 +141,7 @@ class FacetVelocities:
         return found
 
     def matrix(self) -> sparse.csr_array:
-        """Return what :meth:`gather` multiplies with, on one rank alone.
+        """Return the matrix of :meth:`gather`; on one rank only.
 
         Returns:
             Shape (num_cells · num_outer, count).
@@ -155,16 +161,21 @@ class FacetVelocities:
         return sparse.csr_array((values, tuple(places)), shape=(rows.size, self.count))
 
     def add_up(self, forces: Floats) -> Floats:
-        """Forces of those owned here from those by cell, the transpose of that. Collective."""
+        """Return the forces on owned unknowns from forces by cell (transpose of :meth:`gather`).
+
+        Collective.
+        """
         at = self.followers
         return self._add_up(forces, np.einsum("nol,no->l", at.shares, forces[at.cells]))
 
     def meet(self, sizes: Floats, across: bool = True) -> Floats:
-        """Sums of positive numbers of cells at their unknowns; of leads their mean. Collective.
+        """Return sums of positive numbers of cells at their unknowns; for leads the mean.
+
+        Collective.
 
         Args:
-            sizes: Shape (num_cells, num_outer).
-            across: Whether those on jumps count at their twins as well.
+            sizes: Numbers, shape (num_cells, num_outer).
+            across: Whether numbers on jumps count at their twins as well.
         """
         at = self.followers
         met = np.einsum("nol,no->l", at.shares != 0, sizes[at.cells])

@@ -1,4 +1,4 @@
-"""Nodes of bodies that face each other in contact, with the normals of all facets around them."""
+"""Collect nodes that face each other in contact, with the normals of all facets around them."""
 
 from dataclasses import dataclass
 
@@ -19,17 +19,16 @@ Record = npt.NDArray[np.void]
 
 @dataclass(frozen=True, eq=False)
 class FacingNodes:
-    """Pairs of nodes, each on the rank that owns the first one.
+    """Pairs of nodes, each on the rank that owns the first node.
 
     Attributes:
-        nodes: Global numbers of both, shape (n, 2).
-        ends: Ends of midsides the pairs at both ends of their edge, −1 of vertices, shape (n, 2,
-            2).
-        held: Components that supports hold of either, shape (n, 2, d).
-        normals: Out of the first one's body, of each facet, shape (n, most, d); without components
-            that supports hold on both sides.
-        known: Which of these there are, shape (n, most).
-        contact: The least number of the contacts they belong to, shape (n,).
+        nodes: Global numbers of both nodes, shape (n, 2).
+        ends: For midsides the pairs at both ends of their edge, −1 for vertices, shape (n, 2, 2).
+        held: Flags of components that supports hold at either node, shape (n, 2, d).
+        normals: Normals of all facets out of the first node's body, shape (n, most, d); without
+            components that supports hold on both sides.
+        known: Flags of the existing normals, shape (n, most).
+        contact: Smallest number of the contacts that the pair belongs to, shape (n,).
         crowded: Whether either node faces others as well, shape (n,).
     """
 
@@ -46,18 +45,18 @@ class FacingNodes:
 
 
 def owners(problem: Problem, nodes: Longs) -> Longs:
-    """Return ranks that own nodes, by their global numbers. Collective."""
+    """Return the ranks that own nodes, given by their global numbers. Collective."""
     ends = np.cumsum(problem.comm.allgather(problem.V.dofmap.index_map.size_local))
     found: Longs = np.searchsorted(ends, nodes, side="right")
     return found
 
 
 def facing_nodes(problem: Problem, matched: list[MatchedFacets]) -> FacingNodes:
-    """Bring the facets around each pair together. Collective.
+    """Collect the facets around each pair of nodes. Collective.
 
     Args:
         problem: The bodies and their contact.
-        matched: Their facets, by contact.
+        matched: Matched facets of each contact.
     """
     comm, gdim = problem.comm, problem.bodies.gdim
     rows = np.concatenate([_records(facets, i, gdim) for i, facets in enumerate(matched)])

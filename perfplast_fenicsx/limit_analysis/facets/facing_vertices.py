@@ -1,4 +1,4 @@
-"""Which vertices of two facets that lie on each other, or face each other, are opposite."""
+"""Find opposite vertices of two facets that lie on each other, or face each other."""
 
 from itertools import permutations
 
@@ -8,19 +8,19 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats, Longs
 
 REACH = 1e-6
-"""Distance of the middles of facets that touch, relative to the size of their surfaces."""
+"""Distance of the midpoints of facets that touch, relative to the size of their surfaces."""
 
 
 def facing_vertices(
     one: Floats, other: Floats, normals: Floats, turned: bool = False
 ) -> tuple[Longs, Floats]:
-    """Which vertex of the other facet is opposite each vertex, and how far off along the facet.
+    """Return the vertex of the other facet opposite each vertex, and its distance along the facet.
 
     Args:
         one: Vertices of facets, shape (n, d, d).
-        other: Those of the facets opposite, shape (n, d, d).
+        other: Vertices of the opposite facets, shape (n, d, d).
         normals: Unit normals out of the first ones, shape (n, d).
-        turned: Whether they are sections of rings, which face each other at equal radii alone.
+        turned: Whether they are sections of rings, which face each other only at equal radii.
 
     Returns:
         Shapes (n, d) and (n,) (length).
@@ -40,13 +40,13 @@ def facing_vertices(
 
 
 def fit(one: Floats, off: Floats, normals: Floats, others: Floats) -> npt.NDArray[np.bool_]:
-    """Return which facets are those opposite, but for rounding; shape (n,).
+    """Return flags of the facets that coincide with their opposite to rounding, shape (n,).
 
     Args:
         one: Vertices of facets, shape (n, d, d).
-        off: How far the opposite ones are off (:func:`facing_vertices`).
-        normals: Unit normals of both, shape (n, d).
-        others: The same of the facets opposite.
+        off: Distances of the opposite vertices (:func:`facing_vertices`).
+        normals: Unit normals of the facets, shape (n, d).
+        others: Unit normals of the opposite facets, shape (n, d).
     """
     # Distance of vertices, relative to the facet, and difference of normals.
     rounding = 1e-8

@@ -1,4 +1,4 @@
-"""Ties of surfaces whose facets match, in bounds of the body: they are glued for good."""
+"""Glue ties of surfaces whose facets match, in bounds of the body."""
 
 import logging
 from dataclasses import replace
@@ -13,16 +13,15 @@ log = logging.getLogger(__name__)
 
 
 def with_matching_facets(problem: Problem) -> Problem:
-    """The problem on a mesh whose facets match where bodies meet, and are one where they are tied.
+    """Return the problem with matching facets in contact, and shared facets at ties. Collective.
 
-    As far as that can be had. Contact is at each point, also where mortar rows were asked for.
-    Collective.
+    This is done as far as possible. Contact acts at each point, also if mortar rows were requested.
     """
     return with_glued_ties(with_divided_interfaces(_at_each_point(problem)))
 
 
 def _at_each_point(problem: Problem) -> Problem:
-    """Return the problem with contact of nodes wherever they match. Collective."""
+    """Return the problem with node-to-node contact wherever nodes match. Collective."""
     given, mesh = problem.given, problem.tagged_mesh.mesh
     in_mean = any(it.formulation == "mortar" for it in given.contacts)
     if not in_mean or not problem.as_declared or has_curved_cells(mesh):
@@ -32,14 +31,13 @@ def _at_each_point(problem: Problem) -> Problem:
 
 
 def with_glued_ties(problem: Problem) -> Problem:
-    """The problem on a mesh whose cells share their vertices where bodies are tied. Collective.
+    """Return the problem on a mesh whose cells share vertices where bodies are tied. Collective.
 
-    The velocity and the tractions of a tie whose facets match are the same at both sides, as those
-    of cells that share a facet.
+    The velocity and the tractions of a tie with matching facets are the same on both sides, as for
+    cells that share a facet.
 
     Args:
-        problem: The bodies; those whose ties do not match, and those on curved cells, are left as
-            they are.
+        problem: The bodies. They are returned unchanged if ties do not match or cells are curved.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     if not given.ties or not problem.as_declared or has_curved_cells(tagged_mesh.mesh):

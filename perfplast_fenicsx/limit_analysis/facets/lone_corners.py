@@ -1,16 +1,16 @@
-"""Corners of plane bodies whose one cell cannot carry what acts on both its sides.
+"""Divide corners of plane bodies whose single cell cannot carry the loads on both its sides.
 
-At the corner its stress has three components, and up to four are given by the tractions on either
-side: by a pressure beside a free side, say, unless they are at right angles. Then no load at all is
-carried. Beside contact, where three are given, the pressure in the corner follows from them, often
-as none. Where surfaces rub two are given, by a free side, and shear and pressure go in proportion
-there, however much adheres. Two cells that meet in the corner have six components, of which at most
-as many are given.
+At the corner its stress has three components, and the tractions on both sides prescribe up to
+four. For example a pressure beside a free side does, unless the sides are at right angles. Then no
+load is carried at all. Beside contact three are prescribed, and they determine the pressure in the
+corner, often as zero. If a surface has friction, a free side prescribes two; then shear and
+pressure are proportional, whatever the adhesion. Two cells that meet in the corner have six
+components, of which at most six are prescribed.
 
-In space a cell is of four parts, and at a vertex that is its own three of them meet, whose stresses
-have 18 components. The tractions of three facets, and those that are equal on both sides of three
-facets between the parts, are as many, and regular: for one tetrahedron, and so for all, since
-Piola's transformation takes symmetric stresses to such, and tractions to tractions.
+In space a cell has four parts. At a vertex that belongs to one cell, three of them meet, and their
+stresses have 18 components. The tractions of three facets, and continuity at three facets between
+the parts, are as many conditions. They are regular for one tetrahedron, and so for all, since
+Piola's transformation maps symmetric stresses to symmetric stresses, and tractions to tractions.
 """
 
 import logging
@@ -36,13 +36,14 @@ log = logging.getLogger(__name__)
 
 
 def with_divided_corners(problem: Problem) -> Problem:
-    """Return the problem on a mesh on which such corners have two cells; itself where it has none.
+    """Return the problem on a mesh that has two cells in such corners. Collective.
 
-    Cells are cut from the corner to the middle of the edge opposite. Collective.
+    Cells are cut from the corner to the midpoint of the opposite edge. Without such corners the
+    problem itself is returned.
 
     Args:
-        problem: The bodies with their loads; in space, on curved cells and where facets say nothing
-            certain of tractions it is left as it is.
+        problem: The bodies with their loads. In space, on curved cells, and if the facets do not
+            determine tractions, they are returned unchanged.
     """
     tagged_mesh = problem.tagged_mesh
     if problem.bodies.gdim == 3 or not problem.as_declared or has_curved_cells(tagged_mesh.mesh):
@@ -60,13 +61,13 @@ def with_divided_corners(problem: Problem) -> Problem:
 
 
 def lone_corners(problem: Problem, body: BoundBody) -> Ints:
-    """Local vertices in which tractions leave one cell no stress, or no contact. Collective.
+    """Return local vertices where tractions leave one cell no stress, or no contact. Collective.
 
-    Each is on the rank of that cell alone.
+    Each vertex is on the rank of that cell only.
     """
     topology, facets = problem.tagged_mesh.mesh.topology, body.numbers.facets
     outside = np.isin(facets, exterior_facet_indices(topology))
-    # Facets at each vertex of a triangle, those opposite the others.
+    # Facets at each vertex of a triangle: those opposite to the other vertices.
     others = np.array([[1, 2], [0, 2], [0, 1]])
     cell, corner = np.nonzero(outside[:, others].all(axis=2))
     side = others[corner]
@@ -77,10 +78,10 @@ def lone_corners(problem: Problem, body: BoundBody) -> Ints:
 
     axes, told = body.facets.axes[here], ~body.facets.held[here]
     pressed = np.isin(here, body.facets.in_contact)
-    told[..., 0] &= ~pressed  # by a pressure that is not known
-    told[body.rigid.surface[here] >= 0] = False  # by resultants alone
+    told[..., 0] &= ~pressed  # the pressure there is not known
+    told[body.rigid.surface[here] >= 0] = False  # only resultants are known
     rubs = np.isin(here, body.facets.rubbing)
-    told[rubs] = False  # by no shear that is, either
+    told[rubs] = False  # nor is the shear known there
     # Components of a plane stress.
     components: Floats = np.array(
         [[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]], dtype=float

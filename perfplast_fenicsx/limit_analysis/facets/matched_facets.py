@@ -1,4 +1,4 @@
-"""Facets of bodies in contact with those opposite them, and the nodes that face each other."""
+"""Match facets of bodies in contact with opposite facets, and their nodes with each other."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -24,12 +24,13 @@ class MatchedFacets:
 
     Attributes:
         first: Global numbers of the primary facet's nodes, shape (n, num_nodes).
-        second: Those of the nodes opposite, in the same order.
-        held_first: Components that supports hold, shape (n, num_nodes, d).
-        held_second: The same of the nodes opposite.
+        second: Global numbers of the opposite nodes, in the same order.
+        held_first: Flags of components that supports hold, shape (n, num_nodes, d).
+        held_second: The same for the opposite nodes.
         normals: Unit normals out of the primary body, shape (n, d).
-        jumps: u_first − u_second (length) of a displacement, shape (n, num_nodes, d).
-        speeds: Its largest component on both, or :func:`face_jumps.least_speed`, shape (n,).
+        jumps: Jumps u_first − u_second (length) of a displacement, shape (n, num_nodes, d).
+        speeds: Largest component of the displacement on both facets, at least
+            :func:`face_jumps.least_speed`, shape (n,).
     """
 
     first: Longs
@@ -41,12 +42,12 @@ class MatchedFacets:
     speeds: Floats
 
     def edges(self) -> list[tuple[int, int]]:
-        """Return places of the vertices between which the midsides are, in their order."""
+        """Return pairs of vertex positions between which the midsides lie, in their order."""
         d = self.normals.shape[1]
         return list(combinations(range(d), 2)) if self.first.shape[1] > d else []
 
     def coefficients(self) -> Floats:
-        """Bernstein coefficients of the jumps along the normals, shape (n, num_nodes)."""
+        """Return Bernstein coefficients of the jumps along the normals, shape (n, num_nodes)."""
         along: Floats = np.einsum("fni,fi->fn", self.jumps, self.normals)
         found = along.copy()
         for node, (a, b) in enumerate(self.edges(), start=self.normals.shape[1]):
@@ -54,7 +55,7 @@ class MatchedFacets:
         return found
 
     def entered(self) -> float:
-        """Return the largest share of velocities that enters their facets, on this rank."""
+        """Return the largest penetration relative to the velocities of its facet, on this rank."""
         most = self.coefficients().max(axis=1, initial=0.0)
         found = np.divide(most, self.speeds, out=np.zeros_like(most), where=self.speeds > 0)
         return float(found.max(initial=0.0))
@@ -63,14 +64,14 @@ class MatchedFacets:
 def matched_facets(
     problem: Problem, displacement: fem.Function | None = None
 ) -> list[MatchedFacets] | None:
-    """Return the facets of each contact, as its surfaces are declared. Collective.
+    """Return the matched facets of each contact, as its surfaces are declared. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
-        displacement: Of which the jumps are; of nothing where it is missing.
+        displacement: Displacement of the jumps; zero by default.
 
     Returns:
-        A list as the contacts; None if facets of one of them do not match.
+        A list with an entry for each contact; None if facets of a contact do not match.
     """
     comm = problem.comm
     rows = _rows(problem, displacement)
@@ -109,7 +110,7 @@ def matched_facets(
 
 
 def _rows(problem: Problem, displacement: fem.Function | None) -> npt.NDArray[np.void]:
-    """Owned facets in contact, in rows that travel. Collective."""
+    """Return owned facets in contact as rows that are exchanged between ranks. Collective."""
     facets = contact_facets(problem)
     gdim = facets.normals.shape[1]
     middles = np.take_along_axis(facets.nodes, facets.middles, axis=1)
@@ -141,7 +142,7 @@ def _rows(problem: Problem, displacement: fem.Function | None) -> npt.NDArray[np
 
 
 def _with_midsides(order: Longs, count: int) -> Longs:
-    """Return the order of all nodes, of which the vertices' is given."""
+    """Return the order of all nodes, given that of the vertices."""
     d = order.shape[1]
     place = np.zeros((d, d), dtype=np.int64)
     for node, (a, b) in enumerate(combinations(range(d), 2), start=d):

@@ -1,9 +1,10 @@
-"""Facets of surfaces that move as rigid ones: all their velocities follow few unknowns.
+"""Let all velocities on facets of rigid surfaces follow a few unknowns.
 
-Of the tractions of what such a surface is glued to only force and moment are known. So its
-multiplier is a rigid motion a + ω × (x − c), with the centre c of the surface, and ω over its
-extent, to have the units of the others. These 3 or in space 6 unknowns take the place of the first
-ones of one of its facets; those that are left there, and on its other facets, are zero.
+For a body that is glued to such a surface, only force and moment of the tractions are known. So the
+multiplier of the surface is a rigid motion a + ω × (x − c), with the centre c of the surface. ω is
+divided by the surface's extent, to have the units of the other unknowns. These 3 unknowns (6 in
+space) replace the first ones of one of its facets. The remaining unknowns there, and on its other
+facets, are zero.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from perfplast_fenicsx.problem.declared.supports import RigidSurface, turned
 from perfplast_fenicsx.problem.problem import Problem
 
 MANY = np.iinfo(np.int64).max
-"""Number of a facet that is on no rank."""
+"""Facet number that is on no rank."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +31,11 @@ class RigidFacets:
     Attributes:
         names: Names of the surfaces.
         surface: Number of the surface of each local facet, −1 for none.
-        lead: Global number of the facet that has the unknowns, of each surface.
-        free: Which of the unknowns there are, shape (num_surfaces, 3 or 6).
-        middle: c, shape (num_surfaces, d).
-        extent: Length that rotations are taken over.
-        area: Area of each surface; around an axis of the full turn.
+        lead: Global number of the facet that has the unknowns of each surface.
+        free: 1 for existing unknowns and 0 for others, shape (num_surfaces, 3 or 6).
+        middle: Centre c, shape (num_surfaces, d).
+        extent: Length by which rotations are scaled.
+        area: Area of each surface; around an axis that of the full turn.
     """
 
     names: tuple[str, ...]
@@ -46,18 +47,18 @@ class RigidFacets:
     area: Floats
 
     def resultants(self, forces: Floats, moments: Floats) -> Floats:
-        """Return loads of the unknowns, shape (num_surfaces, 3 or 6).
+        """Return the loads of the unknowns, shape (num_surfaces, 3 or 6).
 
         Args:
-            forces: On each surface, shape (num_surfaces, d).
-            moments: About the origin, shape (num_surfaces, 1 or 3).
+            forces: Forces on each surface, shape (num_surfaces, d).
+            moments: Moments about the origin, shape (num_surfaces, 1 or 3).
         """
         about = moments - moments_of(self.middle, forces)
         found: Floats = np.hstack([forces, about / self.extent[:, None]]) * self.free
         return found
 
     def follow(self, number: int, x: Floats) -> Floats:
-        """Return velocities of points of a surface in its unknowns.
+        """Return the velocities of points of a surface as linear functions of its unknowns.
 
         Args:
             number: Number of the surface.
@@ -76,13 +77,14 @@ class RigidFacets:
     def followers(
         self, comm: MPI.Intracomm, numbers: FacetNumbers, vertices: Floats, nodes: int
     ) -> Followers:
-        """Return cells at these surfaces. Collective.
+        """Return cells at rigid surfaces. Collective.
 
         Args:
             comm: The ranks.
             numbers: Numbers of the facets.
             vertices: Vertices of the owned cells, shape (num_cells, d + 1, d).
-            nodes: Nodes of a facet; more than its vertices around an axis, where none turns.
+            nodes: Nodes of a facet; more than its vertices around an axis, where no surface
+                rotates.
         """
         d, (count, unknowns) = vertices.shape[2], self.free.shape
         others = np.array([[b for b in range(d + 1) if b != a] for a in range(d + 1)])
@@ -92,7 +94,8 @@ class RigidFacets:
         for number in range(count):
             at, side = np.nonzero(of_cells[cells] == number)
             x = vertices[cells[at][:, None], others[side]]
-            # a vertex stands for area/d of its traction: where that is as ∫ of its linear function
+            # a vertex has area/d of its traction, at the point where this is the integral of its
+            # linear function
             x = (x + x.sum(axis=1, keepdims=True)) / (d + 1)
             x = np.concatenate([x, np.tile(x.mean(axis=1, keepdims=True), (nodes - d, 1))], axis=1)
             follow = self.follow(number, x.reshape(-1, d)).reshape(-1, nodes, d, unknowns)
@@ -106,7 +109,7 @@ class RigidFacets:
 
 
 def rigid_facets(problem: Problem, facets: FacetGeometry) -> RigidFacets:
-    """Find those of a problem. Collective."""
+    """Return the facets of a problem's free rigid surfaces. Collective."""
     comm, d = problem.comm, facets.tdim
     surfaces = free_surfaces(problem)
     number = np.full(facets.num, -1)
@@ -135,5 +138,5 @@ def rigid_facets(problem: Problem, facets: FacetGeometry) -> RigidFacets:
 
 
 def free_surfaces(problem: Problem) -> list[RigidSurface]:
-    """Rigid surfaces that move as loads make them."""
+    """Return the rigid surfaces that loads can move."""
     return [surface for surface in problem.given.rigid if surface.free]

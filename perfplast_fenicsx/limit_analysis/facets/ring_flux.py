@@ -1,9 +1,9 @@
-"""Velocities of bodies of revolution by v = ru, quadratic in each cell.
+"""Describe velocities of bodies of revolution by v = ru, quadratic in each cell.
 
-Where v has no divergence in the section, which at three points of a cell is enough, volumes are
-kept. With u_r = rw, w being polynomial, no flow would pass through a ring between planes that stay
-where they are, as r²w is the same at any r there; of v it is v_r. On the axis v is zero, and by its
-divergence u_r with it, and strain rates are finite but at vertices there.
+Volumes are kept if v has no divergence in the section, for which three points of a cell are enough.
+With u_r = rw and a polynomial w, no flow could pass through a ring between fixed planes, as r²w
+would be the same at any r. For v, this holds for v_r. On the axis v is zero. With the divergence,
+u_r is zero there too, and strain rates are finite except at vertices on the axis.
 """
 
 from collections.abc import Sequence
@@ -26,13 +26,15 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def by_flux(problem: Problem) -> Problem:
-    """The same bodies, supports at rest, loads and contact, with v as displacement. Collective.
+    """Return the problem with supports at rest and v as displacement. Collective.
+
+    Bodies, loads and contact are the same.
 
     Args:
-        problem: Around an axis, quadratic, on straight cells.
+        problem: Problem around an axis, quadratic, on straight cells.
 
     Raises:
-        InputError: If surfaces in contact are apart from each other across the axis.
+        InputError: If surfaces in contact have a distance across the axis.
     """
     given = problem.given
     supports: Sequence[Support] = [replace(one, value=0.0) for one in given.supports]
@@ -52,7 +54,7 @@ def by_flux(problem: Problem) -> Problem:
 
 
 def _with_flux(tagged_mesh: TaggedMesh) -> TaggedMesh:
-    """Return the same mesh, straight, with v as displacements. Collective."""
+    """Return the same straight mesh with v as displacements. Collective."""
     x = tagged_mesh.mesh.geometry.x.astype(np.float64)
     low, high = bounding_box(tagged_mesh.mesh.comm, x)
     shift = float((low + high)[0] / 2 / np.linalg.norm(high - low))
@@ -60,7 +62,7 @@ def _with_flux(tagged_mesh: TaggedMesh) -> TaggedMesh:
 
 
 def _as_meshed(contact: Contact) -> Contact:
-    """Return the contact with the gap that the mesh has."""
+    """Return the contact with the gap of the mesh."""
     if contact.gap is None:
         return contact
     return replace(contact, gap=None, interference=False, constant=True)
@@ -82,36 +84,36 @@ def _check_rings_meet(problem: Problem) -> None:
 
 
 def without_pores(problem: Problem, dilates: bool) -> Problem:
-    """Return the same bodies of revolution without pressures in pores. Collective.
+    """Return the same bodies of revolution without pore pressures. Collective.
 
-    Where volumes stay as they are such a pressure does no work, whatever it is: effective and total
-    stresses differ by a mean stress, which does not matter to what yields so.
+    If volumes are preserved, such a pressure does no work. Effective and total stresses then differ
+    by a mean stress, which does not affect yielding.
 
     Args:
         problem: The bodies.
-        dilates: Whether any dilates.
+        dilates: Whether any body dilates.
 
     Raises:
-        InputError: If one does and there are such pressures.
+        InputError: If a body dilates and there are pore pressures.
     """
     loads = [load for load in problem.given.loads if not isinstance(load, PorePressure)]
     if len(loads) == len(problem.given.loads):
         return problem
     if dilates:
         raise InputError(
-            "strict bounds around an axis know no pressure in the pores of ground that dilates;"
-            " leave the pressure out, or give control = 'work' and until = 'limit', for the limit"
+            "strict bounds around an axis do not support pore pressure in ground that dilates;"
+            " remove the pressure, or give control = 'work' and until = 'limit', for the limit"
             " load of the mesh."
         )
     return Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
 
 
 def nodal_velocity(problem: Problem, flux: fem.Function) -> fem.Function:
-    """U = v/r at the nodes, and on the axis what is linear along the edges there. Collective.
+    """Return u = v/r at the nodes; on the axis by linear extrapolation along the edges. Collective.
 
     Args:
-        problem: Whose displacements u are, on the same mesh.
-        flux: v, its ghosts up to date.
+        problem: Problem with displacements u on the same mesh.
+        flux: Velocity v with updated ghosts.
     """
     V = problem.V
     found = fem.Function(V, name=flux.name)

@@ -1,14 +1,15 @@
-"""Cells with linear stress: what equilibrium asks of it, and the strain rates of its multipliers.
+"""Formulate cells with linear stress: their equilibrium, and the strain rates of its multipliers.
 
 The stress of a cell is given at its vertices. Its multipliers are a velocity y of the cell, for
-div σ + b = 0, and velocities w of each facet's vertices, for the tractions there. A vertex v that
-stands for a share 1/(d + 1) of the volume has, with the gradients ∇φ of barycentric coordinates,
+div σ + b = 0, and velocities w of each facet's vertices, for the tractions there. A vertex v has a
+share 1/(d + 1) of the volume, and the strain rate
 
     e_v = (d + 1) Σ_{facets f at v} sym(∇φ_f ⊗ (y − w_fv)),
 
-where f is opposite to the vertex f. In space a cell is split at its barycentre into four, since a
-single tetrahedron does not carry all balanced linear tractions and the split one does (C. Johnson,
-B. Mercier, Numer. Math. 30 (1978), 103; M. Křížek, Apl. Mat. 27 (1982), 46).
+with the gradients ∇φ of barycentric coordinates, where facet f is opposite to vertex f. In space a
+cell is split at its barycentre into four. A single tetrahedron does not carry all balanced linear
+tractions, but the split one does (C. Johnson, B. Mercier, Numer. Math. 30 (1978), 103; M. Křížek,
+Apl. Mat. 27 (1982), 46).
 """
 
 import itertools
@@ -24,16 +25,16 @@ from perfplast_fenicsx.mesh.straight_geometry import gradients
 
 @dataclass(frozen=True)
 class CellLayout:
-    """Parts, vertices and multipliers of a cell. Those of the cell's own facets come first.
+    """Parts, vertices and multipliers of a cell; the multipliers of its own facets come first.
 
     Attributes:
         corners: Vertex of the cell at each vertex of each part, d + 1 for the barycentre, shape
-            (num_parts, d + 1); part a is the one in which the barycentre replaces vertex a.
+            (num_parts, d + 1); in part a the barycentre replaces vertex a.
         rows: Multiplier of each component at each vertex of each part: of the part, then of the
             facets at the vertex, shape (num_parts, d + 1, d + 1, d).
-        outer: Multipliers of the cell's own facets, d² a facet; those of a facet are in the order
-            of its vertices in the cell.
-        inner: All others.
+        outer: Number of multipliers of the cell's own facets, d² per facet, in the order of the
+            facet's vertices in the cell.
+        inner: Number of all other multipliers.
     """
 
     corners: Longs
@@ -55,7 +56,7 @@ def cell_layout(tdim: int) -> CellLayout:
     }
     count = outer
     for s in range(len(corners)):
-        first[(s,)] = count  # of the part
+        first[(s,)] = count  # multipliers of the part
         count += tdim
     rows = np.zeros((len(corners), tdim + 1, tdim + 1, tdim), dtype=np.int64)
     for s, v in itertools.product(range(len(corners)), places):
@@ -70,13 +71,13 @@ def cell_layout(tdim: int) -> CellLayout:
 
 
 def facets_of(simplex: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Return vertices of the facet opposite each vertex."""
+    """Return the vertices of the facet opposite each vertex."""
     return [tuple(b for b in simplex if b != a) for a in simplex]
 
 
 @lru_cache
 def tensors(gdim: int) -> Floats:
-    """Return the unit tensor and orthonormal deviators, in plane strain those in the plane.
+    """Return the unit tensor and orthonormal deviators, in plane strain the in-plane ones.
 
     Returns:
         Shape (1 + m, gdim, gdim), m = 2 or 5.
@@ -94,9 +95,12 @@ def tensors(gdim: int) -> Floats:
 
 @lru_cache
 def components(gdim: int) -> Floats:
-    """Their components (Mandel) that are in equations, shape (1 + m, 3 or 6): not σ_zz in plane."""
+    """Return the Mandel components of :func:`tensors` in equations, shape (1 + m, 3 or 6).
+
+    In the plane σ_zz is in no equation.
+    """
     E = tensors(gdim)
-    # Components after the diagonal ones in a Mandel vector, by dimension.
+    # Components that follow the diagonal ones in a Mandel vector, by dimension.
     off_diagonal = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}
     return np.stack(
         [E[:, i, i] for i in range(gdim)]
@@ -106,7 +110,7 @@ def components(gdim: int) -> Floats:
 
 
 def strain_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
-    """Strain rates of multipliers, and the volumes that vertices stand for.
+    """Return strain rates of multipliers, and the volumes of vertices.
 
     Args:
         x: Vertices of cells, shape (num_cells, d + 1, d).
@@ -114,15 +118,15 @@ def strain_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
             d); zero where a support holds one.
 
     Returns:
-        Coefficients of trace and deviator (:func:`tensors`), shape (num_cells, num_points,
-        (d + 1) d, 1 + m), points being all vertices of all parts in the order of ``rows``; volumes,
-        shape (num_cells, num_points).
+        Coefficients of trace and deviator (:func:`tensors`), shape (num_cells, num_points, (d + 1)
+        d, 1 + m); points are all vertices of all parts in the order of ``rows``. Volumes, shape
+        (num_cells, num_points).
     """
     tdim = x.shape[2]
     layout, E = cell_layout(tdim), tensors(tdim)
     places = np.concatenate([x, x.mean(axis=1, keepdims=True)], axis=1)
     slopes, volume = gradients(places[:, layout.corners])
-    # E_j ∇φ_f of each part: the traction of E_j on its facet f, but for a factor
+    # E_j ∇φ_f of each part: the traction of E_j on its facet f, up to a factor
     pushes = -(tdim + 1) * np.einsum("jik,csfk->csfij", E, slopes)
     num_parts = len(layout.corners)
     matrices = np.empty((len(x), num_parts, tdim + 1, tdim + 1, tdim, len(E)))

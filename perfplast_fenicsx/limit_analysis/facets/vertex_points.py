@@ -1,8 +1,9 @@
-"""A problem whose laws hold at the vertices of cells, as strict bounds of dilating bodies want it.
+"""Evaluate laws at the vertices of cells, for strict bounds of bodies that dilate.
 
-Strain rates of a quadratic velocity are linear in a straight cell, and those that a yield set
-admits are a convex cone: what is admissible at the vertices is so everywhere. Where a body grows,
-tr ε ≥ α‖dev ε‖, it dissipates (γ/α) tr ε, which the mean of the vertices integrates exactly.
+Strain rates of a quadratic velocity are linear in a straight cell, and the admissible rates of a
+yield set are a convex cone. So rates that are admissible at the vertices are admissible everywhere.
+Where a body dilates, tr ε ≥ α‖dev ε‖, it dissipates (γ/α) tr ε, which the mean of the vertices
+integrates exactly.
 
 Around an axis r²ε is quadratic. There the points are at vertices and edges, one for each of its
 Bernstein coefficients (:mod:`~perfplast_fenicsx.limit_analysis.discrete.ring_strains`).
@@ -24,15 +25,14 @@ from perfplast_fenicsx.problem.variant import variant
 
 
 def with_points_at_vertices(problem: Problem) -> Problem:
-    """Return the same problem with the vertices of each cell as its points. Collective.
+    """Return the problem with the vertices of each cell as its points. Collective.
 
-    Around an axis the middles of edges are points, too.
-
-    It shares all with the given one but spaces and laws at the points.
+    Around an axis the midpoints of edges are points, too. The new problem shares everything but the
+    spaces and laws at the points with the given one.
 
     Args:
-        problem: Quadratic, on straight cells of the plane or space, or around an axis in v = ru
-            (:mod:`ring_flux`), of laws without a history.
+        problem: Problem with quadratic elements on straight cells, in the plane, in space, or
+            around an axis in v = ru (:mod:`ring_flux`), and laws without a history.
     """
     mesh = problem.tagged_mesh.mesh
     cell, gdim = mesh.basix_cell(), mesh.geometry.dim
@@ -47,7 +47,7 @@ def with_points_at_vertices(problem: Problem) -> Problem:
         )
         return fem.functionspace(mesh, element)
 
-    # not a rule for coefficients, of which no form is assembled
+    # not a rule for Bernstein coefficients; no form is assembled with them
     metadata = {"quadrature_rule": "vertex", "quadrature_degree": 1}
     dx = ufl.Measure("dx", domain=mesh, metadata=metadata)
     spaces = Spaces(problem.degree, problem.V, space((mandel_size(gdim),)), space(()), dx)

@@ -1,1 +1,1 @@
-"""Limit loads by the loading path."""
+"""Compute limit loads by a loading path."""

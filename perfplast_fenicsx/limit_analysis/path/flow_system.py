@@ -1,7 +1,7 @@
-"""Systems of viscous flows that nearly keep what the laws ask for, by a penalty: how one is solved.
+"""Solve for viscous flows that are nearly admissible, by a penalty.
 
-What a penalty leaves is done away with afterwards, by a few solves. Factors are used again, so that
-a large penalty and fewer solves are best; but CG takes the longer, the larger the penalty is.
+A few solves remove the inadmissible part that a penalty leaves. Factors are used again, so that a
+large penalty and fewer solves are best. But CG takes longer if the penalty is larger.
 """
 
 from typing import Protocol
@@ -21,22 +21,22 @@ from perfplast_fenicsx.solvers.linear.petsc_calls import forget_factors
 from perfplast_fenicsx.solvers.linear.petsc_options import BOUND, own_prefix
 
 LARGE = 60_000
-"""From so many unknowns on the factors may use no more memory than there is to spare."""
+"""Number of unknowns from which on the factors may need more memory than is available."""
 
 
 class NoFlow(RuntimeError):
-    """Why there is no flow, on every rank alike."""
+    """Reason why there is no flow, on every rank."""
 
 
 class FlowSystem(Protocol):
-    """A way of solving A y = b for a flow in the jump basis.
+    """A way to solve A y = b for a flow in the jump basis.
 
     Attributes:
-        penalty: Weight of what is inadmissible against the viscosity.
-        exact: A strain rate that is inadmissible counts as none below this share of ‖ε(v)‖.
-        closes: Where a pair closes, all those are held whose jumps are above this share of the
-            largest velocity.
-        large: Whether there are so many unknowns that iterating may do where this way does not.
+        penalty: Weight of the inadmissible part relative to the viscosity.
+        exact: Share of ‖ε(v)‖ below which an inadmissible strain rate counts as zero.
+        closes: If a pair closes, all pairs are held whose jumps exceed this share of the largest
+            velocity.
+        large: Whether the problem is so large that iterations may succeed where this way fails.
     """
 
     penalty: float
@@ -45,38 +45,38 @@ class FlowSystem(Protocol):
     large: bool
 
     def suits(self, matrix: PETSc.Mat) -> bool:
-        """Whether this way is the better one for a matrix, before any is set up. Collective."""
+        """Return whether this way is better for a matrix, before any is set up. Collective."""
 
     def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
-        """Take an operator that holds the closed pairs. Collective.
+        """Use an operator that holds the closed pairs. Collective.
 
         Args:
-            operator: With its matrix.
+            operator: The operator with its matrix.
             closed: Local (owned) unknowns that are held.
-            flow: About how the bodies flow, in the jump basis.
+            flow: Approximate flow of the bodies, in the jump basis.
 
         Raises:
-            NoFlow: If it cannot be solved for.
+            NoFlow: If the system cannot be solved.
         """
 
     def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
-        """Solve for y, which is near the solution, or zero, to begin with. Collective.
+        """Solve for y, which is an approximate solution, or zero, at first. Collective.
 
         Args:
             b: The forces.
-            y: Where to start, and what is found.
-            left: Share of the residual that may be left.
+            y: Initial value; overwritten with the solution.
+            left: Share of the residual that may remain.
 
         Raises:
-            NoFlow: If it cannot be solved for.
+            NoFlow: If the system cannot be solved.
         """
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
 
 
 class FactorisedFlow:
-    """MUMPS Cholesky; where the factors are large, with an end to its memory."""
+    """MUMPS Cholesky; with a limit of its memory if the factors are large."""
 
     penalty = 1e8
     exact = 1e-11
@@ -92,18 +92,18 @@ class FactorisedFlow:
         self._ksp.setFromOptions()
 
     def suits(self, matrix: PETSc.Mat) -> bool:
-        """Return whether the factors fit, and cost less than CG. Collective."""
+        """Return whether the factors fit into memory, and cost less than CG. Collective."""
         pc = self._ksp.getPC()
         if not self.large or pc.getType() != "cholesky" or pc.getFactorSolverType() != "mumps":
             return True
         self._ksp.setOperators(matrix)
         cost = price(self._ksp, matrix)
-        # A bound takes some 4 factorisations, or 1200 iterations.
+        # A bound takes about 4 factorisations, or 1200 iterations.
         worth = 300
         return cost.fits and cost.iterations <= worth
 
     def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
-        """Factorise. Collective."""
+        """Factorise the operator. Collective."""
         self._ksp.setOperators(operator.matrix)
         self._ksp.setUp()
         if self._ksp.getPC().getFailedReason():
@@ -111,20 +111,21 @@ class FactorisedFlow:
             raise NoFlow("the flow cannot be factorised: it is not unique, or memory is short")
 
     def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
-        """Solve with the factors, which leave nothing. Collective."""
+        """Solve with the factors, which leave no residual. Collective."""
         self._ksp.solve(b, y)
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         self._ksp.destroy()
 
 
 class IteratedFlow:
-    """CG with smoothed aggregation, whose coarse spaces know about how the bodies flow."""
+    """CG with smoothed aggregation, whose coarse spaces contain an approximate flow."""
 
     penalty = 3e4
     exact = 1e-7
-    closes = -1e-3  # what is left moves pairs to and fro: of those near to it, half at a time
+    # the residual moves pairs back and forth: half of the pairs near zero are held at a time
+    closes = -1e-3
     large = False
 
     def __init__(self, problem: Problem) -> None:
@@ -137,7 +138,7 @@ class IteratedFlow:
         self._at_rest = self._supported
 
     def suits(self, matrix: PETSc.Mat) -> bool:
-        """Whenever factors do not."""
+        """Return True: this way is used where factors do not suit."""
         return True
 
     def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
@@ -149,7 +150,7 @@ class IteratedFlow:
         self._multigrid.renew(flow)
 
     def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
-        """Do away with most of the residual, and move no support. Collective."""
+        """Remove most of the residual, without moving supports. Collective."""
         assert self._matrix is not None
         self._matrix.mult(y, self._residual)
         self._residual.aypx(-1.0, b)
@@ -160,7 +161,7 @@ class IteratedFlow:
         y.array[self._at_rest] = 0.0
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         self._multigrid.destroy()
         for vector in (self._residual, self._change):
             vector.destroy()

@@ -1,17 +1,17 @@
-"""A kinematic side of the limit load of a mesh from a collapse mechanism that the laws admit.
+"""Compute a kinematic side of a mesh's limit load from an admissible collapse mechanism.
 
-For v with v = 0 on supports, no jump into the other body, and ε(v) admissible for the law of each
-body, the limit load is at most (D(v) − L₀(v))/L₁(v) with D the dissipation, the support function of
+Let v be zero on supports, without penetration, and let ε(v) be admissible for the law of each body.
+Then the limit load is at most (D(v) − L₀(v))/L₁(v). D is the dissipation, the support function of
 the yield sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis
-IV, 1996). Bodies that keep their volume ask for div v = 0, and elastic ones for ε(v) = 0.
+IV, 1996). Bodies that keep their volume require div v = 0, and elastic ones ε(v) = 0.
 
-The increments of a loading come near such a v. From v_k the next one is the flow with the viscosity
-η_k = D(ε_k)/‖ε_k‖², ε_k = ε(v_k), in the norm by which the law says that D(ε) is γ‖ε‖ (Kačanov's
-iteration). It gives no larger bound, as with L₁(v) = 1
+The increments of a loading path come near such a v. From v_k the next one is the flow with the
+viscosity η_k = D(ε_k)/‖ε_k‖², ε_k = ε(v_k), in the norm in which the law's D(ε) is γ‖ε‖ (Kačanov's
+iteration). The bound does not grow, as with L₁(v) = 1
 
     D(v) − L₀(v) ≤ ½ ∫ γ(‖ε(v)‖²/‖ε_k‖ + ‖ε_k‖) − L₀(v),
 
-of which it has the smallest right-hand side.
+whose right-hand side this v minimises.
 """
 
 from dataclasses import dataclass
@@ -34,13 +34,13 @@ from perfplast_fenicsx.rounding import TINY
 
 @dataclass(frozen=True)
 class MechanismBound:
-    """(D(v) − L₀(v))/L₁(v), or None and the reason why there is none.
+    """The bound (D(v) − L₀(v))/L₁(v), or None and the reason.
 
     Attributes:
-        value: The bound.
-        mechanism: v with L₁(v) = 1; None where there is no bound.
-        solves: Linear systems solved.
-        reason: Why there is no bound; empty where there is one.
+        value: The bound; None without one.
+        mechanism: Mechanism v with L₁(v) = 1; None without a bound.
+        solves: Number of linear systems solved.
+        reason: Reason why there is no bound; empty if there is one.
     """
 
     value: float | None
@@ -50,12 +50,12 @@ class MechanismBound:
 
 
 def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) -> MechanismBound:
-    """Upper bound from a velocity. Collective.
+    """Return an upper bound from a velocity. Collective.
 
     Args:
         problem: The bodies and their loads.
         velocity: Velocity near a collapse mechanism.
-        state: Where it collapses: pairs that push stay closed.
+        state: State of the collapse; pairs that push stay closed.
     """
     bound = KinematicBound(problem)
     try:
@@ -68,7 +68,7 @@ class KinematicBound:
     """Upper bounds from velocities; the forms are compiled once."""
 
     def __init__(self, problem: Problem) -> None:
-        """Compile the forms, where the laws have bounds. Collective."""
+        """Compile the forms, if the laws have bounds. Collective."""
         self._comm, laws, self._friction = problem.comm, problem.laws, problem.friction
         self._flow: ViscousFlow | None = None
         strain = problem.kinematics.strain
@@ -96,23 +96,23 @@ class KinematicBound:
         )
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         if self._flow is not None:
             self._flow.destroy()
 
     def of(self, velocity: fem.Function, active: PairFlags) -> MechanismBound:
-        """Upper bound from a velocity. Collective.
+        """Return an upper bound from a velocity. Collective.
 
         Args:
-            velocity: Near a collapse mechanism.
-            active: Pairs that stay closed, shape (num_pairs,).
+            velocity: Velocity near a collapse mechanism.
+            active: Flags of pairs that stay closed, shape (num_pairs,).
         """
         flow = self._flow
         if flow is None:
             return MechanismBound(None, None, 0, self.unable)
         before = flow.solves
-        # What flows less than the mean is at most so many times more viscous; the
-        # next one where rounding spoils a flow.
+        # Regions that flow less than the mean are at most this many times more viscous. The second
+        # value is used if rounding spoils a flow.
         penalties = (1e4, 1e2)
         for stiff in penalties:
             flow.velocity.x.array[:] = velocity.x.array
@@ -134,8 +134,8 @@ class KinematicBound:
         return self._comm.allreduce(friction.energy(flow.slips())) if friction.count else 0.0
 
     def _enter_nothing(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
-        """Let the bodies flow, with pairs that close held as well."""
-        most_holds = 4  # so many times pairs that a mechanism would close are held as well
+        """Compute the flow of the bodies, in which pairs that close are held as well."""
+        most_holds = 4  # rounds in which pairs that a mechanism would close are held
         for _ in range(most_holds + 1):
             self._descend(flow, held, stiff)
             if flow.hold(held):
@@ -146,10 +146,10 @@ class KinematicBound:
         raise NoFlow("the mechanism closes open pairs")
 
     def _descend(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
-        """Let the bodies flow until the bound falls no more."""
+        """Compute flows of the bodies until the bound falls no more."""
         bound = np.inf
         most_flows = 6  # from a velocity to a mechanism
-        # Change of the bound in a flow, relative to the dissipation, that makes it the last.
+        # Change of the bound in a flow, relative to the dissipation, at which the flows end.
         settled = 1e-5
         for _ in range(most_flows):
             self._thicken(flow, stiff)
@@ -160,7 +160,7 @@ class KinematicBound:
                 break
 
     def _thicken(self, flow: ViscousFlow, stiff: float) -> None:
-        """Make the bodies as viscous as the velocity so far says."""
+        """Set the viscosity of the bodies from the present velocity."""
         size, density = self._values(self._size), self._values(self._density)
         mean = self._mean(size)
         if not mean > 0:
@@ -170,7 +170,7 @@ class KinematicBound:
         usual = self._mean(viscosity[viscosity > 0])
         if not usual > 0:
             raise NoFlow("nothing dissipates")
-        viscosity[viscosity == 0] = usual  # of no account where all of a strain is inadmissible
+        viscosity[viscosity == 0] = usual  # irrelevant where a strain is completely inadmissible
         flow.viscosity.x.array[: self._count] = viscosity
         if self._friction.count:
             rates = norms(flow.slips())

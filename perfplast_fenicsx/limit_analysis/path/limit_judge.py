@@ -1,4 +1,4 @@
-"""The limit load from the levels of a path so far, and the choice of the next level."""
+"""Determine the limit load from the levels of a path, and choose the next level."""
 
 from dataclasses import dataclass, field
 
@@ -16,7 +16,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.load_stepping import Leap, Reached
 
 FAR = 1e6
-"""Largest work that is looked at, in multiples of that at first yield."""
+"""Largest work that is considered, in multiples of the work at first yield."""
 
 
 @dataclass
@@ -24,14 +24,14 @@ class Search:
     """The state of a search for a limit load; plain data, for a restart.
 
     Attributes:
-        points: (α − α₀, ζ) of the levels.
-        rest: α₀, that of ζ = 0, once it is known; None where nothing but ζ loads the bodies.
-        estimates: Estimates of the limit load, one for each level from where there is one.
+        points: Pairs (α − α₀, ζ) of the levels.
+        rest: Work α₀ at ζ = 0, once it is known; None if only ζ loads the bodies.
+        estimates: Estimates of the limit load, one for each level from the first possible one.
         upper: The least kinematic side.
         levelled_off: Whether the estimate is known to the tolerance.
-        ended: Whether the last level is the last.
-        reason: Why.
-        linear_solves: Linear systems solved.
+        ended: Whether the search has ended.
+        reason: Reason for the end.
+        linear_solves: Number of linear systems solved.
     """
 
     points: list[tuple[float, float]] = field(default_factory=list)
@@ -50,18 +50,18 @@ class Search:
 
     @property
     def apart(self) -> float:
-        """Distance of the bounds, relative; ∞ without an upper one."""
+        """Relative distance of the bounds; ∞ without an upper one."""
         if self.upper is None or not self.lower > 0:
             return float("inf")
         return (self.upper - self.lower) / self.lower
 
 
 class Judge:
-    """Decides after each level what is known, and whether to go on.
+    """Decide after each level what is known, and whether to continue.
 
     Attributes:
-        solves: Linear systems solved for bounds.
-        mechanism: Mechanism of the least upper bound that was found here; None without.
+        solves: Number of linear systems solved for bounds.
+        mechanism: Mechanism of the least upper bound found here; None without one.
     """
 
     def __init__(self, problem: Problem, rtol: float, search: Search) -> None:
@@ -73,12 +73,12 @@ class Judge:
         self.mechanism: fem.Function | None = None
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         if self._bound is not None:
             self._bound.destroy()
 
     def __call__(self, state: State, before: State | None, plastic_cells: int) -> None:
-        """Add a level, and the state of the one before, to the search. Collective."""
+        """Add a level to the search, given also the state of the previous level. Collective."""
         search, points = self._search, self._search.points
         if before is None and not self._problem.is_elastic_at_first():
             search.rest = state.alpha
@@ -88,22 +88,23 @@ class Judge:
         self._decide(self._estimate())
         nearly = 1 - 1e-6  # share of a work that counts as reached
         far = points[-1][0] >= nearly * FAR * points[0][0]
-        most_levels = 60  # levels after which a curve counts as one that does not level off
+        most_levels = 60  # levels after which a curve counts as not levelling off
         if not search.ended and (far or len(points) == most_levels):
             self._give_up(before, state, plastic_cells)
 
     def ahead(self, reached: Reached) -> Leap | None:
-        """Return a leap along the mechanism of the last level, where it has one. Collective."""
+        """Return a leap along the mechanism of the last level; None without one. Collective."""
         if not self._asked:
             solves = self.solves
-            self._look_ahead(reached.before, reached.last)  # as the run before did,
-            self.solves = solves  # and counted
+            self._look_ahead(reached.before, reached.last)  # as the earlier run did,
+            self.solves = solves  # which counted the solves
         if self._ahead is None:
             return None
-        # Smallest and largest factor by which α leaps along a known mechanism, on the assumption
+        # Smallest and largest factor by which α leaps along a known mechanism. The assumption is
         # that ζ_lim − ζ falls as α^(−1/2), so that an n times smaller gap needs n² times the work.
         stride, leap = 10.0, 100.0
-        easy = 10  # a leap exceeds the stride only after a level of at most so many Newton steps
+        # a leap exceeds the stride only after a level with at most this many Newton steps
+        easy = 10
         farthest = leap if reached.newton_iterations <= easy else stride
         growth = min(max((self._search.apart / self._rtol) ** 2, stride), farthest)
         end = FAR * self._search.points[0][0]
@@ -111,7 +112,7 @@ class Judge:
         return Leap(reached.rest + far, self._ahead)
 
     def stop(self, before: State | None, last: State | None, why: str) -> None:
-        """Conclude from the levels there are, as the next one cannot be solved. Collective."""
+        """Conclude from the present levels, as the next one cannot be solved. Collective."""
         search, problem = self._search, self._problem
         if last is not None:
             self._conclude(collapse_mechanism(problem, before, last), last)
@@ -137,10 +138,10 @@ class Judge:
             search.reason = not_level(points, plastic_cells, self._problem.degree, dilates)
 
     def _conclude(self, velocity: fem.Function, last: State) -> None:
-        """Bring the bounds together as far as they come without another level."""
+        """Bring the bounds together as far as possible without another level."""
         search = self._search
         velocity = self.mechanism or velocity
-        # So many times the last mechanism is improved where no level follows.
+        # Number of improvements of the last mechanism if no level follows.
         most_flows = 8
         for _ in range(most_flows):
             apart = search.apart
@@ -154,14 +155,14 @@ class Judge:
         return f"the bounds are still {self._search.apart:.1e} of ζ apart"
 
     def _look_ahead(self, before: State | None, last: State) -> None:
-        """The mechanism of the last level, where ζ hardly grows any more."""
+        """Compute the mechanism of the last level, if ζ hardly grows any more."""
         self._asked, self._ahead = True, None
         if is_flat(self._search.points):
             velocity = collapse_mechanism(self._problem, before, last)
             self._ahead = self._improve(velocity, last)
 
     def _improve(self, velocity: fem.Function, state: State) -> fem.Function | None:
-        """Return a mechanism near a velocity, whose upper bound goes into the search."""
+        """Return a mechanism near a velocity, and add its upper bound to the search."""
         if self._bound is None:
             self._bound = KinematicBound(self._problem)
         found, search = self._bound.of(velocity, state.active), self._search
@@ -171,7 +172,7 @@ class Judge:
         return found.mechanism
 
     def _estimate(self, again: bool = False) -> float | None:
-        """Amid the bounds; without an upper one the limit to which the points tend."""
+        """Return the mean of the bounds; without an upper bound the limit of the points."""
         search = self._search
         estimate = extrapolated_limit(search.points[-3:])
         if search.upper is not None:
@@ -183,7 +184,7 @@ class Judge:
         return estimate
 
     def _decide(self, estimate: float | None) -> None:
-        """Whether the estimate is known to the tolerance."""
+        """Decide whether the estimate is known to the tolerance."""
         rtol, search = self._rtol, self._search
         search.levelled_off = False
         if search.apart < -rtol:

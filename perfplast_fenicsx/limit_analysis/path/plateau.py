@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 Points = Sequence[tuple[float, float]]
-"""(α, ζ) of levels, α rising."""
+"""Pairs (α, ζ) of levels, in the order of rising α."""
 
 
 def is_flat(points: Points) -> bool:
@@ -11,16 +11,16 @@ def is_flat(points: Points) -> bool:
     if len(points) < 2:
         return False
     (_, before), (_, zeta) = points[-2:]
-    # A level that adds less to ζ, relative, is where a mechanism begins to show.
+    # A level that increases ζ by less than this share shows the beginning of a mechanism.
     flattest = 0.1
     return zeta - before <= flattest * zeta
 
 
 def tenfold_growth(points: Points) -> float:
-    """Return the growth of ζ, relative to its last value, while α has grown tenfold at least.
+    """Return the growth of ζ, relative to its last value, over the last tenfold growth of α.
 
     Returns:
-        1 where it has not grown tenfold since first yield.
+        The growth; 1 if α has not grown tenfold since first yield.
     """
     alpha, zeta = points[-1]
     earlier = [z for a, z in points if a <= alpha / 10]
@@ -28,16 +28,16 @@ def tenfold_growth(points: Points) -> float:
 
 
 def extrapolated_limit(points: Points) -> float | None:
-    """ζ_∞ of ζ = ζ_∞ − c α^(−p) through three points (α, ζ) of rising α.
+    """Return ζ_∞ of ζ = ζ_∞ − c α^(−p) through three points (α, ζ) of rising α.
 
     Returns:
-        The limit; None where fewer points are given or none fits because the curve does not flatten
-        (p > 0 would have to be below 0.05).
+        The limit; None if fewer points are given, or if the curve does not flatten (p would have to
+        be below 0.05).
     """
     if len(points) < 3:
         return None
     (a, x), (b, y), (c, z) = points
-    steady = 1e-11  # growth of ζ, relative, that is rounding
+    steady = 1e-11  # relative growth of ζ that is rounding
     if z - y <= steady * abs(z):
         return z
     if y - x <= 0:
@@ -62,10 +62,10 @@ def not_level(points: Points, plastic_cells: int, degree: int, dilates: bool = F
     """Return a message for a curve that does not level off.
 
     Args:
-        points: (α, ζ) of its levels.
-        plastic_cells: Plastic cells of the last one.
+        points: Pairs (α, ζ) of its levels.
+        plastic_cells: Number of plastic cells at the last level.
         degree: Degree of the elements.
-        dilates: Whether bodies grow where they flow.
+        dilates: Whether bodies dilate as they flow.
     """
     (first, _), (alpha, zeta) = points[0], points[-1]
     if plastic_cells == 0:

@@ -1,9 +1,9 @@
-"""The slow flow of bodies as viscous as one says, under their loads.
+"""Solve for the slow flow of bodies with given viscosities under their loads.
 
-v minimises ½∫ η‖ε(v)‖² − L₀(v) over the velocities with L₁(v) = 1 that enter no other body and of
-which the laws nearly admit ε(v), as what they do not is penalised. The rest of that is done away
-with by the flows under stresses in proportion to it, with conjugate residuals: these need not be
-solved for well, and cope with pressures that an element can hardly resolve.
+v minimises ½∫ η‖ε(v)‖² − L₀(v) over the velocities with L₁(v) = 1 and without penetration. A
+penalty makes ε(v) nearly admissible for the laws. Flows under stresses in proportion to the
+inadmissible part then remove it, with conjugate residuals. These flows need no exact solution, and
+they also work for pressures that an element can hardly resolve.
 """
 
 from petsc4py import PETSc
@@ -30,18 +30,20 @@ from perfplast_fenicsx.solvers.linear.conjugate_residuals import ConjugateResidu
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
 MOST_ITERATIONS, PATIENCE = 400, 20
-"""Flows that do away with what is inadmissible, at most, and how many of them at least halve it."""
+"""Largest number of flows that remove the inadmissible part, and the number of flows in which it
+must at least halve.
+"""
 
 
 class ViscousFlow:
-    """Flows of the bodies of a problem whose laws have linear conditions of admissibility.
+    """Flows of a problem's bodies whose laws have linear conditions of admissibility.
 
     Attributes:
-        velocity: v, with L₁(v) = 1 after a solve.
-        viscosity: η > 0 at the points, to be set before one.
-        drag: The same of friction, force over rate of slip, shape (num_places,).
-        factorisations: So far.
-        solves: Linear systems solved so far.
+        velocity: Velocity v, with L₁(v) = 1 after a solve.
+        viscosity: Viscosity η > 0 at the points, to be set before a solve.
+        drag: The same for friction: force over rate of slip, shape (num_places,).
+        factorisations: Number of factorisations so far.
+        solves: Number of linear systems solved so far.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -86,24 +88,24 @@ class ViscousFlow:
         self._force = problem.create_vector()
         self._b, self._y = problem.create_vector(), problem.create_vector()
         self._live, self._rest = problem.create_vector(), problem.create_vector()
-        self._work = 1.0  # L₁ of the flow under L₁
+        self._work = 1.0  # work of L₁ on the flow under L₁
         self._closed: Ints = np.zeros(0, dtype=np.int32)
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         vectors = (self._force, self._b, self._y, self._live, self._rest)
         self._system.destroy()
         for part in (self._operator.matrix, self._stiffness, *vectors):
             part.destroy()
 
     def solve(self, held: PairFlags) -> None:
-        """Find the flow with these pairs closed, which is nearly admissible. Collective.
+        """Solve for the flow with closed pairs, which is nearly admissible. Collective.
 
         Args:
-            held: Shape (num_pairs,).
+            held: Flags of the closed pairs, shape (num_pairs,).
 
         Raises:
-            NoFlow: If there is none.
+            NoFlow: If there is no such flow.
         """
         problem = self._problem
         self._closed = np.concatenate([problem.basis.index[held], problem.basis.tied])
@@ -128,10 +130,10 @@ class ViscousFlow:
         return self._problem.friction.jumps(self._y)
 
     def make_admissible(self) -> None:
-        """Do away with what is inadmissible in the last flow, but for rounding. Collective.
+        """Remove the inadmissible part of the last flow, up to rounding. Collective.
 
         Raises:
-            NoFlow: If some of it cannot be done away with.
+            NoFlow: If a part of it cannot be removed.
         """
         directions, left = ConjugateResiduals(self._problem.comm.allreduce), self._inadmissible()
         units, halved = self._units(), np.inf
@@ -151,12 +153,12 @@ class ViscousFlow:
         self._move_to(self._y / self._problem.loads.alpha(self.velocity.x.petsc_vec))
 
     def _oppose(self, directions: ConjugateResiduals, units: list[tuple[Ints, Floats]]) -> None:
-        """Take the flow under stresses against what is inadmissible off. Collective."""
+        """Subtract the flow under stresses against the inadmissible part. Collective."""
         problem, here = self._problem, self._y.copy()
         left = self._inadmissible_at(units)
         assemble_force(self._force, self._force_form, problem.bcs)
         self._rest.set(0)
-        roughly = 0.1  # share of a residual that is left; finer costs more than it spares
+        roughly = 0.1  # remaining share of a residual; less would cost more than it saves
         self._solve(self._force, self._rest, roughly)
         self._move_to(self._rest)
         step = directions.step(self._rest.array_r, self._inadmissible_at(units), left)
@@ -166,9 +168,11 @@ class ViscousFlow:
         here.destroy()
 
     def _units(self) -> list[tuple[Ints, Floats]]:
-        """Points of each law and √(w/η) there, by which what they miss is measured. Collective.
+        """Return the points of each law and √(w/η) there, the unit of inadmissible parts.
 
-        The flows under it are then symmetric: there are as many directions as there are sizes of
+        Collective.
+
+        In this unit the flows are symmetric. There are as many directions as there are sizes of
         pressures that the elements distinguish.
         """
         Q = self._problem.Q
@@ -188,42 +192,42 @@ class ViscousFlow:
         return np.concatenate(parts)
 
     def dead_work(self) -> float:
-        """L₀(v). Collective."""
+        """Return L₀(v). Collective."""
         return float(self._problem.loads.dead.dot(self.velocity.x.petsc_vec))
 
     def _solve(self, force: PETSc.Vec, y: PETSc.Vec, left: float = 1e-2) -> None:
-        """The flow in the contact basis under nodal forces."""
+        """Solve for the flow in the contact basis under nodal forces."""
         self._problem.basis.T.multTranspose(force, self._b)
         self._b.array[self._closed] = 0
         self._system.solve(self._b, y, left)
         self.solves += 1
 
     def _combine(self) -> None:
-        """V of the flow under the rest of the forces and as much of L₁ as makes L₁(v) = 1."""
+        """Combine the flows under permanent and live loads so that L₁(v) = 1."""
         self._move_to(self._rest)
         share = (1 - self._problem.loads.alpha(self.velocity.x.petsc_vec)) / self._work
         self._rest.axpy(share, self._live)
         self._move_to(self._rest)
 
     def _move_to(self, y: PETSc.Vec) -> None:
-        """Take the velocity y in the jump basis. Collective."""
+        """Set the velocity to y, given in the jump basis. Collective."""
         v = self.velocity.x
         y.copy(self._y)
         self._problem.basis.T.mult(y, v.petsc_vec)
         v.scatter_forward()
 
     def _inadmissible(self) -> float:
-        """Relative to ‖ε(v)‖."""
+        """Return the inadmissible part relative to ‖ε(v)‖."""
         return float(np.sqrt(self._lost() / (self._square() or 1.0)))
 
     def hold(self, held: PairFlags) -> bool:
-        """Hold more pairs, if the last flow closes any of those that are not held. Collective.
+        """Hold more pairs if the last flow closes any that are not held. Collective.
 
         Args:
-            held: Those that are, shape (num_pairs,); those that are to be besides are added.
+            held: Flags of the held pairs, shape (num_pairs,); new ones are set.
 
         Returns:
-            Whether it closes any.
+            Whether the flow closes any pair.
         """
         jumps = self._jumps()
         closes = self._problem.comm.allreduce(int(((jumps > ROUNDING) & ~held).sum())) > 0
@@ -232,7 +236,7 @@ class ViscousFlow:
         return closes
 
     def _jumps(self) -> Floats:
-        """Return jumps of the last flow, relative to its largest velocity. Collective.
+        """Return the jumps of the last flow, relative to its largest velocity. Collective.
 
         Returns:
             Shape (num_pairs,), positive where a pair closes.
@@ -241,7 +245,7 @@ class ViscousFlow:
         return self._y.array_r[self._problem.basis.index] / (largest or 1.0)
 
     def _set_up(self, closed: Ints) -> None:
-        """Take the viscosity and these closed pairs, in the way that suits."""
+        """Set up the system with the viscosity and the closed pairs, in the way that suits."""
         self._assemble(closed)
         try:
             if self.factorisations or self._system.suits(self._operator.matrix):

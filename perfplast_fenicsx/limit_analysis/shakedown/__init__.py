@@ -1,1 +1,1 @@
-"""Shakedown: the largest range of varying loads to which bodies adapt."""
+"""Compute shakedown loads: the largest range of varying loads to which bodies adapt."""

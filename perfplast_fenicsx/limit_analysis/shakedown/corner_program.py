@@ -1,23 +1,23 @@
-"""Shakedown as a limit load: points with a cone for each corner of the load domain.
+"""Pose shakedown as a limit load: points with a cone for each corner of the load domain.
 
-With the elastic stresses σ_k of the corners, σ₀ of the constant loads and a residual stress ρ that
-is in balance with nothing, Melan's theorem asks for
+Let σ_k be the elastic stresses of the corners, σ₀ those of the permanent loads, and ρ a residual
+stress in equilibrium with zero loads. Melan's theorem requires
 
     max λ    with  τ_k = λσ_k + σ₀ + ρ within yield at each point, for each corner k = 0, 1, ….
 
-Koiter's is the dual, of a displacement v that a cycle leaves and plastic strains p_k at corners:
+Koiter's theorem is the dual, for a displacement v of a cycle and plastic strains p_k at corners:
 
     min Σ w σ_y(p_k)    with  Σ_k p_k = ε(v),  Σ w σ_k:p_k = 1.
 
-So it is the limit load of a body whose velocities are y = (v, p₁, p₂, …). Each point is there once
+So it is the limit load of a body whose velocities are y = (v, p₁, p₂, …). Each point occurs once
 for each corner, with the rates ε(v) − p₁ − p₂ − … at corner 0 and p_k at corner k. The loads do the
-work L(y) = Σ w σ_k:p_k. Equilibrium for all p_k says that τ_k − λσ_k is the same at all corners,
-and for all v that it is in balance. Where plasticity alternates, v is zero.
+work L(y) = Σ w σ_k:p_k. Equilibrium for all p_k makes τ_k − λσ_k equal at all corners, and
+equilibrium for all v balances it. If plasticity alternates, v is zero.
 
-The plastic strains of a point are in no other equation. The stiffness takes them out: with the
-moduli D_k of a point at its corners, what is left for v is (Σ D_k⁻¹)⁻¹. Inverses are by triangles
-of roots (QR), which lose half as many digits as the matrices would. In plane strain the residual
-stress out of the plane is one for all corners, so that cones are of whole stresses.
+The plastic strains of a point are in no other equation, and the stiffness eliminates them. With the
+moduli D_k of a point at its corners, (Σ D_k⁻¹)⁻¹ remains for v. Inverses use triangles of roots
+(QR), which lose half as many digits as the matrices would. In plane strain the out-of-plane
+residual stress is the same for all corners, so that cones contain all stress components.
 """
 
 from mpi4py import MPI
@@ -37,23 +37,23 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 class Frames:
-    """Coordinates of rates that have no redundant number, at points of this rank.
+    """Coordinates of rates without a redundant number, at points of this rank.
 
     The coordinates of :mod:`standard_cones` have 1 + m numbers for m components of a strain rate.
-    Where they are trace and deviator, the deviator is a vector of m numbers without a trace.
+    If they are trace and deviator, the deviator is a vector of m numbers without a trace.
 
     Attributes:
-        columns: Q of (tr ε, dev ε) = Q q, orthonormal columns, shape (count, 1 + m, m).
-        of_rates: E of q = E ε, shape (count, m, m).
-        of_stresses: E⁻ᵀ of the stresses that do work on q, shape (count, m, m).
+        columns: Matrix Q of (tr ε, dev ε) = Q q with orthonormal columns, shape (count, 1 + m, m).
+        of_rates: Matrix E of q = E ε, shape (count, m, m).
+        of_stresses: Matrix E⁻ᵀ of the stresses that do work on q, shape (count, m, m).
     """
 
     def __init__(self, at: PointCoordinates, size: int) -> None:
-        """Find them for each cone.
+        """Compute the coordinates for each cone.
 
         Args:
             at: Coordinates of the points' cones.
-            size: m.
+            size: Number m of components.
         """
         count = len(at.numbers)
         rates = np.empty((count, 1 + size, size))
@@ -77,19 +77,19 @@ class Frames:
 class CornerStrains:
     """Rates at points and corners; see :class:`discretisation.Strains`.
 
-    Points follow each other corner by corner. Velocities are v in the contact basis, and then
-    ℓ p_k in the coordinates of :class:`Frames`, with the mean size ℓ of what a point stands for, so
-    that their forces are as large as those on v.
+    Points are ordered corner by corner. Velocities are v in the contact basis, followed by ℓ p_k in
+    the coordinates of :class:`Frames`. The mean size ℓ of a point's volume makes their forces as
+    large as those on v.
 
     Attributes:
         problem: The bodies.
-        points: Those of v.
-        corners: How many there are.
+        points: Strains of v at the points.
+        corners: Number of corners.
         frames: Coordinates at the points.
     """
 
     def __init__(self, problem: Problem, points: PointStrains, corners: int) -> None:
-        """Use the points of a problem, which stay its owner's. Collective."""
+        """Use the points of a problem, whose owner keeps them. Collective."""
         at, comm = points.coordinates, problem.comm
         self.problem, self.points, self.corners = problem, points, corners
         self.frames = Frames(at, points.size)
@@ -110,7 +110,7 @@ class CornerStrains:
         return PETSc.Vec().createMPI((size, None), comm=self.problem.comm)
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         self._velocity.destroy()
 
     def velocity(self, y: PETSc.Vec) -> PETSc.Vec:
@@ -130,12 +130,12 @@ class CornerStrains:
         return self._reduced(*self.points.of(velocity))[0]
 
     def tensors(self, flows: Floats) -> Floats:
-        """Return rates of :meth:`flows` as Mandel vectors."""
+        """Return the rates of :meth:`flows` as Mandel vectors."""
         found: Floats = np.einsum("nji,knj->kni", self.frames.of_stresses, flows)
         return found
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Trace and deviator at points and corners. Collective."""
+        """Return trace and deviator at points and corners. Collective."""
         found = self._whole(self.flows(y)).reshape(self.count, -1)
         return found[:, 0].copy(), found[:, 1:].copy(order="F")
 
@@ -154,7 +154,10 @@ class CornerStrains:
         self._forces(self._reduced(pressure, deviator), out)
 
     def forces_of(self, stresses: Floats, out: PETSc.Vec) -> None:
-        """Set ``out`` to the same of Mandel vectors, shape (corners, num_points, m). Collective."""
+        """Set ``out`` to the forces of Mandel vectors, shape (corners, num_points, m).
+
+        Collective.
+        """
         self._forces(np.einsum("nij,knj->kni", self.frames.of_stresses, stresses), out)
 
     def _forces(self, reduced: Floats, out: PETSc.Vec) -> None:
@@ -167,7 +170,7 @@ class CornerStrains:
         """Set ``out`` to ∫ τ:ε(v) for all v. Collective.
 
         Args:
-            reduced: τ in the coordinates of :class:`Frames`, shape (num_points, m).
+            reduced: Stress τ in the coordinates of :class:`Frames`, shape (num_points, m).
             out: A vector of the contact basis.
         """
         both = self._whole(reduced)
@@ -208,10 +211,10 @@ class CornerStrains:
 
 
 class CornerStiffness:
-    """K of y, of which the factors are those of v; see :class:`discretisation.Stiffness`."""
+    """K of y, which uses the factors of v; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, bodies: ConicStiffness, strains: CornerStrains) -> None:
-        """Take the stiffness of v over."""
+        """Take over the stiffness of v."""
         self._bodies, self._strains = bodies, strains
         self.jump_diagonal, self.add_at_jumps = bodies.jump_diagonal, bodies.add_at_jumps
         self.factorise = bodies.factorise
@@ -219,24 +222,24 @@ class CornerStiffness:
 
     @property
     def factorisations(self) -> int:
-        """So far."""
+        """Number of factorisations so far."""
         return self._bodies.factorisations
 
     @property
     def solves(self) -> int:
-        """Systems solved so far."""
+        """Number of systems solved so far."""
         return self._bodies.solves
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         for thing in (self._bodies, self._right, self._change):
             thing.destroy()
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Bring K to moduli at points and corners. Collective.
+        """Assemble K with moduli at points and corners. Collective.
 
         Raises:
-            SingularStiffness: If those of a point have no inverse.
+            SingularStiffness: If the moduli of a point have no inverse.
         """
         strains, Q = self._strains, self._strains.frames.columns
         count, parts, m = Q.shape
@@ -270,17 +273,18 @@ class CornerStiffness:
         x.array[own:] = (strains.length * flows).ravel()
 
     def _refine(self, flows: Floats, rates: Floats, pushes: Floats) -> None:
-        """Bring plastic rates nearer to those whose stresses are the same at all corners.
+        """Bring plastic rates closer to those whose stresses are the same at all corners.
 
         Moduli of a point that flows at several corners have a large range. Inverses lose as many
-        digits, and refinement finds them again.
+        digits, and refinement recovers them.
 
         Args:
-            flows: Overwritten, shape (corners − 1, num_points, m).
-            rates: ε(v), shape (num_points, m).
-            pushes: By how much stresses are larger than at the first corner, as ``flows``.
+            flows: Plastic rates, overwritten, shape (corners − 1, num_points, m).
+            rates: Rates ε(v), shape (num_points, m).
+            pushes: Excess of stresses over those of the first corner, shape as ``flows``.
         """
-        most, enough = 4, 1e-12  # refinements; difference of stresses that is left, relative
+        # number of refinements; relative difference of stresses that may remain
+        most, enough = 4, 1e-12
         for _ in range(most):
             whole = np.concatenate([(rates - flows.sum(axis=0))[None], flows])
             stresses = _times(self._moduli, whole)
@@ -295,8 +299,8 @@ def _times(roots: Floats, vectors: Floats) -> Floats:
     """Return AᵀA x at points, shape (..., num_points, m).
 
     Args:
-        roots: A, shape (..., num_points, k, m).
-        vectors: x, shape (..., num_points, m).
+        roots: Roots A, shape (..., num_points, k, m).
+        vectors: Vectors x, shape (..., num_points, m).
     """
     half = roots @ vectors[..., None]
     return np.asarray((np.swapaxes(roots, -1, -2) @ half)[..., 0], np.float64)
@@ -306,7 +310,7 @@ def softness_roots(rows: Floats) -> Floats:
     """Return R with R Rᵀ = (AᵀA)⁻¹, shape (..., m, m).
 
     Args:
-        rows: A, shape (..., n, m).
+        rows: Matrices A, shape (..., n, m).
     """
     triangles = np.linalg.qr(rows, mode="r")
     sizes = np.abs(np.diagonal(triangles, axis1=-2, axis2=-1))

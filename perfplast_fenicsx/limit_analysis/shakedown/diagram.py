@@ -1,8 +1,8 @@
-"""Shakedown loads of all ratios of two of what varies: Bree's diagram of any bodies.
+"""Compute shakedown loads for all ratios of two varying loads: a Bree diagram of any bodies.
 
 J. Bree, Elastic-plastic behaviour of thin tubes subjected to internal pressure and intermittent
-high-heat fluxes, Journal of Strain Analysis 2 (1967), 226, has that of a tube under pressure whose
-wall is heated again and again.
+high-heat fluxes, Journal of Strain Analysis 2 (1967), 226, has the diagram of a tube under
+pressure. Its wall is heated repeatedly.
 """
 
 import math
@@ -23,10 +23,10 @@ class Direction:
     """The shakedown load for one ratio of two varying loads.
 
     Attributes:
-        angle: Its arc tangent (degrees), in units of the shakedown loads of each alone: 0 where the
-            first varies alone.
-        first: What multiplies the first at the end of shakedown; None where none was found.
-        second: The same of the second.
+        angle: Arc tangent of the ratio (degrees), in units of the shakedown loads of each alone: 0
+            if only the first load varies.
+        first: Factor of the first load at the end of shakedown; None if none was found.
+        second: Factor of the second load.
         failure: Kind of failure beyond it.
     """
 
@@ -37,10 +37,10 @@ class Direction:
 
 
 def check_directions(domain: LoadDomain, directions: int) -> None:
-    """Make sure that there are two to draw a diagram of.
+    """Check that the domain has two loads for a diagram.
 
     Raises:
-        InputError: If there are not, or too few directions.
+        InputError: If it has not, or if there are too few directions.
     """
     if directions and (directions < 3 or len(domain.names) != 2):
         raise InputError(
@@ -57,14 +57,14 @@ def shakedown_diagram(
     monitor: Callable[[Direction], None] | None = None,
     steps: Callable[[InteriorStep], None] | None = None,
 ) -> list[Direction]:
-    """Find the shakedown loads of ratios of two of what varies, evenly apart. Collective.
+    """Return the shakedown loads for evenly spaced ratios of two varying loads. Collective.
 
     Args:
         problem: The bodies.
-        domain: With two names; the factors of each are multiplied.
-        directions: How many, over a quarter of the circle.
+        domain: Domain with two names; the factors of each are multiplied.
+        directions: Number of directions over a quarter of the circle.
         rtol: As for :func:`shakedown_load`.
-        monitor: Called on every rank after each.
+        monitor: Called on every rank after each direction.
         steps: Called on every rank after each step of the interior point method.
 
     Raises:

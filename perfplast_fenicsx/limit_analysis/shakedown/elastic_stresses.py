@@ -1,13 +1,14 @@
-"""The stress of each load and temperature in bodies that never yield, by one factorisation.
+"""Compute elastic stresses of each load and temperature, with one factorisation.
 
-On straight quadratic cells stresses are linear in each cell and known at its vertices. What is
-within yield at the vertices of a straight cell is so in all of it, up to the surface of the bodies,
-where elastic stresses are largest. With shape functions λ_v and linear strain rates
+On straight quadratic cells stresses are linear in each cell and known at its vertices. Stresses
+within yield at the vertices of a straight cell are within yield in all of it. This includes the
+surface of the bodies, where elastic stresses are largest. With shape functions λ_v and linear
+strain rates
 
     ∫ σ:ε = Σ_v |T|/(d + 1) σ_v:ε(x_v),    x_v = (2 x_v + Σ other vertices)/(d + 2),
 
-exactly: the work of the stress at a vertex is that on the strain at a point between it and the
-middle of the cell. Temperatures are taken as linear in each cell.
+exactly: the stress at a vertex does work on the strain at a point between the vertex and the centre
+of the cell. Temperatures are approximated as linear in each cell.
 """
 
 from collections.abc import Mapping, Sequence
@@ -45,12 +46,13 @@ from perfplast_fenicsx.problem.variant import variant
 
 @dataclass(frozen=True, eq=False)
 class StressPoints:
-    """A problem at the points where stresses are known, and at those where they do work.
+    """A problem at the points where stresses are known, and at the points where they do work.
 
     Attributes:
-        known: Its points are those of the stresses.
-        working: Its points are those of the strains that these do work on, in the same order.
-        linear: Whether the former are the vertices of cells; else both are those of the quadrature.
+        known: Problem whose points are those of the stresses.
+        working: Problem whose points are those of the conjugate strains, in the same order.
+        linear: Whether the stresses are known at the vertices of cells; otherwise both sets are the
+            quadrature points.
     """
 
     known: Problem
@@ -61,8 +63,8 @@ class StressPoints:
 def stress_points(problem: Problem) -> StressPoints:
     """Return the points of a problem. Collective.
 
-    They are those of the quadrature where strains are not linear in a cell: of linear elements,
-    around an axis and in curved cells.
+    They are the quadrature points if strains are not linear in a cell: for linear elements, around
+    an axis and in curved cells.
     """
     mesh = problem.tagged_mesh.mesh
     linear = problem.degree == 2 and not problem.tagged_mesh.axisymmetric
@@ -93,16 +95,16 @@ def stress_points(problem: Problem) -> StressPoints:
 def elastic_stresses(
     problem: Problem, names: Sequence[str], points: StressPoints, strains: PointStrains
 ) -> tuple[Floats, Floats]:
-    """Return stresses of loads that vary, and of constant ones. Collective.
+    """Return stresses of varying loads, and of permanent ones. Collective.
 
-    The former are those of a factor of 1. Temperatures that are not named, and stresses that are
-    there at first, are in balance with nothing, and so are left to the residual stress.
+    Stresses of varying loads have the factor 1. Temperatures that are not named, and initial
+    stresses, are in equilibrium with zero loads; the residual stress contains them.
 
     Args:
         problem: The bodies and their loads.
         names: Names of loads and temperatures that vary.
         points: Points of the stresses.
-        strains: At the points where they do work.
+        strains: Strains at the points where stresses do work.
 
     Returns:
         Mandel vectors, shapes (num_names, count, m) and (count, m).
@@ -131,15 +133,15 @@ def elastic_stresses(
 
 
 class _Elastic:
-    """The answer of elastic bodies to loads and temperatures."""
+    """The response of elastic bodies to loads and temperatures."""
 
     def __init__(self, known: Problem, bodies: ConicStiffness, strains: PointStrains) -> None:
-        """Take the factors over. Collective."""
+        """Take over the factors. Collective."""
         self._problem, self._bodies, self._working = known, bodies, strains
         self._rates, self._hooke = RatesAtPoints(known), hooke_at_points(known)
 
     def stress(self, loads: Sequence[Load], warmed: Sequence[Temperature]) -> Floats:
-        """C(ε(u) − e₀) in balance with loads, shape (count, m). Collective."""
+        """Return C(ε(u) − e₀) in equilibrium with loads, shape (count, m). Collective."""
         problem = self._problem
         load = work_vector(problem.V, problem.tagged_mesh, loads)
         fem_petsc.set_bc(load, problem.bcs)
@@ -195,10 +197,10 @@ def hooke_at_points(problem: Problem) -> Floats:
 
 
 def check_elastic(materials: Mapping[str, object]) -> None:
-    """Refuse bodies without elastic stresses.
+    """Refuse rigid bodies, which have no elastic stresses.
 
     Raises:
-        InputError: Naming the first one.
+        InputError: With the first rigid body.
     """
     rigid = sorted(name for name, of in materials.items() if isinstance(of, Rigid))
     if rigid:
@@ -210,23 +212,23 @@ def check_elastic(materials: Mapping[str, object]) -> None:
 
 
 def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Sequence[str]) -> None:
-    """Make sure that what varies is there, and that what grows varies.
+    """Check that varying names exist, and that growing loads vary.
 
     Args:
         problem_loads: The loads.
         warmed: Names of temperatures.
-        names: Names of what varies.
+        names: Names of loads and temperatures that vary.
 
     Raises:
-        InputError: Naming what does not fit.
+        InputError: With the first name that does not fit.
     """
     growing = [called(load) for load in problem_loads if not load.constant]
     constant = [called(load) for load in problem_loads if load.constant]
     for name in names:
         if name in constant:
             raise InputError(
-                f"'{name}' varies, but it is a constant load; take constant = true from it, or"
-                " leave it out."
+                f"'{name}' varies, but it is a constant load; remove constant = true from it, or"
+                " remove its range."
             )
         if name not in growing and name not in warmed:
             raise InputError(
@@ -236,6 +238,6 @@ def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Seq
     for name in growing:
         if name not in names:
             raise InputError(
-                f"the load '{name}' has no range; give one, or constant = true to a load that"
-                " stays."
+                f"the load '{name}' has no range; give one, or constant = true if the load"
+                " does not vary."
             )

@@ -1,4 +1,4 @@
-"""Loads that vary as they like: the domain of their factors, and its corners."""
+"""Define the domain of the factors of varying loads, and its corners."""
 
 import itertools
 import math
@@ -13,11 +13,11 @@ from perfplast_fenicsx.errors import InputError
 
 @dataclass(frozen=True)
 class LoadDomain:
-    """The hull of corners, each of which is a factor for every name.
+    """The convex hull of corners, each with a factor for every name.
 
     Attributes:
         names: Names of loads and temperatures that vary.
-        corners: Their factors, shape (num_corners, num_names).
+        corners: Factors of the corners, shape (num_corners, num_names).
     """
 
     names: tuple[str, ...]
@@ -25,17 +25,17 @@ class LoadDomain:
 
     @staticmethod
     def of_ranges(ranges: Mapping[str, Sequence[float]]) -> "LoadDomain":
-        """Return each between two factors, whatever the others are.
+        """Return the domain in which each factor varies independently between two limits.
 
         Args:
-            ranges: Least and largest factor of each.
+            ranges: Least and largest factor of each name.
 
         Raises:
-            InputError: If there is none, or too many, or one is no range.
+            InputError: If there is no range, or too many, or one is not valid.
         """
         if not ranges:
             raise InputError("ranges is empty; give one at least, such as { pressure = [0, 1] }.")
-        most = 6  # 64 corners, each with a cone of its own at every point
+        most = 6  # 64 corners, each with its own cone at every point
         if len(ranges) > most:
             raise InputError(
                 f"there are {len(ranges)} ranges, and so {2 ** len(ranges)} corners; give"
@@ -53,10 +53,12 @@ class LoadDomain:
 
     @staticmethod
     def of_corners(corners: Sequence[Mapping[str, float]]) -> "LoadDomain":
-        """Return the hull of given corners; what one does not name is zero there.
+        """Return the convex hull of given corners.
+
+        Names that a corner leaves out have the factor 0.
 
         Raises:
-            InputError: If there are not two that differ, or a factor is not finite.
+            InputError: If fewer than two corners differ, or a factor is not finite.
         """
         names = tuple(dict.fromkeys(name for corner in corners for name in corner))
         rows = [[float(corner.get(name, 0.0)) for name in names] for corner in corners]

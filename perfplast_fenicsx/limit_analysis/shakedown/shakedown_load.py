@@ -1,9 +1,9 @@
-"""How many times a load domain may be gone through again and again: Melan's load, and what ends it.
+"""Compute Melan's load: the largest multiple of a load domain that bodies shake down to.
 
-What is found is that of the mesh. Elastic stresses are those of its finite elements, and balance is
-theirs, so that this is an estimate of the bodies' load, and no bound of it. Stresses are within
-yield in all of each straight cell (:mod:`elastic_stresses`). Where elastic stresses are infinite,
-as in a re-entrant corner, it falls to nothing as the mesh gets finer.
+The result holds for the mesh. Elastic stresses and equilibrium are those of its finite elements. So
+it is an estimate for the bodies, and no bound. Stresses are within yield in all of each straight
+cell (:mod:`elastic_stresses`). Where elastic stresses are infinite, as in a re-entrant corner, the
+load tends to zero as the mesh is refined.
 """
 
 from collections.abc import Callable
@@ -97,21 +97,21 @@ def shakedown_load(
     ones = len(domain.names) + 1
     return replace(
         found,
-        factorisations=found.factorisations + 1,  # that of elastic stresses
+        factorisations=found.factorisations + 1,  # one more for the elastic stresses
         linear_solves=found.linear_solves + ones,
     )
 
 
 def check_shakedown(problem: Problem, domain: LoadDomain, rtol: float = 1e-4) -> None:
-    """Refuse what :func:`shakedown_load` would refuse before it solves. Collective.
+    """Refuse problems that :func:`shakedown_load` would refuse, without solving. Collective.
 
     Args:
         problem: The bodies.
-        domain: Factors of what varies.
-        rtol: Difference of both values, relative.
+        domain: Factors of varying loads and temperatures.
+        rtol: Relative difference of both values.
 
     Raises:
-        InputError: As :func:`shakedown_load`, but for loads that stress no body which may yield.
+        InputError: As :func:`shakedown_load`, except if the loads stress no body that may yield.
     """
     _check(problem, domain, rtol)
 
@@ -129,7 +129,7 @@ def _check_bonds(problem: Problem) -> None:
     """Refuse given motions, and problems in which elastic stresses do not superpose."""
     if problem.num_pairs or problem.friction.count:
         raise InputError(
-            "shakedown is for bodies that do not part and do not slide, since elastic stresses of"
+            "shakedown needs bodies that neither separate nor slide, since elastic stresses of"
             " single loads are added up; make contacts that stay closed [[tie]] tables."
         )
     if problem.motion.moves_supports or problem.motion.driven:
@@ -138,14 +138,14 @@ def _check_bonds(problem: Problem) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Varying:
-    """The bodies, and the stresses that vary in them.
+    """The bodies, and the varying stresses in them.
 
     Attributes:
-        domain: Factors of what varies.
+        domain: Factors of varying loads and temperatures.
         points: Points of the stresses.
         working: Rates at the points where stresses do work.
         live: Elastic stresses of the corners, Mandel vectors, shape (num_corners, count, m).
-        dead: That of constant loads, shape (count, m).
+        dead: Elastic stress of permanent loads, shape (count, m).
     """
 
     domain: LoadDomain
@@ -170,7 +170,7 @@ class Varying:
         return strains, ConicProgram(on, reserve)
 
     def ratio(self, strains: CornerStrains, stresses: Floats) -> float:
-        """Return by how much stresses exceed yield at most. Collective.
+        """Return the largest yield ratio of stresses. Collective.
 
         Args:
             strains: Cones at points and corners.
@@ -187,19 +187,19 @@ def _search(
     monitor: Callable[[InteriorStep], None] | None,
     start: Start,
 ) -> tuple[ShakedownLoad, Start | None]:
-    """Search from a start, and return the next start; None to end. Collective."""
+    """Search from a start; return the result and the next start, None to end. Collective."""
     with ExitStack() as made:
         strains, program = varying.program(start.reserve)
         made.callback(program.destroy)
         if not varying.ratio(strains, varying.live) > 0:
             raise InputError(
-                "what varies stresses no body that can yield, so that nothing limits it; give the"
-                " bodies that may yield a yield stress, or a load that is not zero."
+                "the varying loads stress no body that can yield, so that nothing limits them; give"
+                " the bodies that may yield a yield stress, or a load that is not zero."
             )
         steps: list[InteriorStep] = []
         iteration: InteriorIteration | None = None
         try:
-            verdict, reason = Verdict.UNBOUNDED, "nothing limits what varies, to rounding"
+            verdict, reason = Verdict.UNBOUNDED, "nothing limits the varying loads, to rounding"
             if choose_units(program, start):
                 iteration = InteriorIteration(program)
                 made.callback(iteration.destroy)
@@ -279,7 +279,7 @@ def _found(
 
 
 def _accumulated(varying: Varying, strains: CornerStrains, flows: Floats) -> float:
-    """Return the share of the flow of a cycle that is left at its end. Collective.
+    """Return the share of a cycle's flow that remains at its end. Collective.
 
     It is zero where plasticity alternates, and one where each point flows at one corner.
     """
@@ -291,6 +291,6 @@ def _accumulated(varying: Varying, strains: CornerStrains, flows: Floats) -> flo
 
 
 def _set(function: fem.Function, values: Floats) -> None:
-    """Give a function of the points its values. Collective."""
+    """Set the values of a function at the points. Collective."""
     function.x.array[: values.size] = values.ravel()
     function.x.scatter_forward()

@@ -1,4 +1,4 @@
-"""The result of a search for a shakedown load."""
+"""Define the result of a search for a shakedown load."""
 
 import math
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Failure(StrEnum):
 
     @staticmethod
     def of(accumulated: float) -> "Failure":
-        """Return the failure for the share of the flow that is left at the end of a cycle."""
+        """Return the failure for the share of the flow that remains at the end of a cycle."""
         if accumulated <= 0.05:
             return Failure.ALTERNATING
         return Failure.COLLAPSE if accumulated >= 0.5 else Failure.BOTH
@@ -31,28 +31,28 @@ class Failure(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class ShakedownLoad:
-    """How many times a load domain is shaken down to, on this mesh.
+    """The largest multiple of a load domain that the bodies shake down to, on this mesh.
 
     Attributes:
         domain: The load domain.
-        problem: Its points are those of the stresses.
-        linear: Whether these are the vertices of cells, in which stresses are linear.
-        load: λ of Melan's programme, an estimate of that of the bodies; None where none was found.
-        upper: Koiter's value, which meets it: what both differ by is what the steps have left.
-        over: Largest ratio of stress to yield at any corner and point, 1 but for rounding.
-        unbalanced: Largest force of the residual stress, relative.
+        problem: Problem whose points are those of the stresses.
+        linear: Whether these points are the vertices of cells, in which stresses are linear.
+        load: Factor λ of Melan's program, an estimate for the bodies; None if none was found.
+        upper: Koiter's value; the steps have reduced its difference from ``load`` to the tolerance.
+        over: Largest ratio of stress to yield at any corner and point, 1 up to rounding.
+        unbalanced: Largest relative force of the residual stress.
         first_yield: Factor of the domain at which the first point yields at a corner, without
-            residual stress; None beside constant loads.
-        accumulated: Share of the flow of a cycle that is left at its end.
-        failure: Kind of failure beyond it.
-        mechanism: Displacement that a cycle leaves, in proportion.
-        dissipation: Dissipation of a cycle, at the points, in proportion.
-        residual: ρ, Mandel vectors at the points (stress).
-        steps: Steps of the interior point method.
-        factorisations: All.
-        linear_solves: All.
+            residual stress; None with permanent loads.
+        accumulated: Share of a cycle's flow that remains at its end.
+        failure: Kind of failure above the load.
+        mechanism: Displacement that a cycle leaves, up to a factor.
+        dissipation: Dissipation of a cycle at the points, up to a factor.
+        residual: Residual stress ρ, Mandel vectors at the points (stress).
+        steps: Number of steps of the interior point method.
+        factorisations: Total number of factorisations.
+        linear_solves: Total number of linear solves.
         converged: Whether both values have met.
-        reason: Why it ended.
+        reason: Reason for the end.
     """
 
     domain: LoadDomain
@@ -87,7 +87,7 @@ class ShakedownLoad:
         return f"{words}."
 
     def as_limit(self) -> LimitLoad:
-        """Return the result as that of a limit load, for files and pictures."""
+        """Return the result in the form of a limit load, for files and pictures."""
         return LimitLoad(
             method=LimitMethod.INTERIOR_POINT,
             lower=self.load if self.converged and self.load is not None else -math.inf,
@@ -104,7 +104,7 @@ class ShakedownLoad:
         )
 
     def of_cells(self) -> fem.Function:
-        """Return the dissipation of a cycle, the mean of each cell. Collective."""
+        """Return the dissipation of a cycle, averaged over each cell. Collective."""
         cells = fem.functionspace(self.problem.tagged_mesh.mesh, ("DG", 0))
         mean = fem.Function(cells, name="dissipation")
         mean.x.array[:] = by_cell(self.dissipation).mean(axis=1)

@@ -1,1 +1,1 @@
-"""Questions about limit loads, and their answers."""
+"""Define questions about limit loads, and their answers."""

@@ -1,4 +1,4 @@
-"""One bound of a limit load: its value, its scope, and why it is not strict."""
+"""Define one bound of a limit load: its value, its scope, and why it is not strict."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -7,16 +7,16 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
 def measure_of(dissipation: float, load: float, loose: bool = False) -> float:
-    """Return the measure of differences of load factors.
+    """Return the size that differences of load factors are relative to.
 
     Args:
-        dissipation: Dissipation of a mechanism with L(v) = 1, which is λ without dead loads.
-        load: λ.
+        dissipation: Dissipation of a mechanism with L(v) = 1; it is λ without permanent loads.
+        load: Load factor λ.
         loose: Whether some of the ground has no cohesion, or a joint no adhesion, and dissipates
             nothing.
     """
-    # What differences of bounds are measured by at least, relative to the load factor: where bodies
-    # that dead loads hold together part, nothing is dissipated, as without cohesion.
+    # Least size relative to the load factor. If bodies that permanent loads hold together separate,
+    # nothing is dissipated, as without cohesion.
     least_share = 1.0 if loose else 1e-3
     return max(abs(dissipation), least_share * abs(load))
 
@@ -38,15 +38,15 @@ CONFINED = (
 
 @dataclass(frozen=True)
 class Bound:
-    """A bound of a limit load, and what it is worth.
+    """A bound of a limit load, and its scope.
 
     Attributes:
-        value: The bound; None where there is none.
+        value: The bound; None without one.
         kind: "lower" or "upper".
-        of: Whether it bounds the limit load of the body that the mesh fills, or that of the finite
-            elements alone.
-        why_not: Why it does not hold for the body; nothing where it does.
-        of_rounding: Share of an upper one that rounding can have, in bodies that hardly strain.
+        of: Whether it bounds the limit load of the body that the mesh fills, or only that of the
+            finite elements.
+        why_not: Reasons why it does not hold for the body; empty if it does.
+        of_rounding: Share of an upper bound that may be rounding, in bodies that hardly strain.
     """
 
     value: float | None
@@ -57,27 +57,27 @@ class Bound:
 
     @property
     def strict(self) -> bool:
-        """Whether it holds for the body, but for rounding."""
+        """Whether it holds for the body, up to rounding."""
         return self.value is not None and self.of is Scope.BODY
 
     @property
     def shown(self) -> str:
-        """The value in a few digits, rounded so that it is a bound as well."""
+        """The value in a few digits, rounded so that it remains a bound."""
         if self.value is None:
             return "none"
         return rounded_down(self.value) if self.kind == "lower" else rounded_up(self.value)
 
     def apart(self, upper: "Bound") -> float | None:
-        """By how much an upper bound exceeds this lower one, relative to the smaller magnitude.
+        """Return the distance to an upper bound, relative to the smaller magnitude of both.
 
-        None where one of them is missing, or 0 is between them.
+        None if one of them is missing, or 0 lies between them.
         """
         if self.value is None or upper.value is None or not self.value * upper.value > 0:
             return None
         return (upper.value - self.value) / min(abs(self.value), abs(upper.value))
 
     def improves(self, old: "Bound") -> bool:
-        """Whether it is the better one of the body: of those of meshes alone the new one is."""
+        """Return whether it is better than an old bound; bounds of meshes replace each other."""
         if self.value is None or old.value is None:
             return self.value is not None
         if self.strict and old.strict:

@@ -1,4 +1,4 @@
-"""The limit load against the load that the bodies are designed for."""
+"""Compare the limit load with the design load of the bodies."""
 
 import math
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 @dataclass(frozen=True)
 class DesignFactor:
-    """How many times the design load is carried.
+    """The multiple of the design load that is carried.
 
     Attributes:
         zeta: Load factor of the design load.
-        lower: So many times it is carried for certain; None where nothing is proven.
-        upper: So many times it the bodies collapse for certain; None where nothing is proven.
-        estimate: So many times it the mesh carries; None where its limit load was not found.
-        name: Name of the combination of loads that it is, where it has one.
+        lower: Multiple that is proven to be carried; None without a proof.
+        upper: Multiple at which the bodies are proven to collapse; None without a proof.
+        estimate: Multiple that the mesh carries; None if its limit load was not found.
+        name: Name of the load combination, if it has one.
     """
 
     zeta: float
@@ -33,7 +33,7 @@ class DesignFactor:
         estimate: float | None,
         name: str = "",
     ) -> "DesignFactor":
-        """From the limit load and its bounds, as load factors."""
+        """Return the multiples for a limit load and its bounds, given as load factors."""
 
         def over(value: float | None) -> float | None:
             return None if value is None else value / zeta
@@ -42,17 +42,17 @@ class DesignFactor:
 
     @property
     def carried(self) -> bool:
-        """Whether the design load is carried for certain."""
+        """Whether the design load is proven to be carried."""
         return self.lower is not None and bool(self.lower >= 1)
 
     @property
     def refused(self) -> bool:
-        """Whether it is for certain not carried."""
+        """Whether the design load is proven not to be carried."""
         return self.upper is not None and bool(self.upper < 1)
 
     @property
     def decided(self) -> bool:
-        """Whether one of both is proven."""
+        """Whether either is proven."""
         return self.carried or self.refused
 
     def in_words(self) -> str:
@@ -82,7 +82,7 @@ class DesignFactor:
 
 
 def check_design(design: float | None) -> None:
-    """Refuse what is no load factor of a design load.
+    """Refuse an invalid load factor of a design load.
 
     Raises:
         InputError: If it is not a positive number.

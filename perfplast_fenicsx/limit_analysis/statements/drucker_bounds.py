@@ -1,4 +1,4 @@
-"""Drucker's two bounds of the load that bodies with Coulomb's friction carry."""
+"""Define Drucker's two bounds of the load that bodies with Coulomb's friction carry."""
 
 import math
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ class DruckerBounds:
     """Drucker's two bounds for a mesh with Coulomb's friction.
 
     Attributes:
-        lower: Limit load without friction, at least; 0 where nothing but friction holds the bodies.
-        upper: Limit load where nothing slips or parts, at most; infinite where nothing seems to
-            bound that, None where it was not found.
+        lower: Lower bound of the limit load without friction; 0 if only friction holds the bodies.
+        upper: Upper bound of the limit load if surfaces neither slip nor separate. It is infinite
+            if nothing seems to bound that load, None if it was not found.
     """
 
     lower: float
@@ -25,12 +25,12 @@ class DruckerBounds:
         least = f"collapse or slide at no load below {rounded_down(self.lower)}, the limit load"
         least += " without friction"
         finite = self.upper is not None and math.isfinite(self.upper)
-        # A lower bound below this share of the upper one is the rounding of 0: the interior point
-        # method ends where sides are no farther apart.
+        # A lower bound below this share of the upper one is zero to rounding: the interior point
+        # method ends when both sides are this close.
         rounding = 1e-6
         if self.lower <= rounding * (self.upper if finite and self.upper else 0.0):
             least = "may slide at any load, as without friction they carry none"
-        tied = "if nothing slipped or parted where they rub"
+        tied = "if nothing slipped or separated where there is friction"
         if self.upper is None:
             most = f"; the limit load {tied} was not found"
         elif not finite:
@@ -45,5 +45,5 @@ class DruckerBounds:
         )
 
     def table(self) -> dict[str, Any]:
-        """Return the bounds and their words, as ``summary.json`` has them."""
+        """Return the bounds and their words, in the form of ``summary.json``."""
         return {"lower": self.lower, "upper": self.upper, "words": self.in_words()}

@@ -9,7 +9,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def check_tolerance(rtol: float) -> None:
-    """Refuse what bounds of a limit load cannot differ by.
+    """Refuse an invalid relative difference of bounds.
 
     Raises:
         InputError: If it is not between 0 and 1.
@@ -19,58 +19,58 @@ def check_tolerance(rtol: float) -> None:
 
 
 def check_friction_has_limits(problem: Problem) -> None:
-    """Refuse friction that no limit theorem holds for.
+    """Refuse friction for which no limit theorem holds.
 
     Raises:
-        InputError: If any is Coulomb's.
+        InputError: If any friction is Coulomb's.
     """
     if problem.friction.follows_pressure:
         check_slip_is_true(problem)
         raise InputError(
             "with Coulomb's friction (coulomb = ...) no limit theorem holds, which the interior"
-            " point method rests on; search along a loading path (control = 'work', until ="
+            " point method needs; search along a loading path (control = 'work', until ="
             " 'limit', limit_method = 'path'), bound it by Drucker's pair (control = 'bounds'), or"
             " give tresca = ... in its place."
         )
 
 
 def check_bodies_have_limits(problem: Problem) -> None:
-    """Refuse bodies that carry any load, or of whose limit loads bounds alone are known.
+    """Refuse bodies that carry any load, or for which only bounds of the limit load are known.
 
     Raises:
-        InputError: If one of them hardens, or is ground that stands for a pair.
+        InputError: If a body hardens, or is ground that represents a pair of materials.
     """
     check_flows(problem.given.materials)
     for name, material in problem.given.materials.items():
         if carries_any_load(material):
             raise InputError(
                 f"the material of '{name}' hardens, so that bodies carry any load, and there is no"
-                " limit load to be sought; load by given values, or give a law that is perfectly"
+                " limit load; give load values, or a law that is perfectly"
                 " plastic."
             )
 
 
 def check_flat_guides(problem: Problem) -> None:
-    """Refuse curved surfaces that are moved along their normals, which bounds do not know.
+    """Refuse curved surfaces that move along their normals, which bounds do not support.
 
     Raises:
-        InputError: Naming the first one.
+        InputError: With the first such surface.
     """
     guides = problem.guides
     for surface, curved in zip(guides.surfaces, guides.curved, strict=True):
         if curved:
             raise InputError(
                 f"the support on '{surface}' moves a curved surface along its normals, which change"
-                " from node to node, and strict bounds do not know that; give letters as"
+                " from node to node, and strict bounds do not support that; give letters as"
                 " components, or ask for levels (control = 'displacement')."
             )
 
 
 def collapses_by_loads(problem: Problem) -> bool:
-    """Return whether all that does work at collapse is a load, and there is one. Collective.
+    """Return whether only loads do work at collapse, and there are any. Collective.
 
-    Displacements, overlaps and strains that stay do none: supports are at rest in a mechanism, and
-    stresses in balance without loads do no work on its strain rates.
+    Constant displacements, overlaps and strains do none. Supports are at rest in a mechanism, and
+    stresses in equilibrium without loads do no work on its strain rates.
     """
     return _is_loaded(problem) and not problem.motion.driven
 
@@ -95,11 +95,11 @@ def check_loads(problem: Problem) -> None:
 
 
 def idle_pores(problem: Problem) -> list[str]:
-    """That pressures in pores change no bounds of bodies of revolution, if there are any."""
+    """Return a note if pore pressures change no bounds of bodies of revolution."""
     pores = any(isinstance(load, PorePressure) for load in problem.given.loads)
     if not (pores and problem.tagged_mesh.axisymmetric):
         return []
-    return ["pressures in pores do no work where volumes stay as they are, and are ignored"]
+    return ["pore pressures do no work where volumes are preserved, and are ignored"]
 
 
 def ignored(problem: Problem) -> list[str]:

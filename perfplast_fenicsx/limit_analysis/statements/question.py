@@ -1,4 +1,4 @@
-"""The load factor that is sought beside permanent loads, and loads of any factor."""
+"""Define the load factor that is sought: that of live loads, or that of permanent ones."""
 
 from enum import StrEnum
 
@@ -8,9 +8,10 @@ from petsc4py import PETSc
 class Question(StrEnum):
     """The question of a limit analysis.
 
-    Beside dead loads L₀ that are too much by themselves no factor of the live ones L₁ is carried.
-    How much too much is a limit load as well: the largest μ for which μL₀ + λL₁ is carried with any
-    λ, whose mechanisms have L₀(v) = 1 and L₁(v) = 0. Where μ < 1 the strengths fall short by 1/μ.
+    If permanent loads L₀ are too large by themselves, no factor of the live loads L₁ is carried. A
+    limit load measures the excess: the largest μ for which μL₀ + λL₁ is carried with any λ. Its
+    mechanisms have L₀(v) = 1 and L₁(v) = 0. If μ < 1, the strengths are too small by the factor
+    1/μ.
     """
 
     LIMIT = "limit"
@@ -18,21 +19,24 @@ class Question(StrEnum):
 
     @property
     def enough(self) -> float:
-        """A factor up to which a search goes on, however far beyond that of a viscous flow it is.
+        """The factor up to which a search continues, even beyond that of a viscous flow.
 
-        Constant loads are carried or not: whether by little strength or by none matters below 1.
+        Permanent loads are carried if their factor is 1. Below 1 the search must
+        distinguish little strength from none.
         """
         return 4.0 if self is Question.STANDS else 0.0
 
     def loads(self, live: PETSc.Vec, dead: PETSc.Vec) -> tuple[PETSc.Vec, PETSc.Vec, PETSc.Vec]:
-        """Those whose factor is sought, those that stay, and those whose factor may be any.
+        """Return the loads whose factor is sought, the permanent ones, and those of any factor.
 
-        Vectors of zeros take the place of those that there are none of. Collective.
+        Collective.
+
+        Missing loads are vectors of zeros.
         """
         none = live.duplicate()
         none.set(0.0)
         return (live, dead, none) if self is Question.LIMIT else (dead, none, live)
 
     def of(self, live: float, dead: float) -> tuple[float, float, float]:
-        """Return the same of numbers, such as works."""
+        """Return the numbers of these loads, such as works, in the same order."""
         return (live, dead, 0.0) if self is Question.LIMIT else (dead, 0.0, live)

@@ -1,4 +1,4 @@
-"""Do bodies stand under their dead loads, whatever the factor of the live ones?"""
+"""Define whether bodies are stable under their permanent loads, for any factor of the live ones."""
 
 from dataclasses import dataclass
 
@@ -7,14 +7,14 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 @dataclass(frozen=True)
 class Standing:
-    """How many times the dead loads are carried, with whatever factor of the live ones is best.
+    """The multiple of the permanent loads that is carried, with the best factor of the live ones.
 
-    The largest μ for which μL₀ + λL₁ is carried with any λ (:class:`question.Question`). Where it
-    is below 1 no load factor is carried, and yield stresses and cohesions fall short by 1/μ.
+    It is the largest μ for which μL₀ + λL₁ is carried with any λ (:class:`question.Question`). If
+    it is below 1, no load factor is carried, and yield stresses and cohesions are too small by 1/μ.
 
     Attributes:
-        lower: So many times they are carried; None where no stress was found.
-        upper: More they are not; None where no mechanism was found.
+        lower: Multiple that a stress carries; None if no stress was found.
+        upper: Multiple beyond which a mechanism exists; None if no mechanism was found.
     """
 
     lower: float | None
@@ -22,17 +22,17 @@ class Standing:
 
     @property
     def falls(self) -> bool:
-        """Whether a mechanism shows that they are too much."""
+        """Whether a mechanism shows that the permanent loads are too large."""
         return self.upper is not None and self.upper < 1
 
     @property
     def stands(self) -> bool:
-        """Whether a stress shows that they are carried."""
+        """Whether a stress shows that the permanent loads are carried."""
         return self.lower is not None and self.lower >= 1
 
     @property
     def verdict(self) -> str:
-        """The verb for a sentence about the bodies: whether they stand."""
+        """The verb of a sentence about the stability of the bodies."""
         if self.falls:
             return "does not stand"
         return "stands" if self.stands else "may stand or not"

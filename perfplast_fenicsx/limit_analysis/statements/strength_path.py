@@ -1,4 +1,4 @@
-"""The curve of the strength reduction factor over the work of the loads."""
+"""Define the curve of the strength reduction factor over the work of the loads."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -9,13 +9,13 @@ class PathPoint:
     """An equilibrium with reduced strengths.
 
     Attributes:
-        factor: F, by which strengths are divided.
-        work: Work of all loads, L(u) (energy).
-        displacement: The largest (length).
-        duality_gap: Duality gap of the equilibrium, relative.
-        newton_iterations: Newton iterations that led to it from the point before, those of other F
-            at its work too.
-        linear_solves: As ``newton_iterations``.
+        factor: Factor F by which strengths are divided.
+        work: Work L(u) of all loads (energy).
+        displacement: Largest displacement (length).
+        duality_gap: Relative duality gap of the equilibrium.
+        newton_iterations: Newton iterations since the previous point, including those with other F
+            at this work.
+        linear_solves: Linear solves since the previous point, counted in the same way.
     """
 
     factor: float
@@ -28,12 +28,12 @@ class PathPoint:
 
 @dataclass(frozen=True)
 class StrengthPath:
-    """F over work, from the first point to where it has levelled off.
+    """F over work, from the first point until it has levelled off.
 
     Attributes:
-        points: Points by work, which grows.
+        points: Points in the order of growing work.
         levelled_off: Whether F hardly rises any more.
-        reason: How it ended.
+        reason: Reason for the end.
     """
 
     points: tuple[PathPoint, ...]

@@ -1,1 +1,1 @@
-"""Strict lower bounds: stresses in equilibrium."""
+"""Compute strict lower bounds: stresses in equilibrium."""

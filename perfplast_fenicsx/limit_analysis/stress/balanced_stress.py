@@ -1,9 +1,9 @@
-"""Stresses in equilibrium with their loads, and weighted means of two of them.
+"""Combine stresses in equilibrium with their loads by weighted means.
 
-Beside constant loads a stress that has left yield cannot be made smaller. But the mean of two that
-are in equilibrium is so with the mean of their load factors, and yield sets are convex: some of a
-stress that is well inside brings one back that has left yield by little, and costs less than the
-search for the former.
+With permanent loads, a stress that has left yield cannot be scaled down. But the mean of two
+stresses in equilibrium is in equilibrium with the mean of their load factors, and yield sets are
+convex. A share of a stress well inside brings back one that has left yield by little. This costs
+less than a new search.
 """
 
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ class BalancedStress:
     """A stress at the points of a static program, in the user's units.
 
     Attributes:
-        pressure: In the coordinates of the cones, shape (count,).
-        deviator: The same, shape (count, m).
-        load: λ.
+        pressure: Mean stress in the coordinates of the cones, shape (count,).
+        deviator: Deviator in these coordinates, shape (count, m).
+        load: Load factor λ.
         aside: Factor of the loads of any factor.
     """
 
@@ -30,30 +30,32 @@ class BalancedStress:
     aside: float
 
     def part(self, share: float) -> "BalancedStress":
-        """Return a part of it, which is in equilibrium with the same part of the loads."""
+        """Return a share of the stress, in equilibrium with the same share of the loads."""
         return BalancedStress(*(share * it for it in vars(self).values()))
 
     def over(self, static: StaticProgram) -> float:
-        """By how much it has left yield, relative; negative inside. Collective."""
+        """Return the relative excess over yield; negative inside. Collective."""
         scale = 1 / static.program.stress_unit
         return static.program.overstress((scale * self.pressure, scale * self.deviator)) - 1
 
     def with_some_of(
         self, others: "Sequence[BalancedStress]", static: StaticProgram
     ) -> "BalancedStress":
-        """Return the mean within yield of this one, which is, and one that is not. Collective.
+        """Return the best mean within yield of this stress, which is, and another, which is not.
+
+        Collective.
 
         Args:
-            others: Those that have left yield.
+            others: Stresses that have left yield.
             static: The conditions.
 
         Returns:
-            That with the largest load; this one where none has a larger one.
+            The mean with the largest load; this stress if none has a larger one.
         """
         best, room = self, -self.over(static)
         for other in others if room > 0 else ():
             beyond = other.over(static)
-            rounding = 1e-3  # more of the stress that is inside than has to be
+            rounding = 1e-3  # additional share of the stress inside
             share = min(1.0, (1 + rounding) * beyond / (beyond + room))
             mean = self.mean(other, share)
             if mean.load > best.load and mean.over(static) <= 0:
@@ -61,7 +63,7 @@ class BalancedStress:
         return best
 
     def mean(self, other: "BalancedStress", share: float) -> "BalancedStress":
-        """So much of this one, and the rest of another."""
+        """Return the mean of this stress, with the given share, and another."""
         rest = 1 - share
         return BalancedStress(
             share * self.pressure + rest * other.pressure,

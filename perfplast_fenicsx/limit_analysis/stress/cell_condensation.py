@@ -1,4 +1,4 @@
-"""Inner unknowns of all cells of a rank, eliminated by Cholesky factors of compiled kernels."""
+"""Eliminate inner unknowns of all cells of a rank by Cholesky factors of compiled kernels."""
 
 from typing import Any
 
@@ -12,17 +12,17 @@ from perfplast_fenicsx.limit_analysis.stress.condensation_source import source
 
 
 class CellCondensation:
-    """Factors L of what a cell's inner unknowns have of K, and L⁻¹ times what couples them."""
+    """Factors L of the inner block of each cell's K, and L⁻¹ times its coupling block."""
 
     def __init__(self, comm: MPI.Intracomm, rows: Longs, matrices: Floats, outer: int) -> None:
-        """Compile the kernels, and make room. Collective.
+        """Compile the kernels, and allocate arrays. Collective.
 
         Args:
             comm: The ranks.
-            rows: Unknown of a cell, the outer ones first, of each row at each point, shape
-                (num_points, n); all inner ones have some.
+            rows: Unknown of a cell for each row at each point, shape (num_points, n). Outer
+                unknowns come first, and each inner unknown has a row.
             matrices: Matrices of the points, shape (num_cells, num_points, n, 1 + m).
-            outer: Unknowns that are kept.
+            outer: Number of unknowns that are kept.
         """
         self._rows = np.ascontiguousarray(rows, dtype=np.int64)
         self._matrices = np.ascontiguousarray(matrices)
@@ -36,17 +36,16 @@ class CellCondensation:
         self._half = aligned(padded * inner)
 
     def condense(self, roots: Floats, more: Floats, ridge: Floats) -> tuple[Floats, bool]:
-        """Eliminate from Σ (Bᵀ R)(Bᵀ R)ᵀ.
+        """Eliminate the inner unknowns from Σ (Bᵀ R)(Bᵀ R)ᵀ.
 
         Args:
-            roots: R of the moduli times weights, shape (num_cells, num_points, 1 + m, 1 + m).
-            more: On the diagonal of the inner unknowns, shape (num_cells, inner).
-            ridge: Share of the diagonal of the outer ones that they get besides, shape
-                (num_cells,).
+            roots: Roots R of the moduli times weights, shape (num_cells, num_points, 1 + m, 1 + m).
+            more: Additional diagonal of the inner unknowns, shape (num_cells, inner).
+            ridge: Share by which the diagonal of the outer unknowns increases, shape (num_cells,).
 
         Returns:
-            What is left on the outer unknowns, shape (num_cells, outer, outer); whether it could be
-            done.
+            The remaining matrix of the outer unknowns, shape (num_cells, outer, outer); whether the
+            elimination has succeeded.
         """
         left = np.empty((self._count, self._outer, self._outer))
         failed = self._kernels.condense(
@@ -66,7 +65,7 @@ class CellCondensation:
         """Return forces on inner unknowns as forces on the outer ones, shape (num_cells, outer).
 
         Args:
-            forces: Shape (num_cells, inner); :meth:`bring_in` has to do with the same ones.
+            forces: Forces, shape (num_cells, inner); the next :meth:`bring_in` uses the same ones.
         """
         onto = np.empty((self._count, self._outer))
         self._kernels.push_out(
@@ -79,10 +78,10 @@ class CellCondensation:
         return onto
 
     def bring_in(self, outer: Floats) -> Floats:
-        """The inner unknowns, shape (num_cells, inner), from the outer ones, and the last forces.
+        """Return inner unknowns for outer ones and the last forces, shape (num_cells, inner).
 
         Args:
-            outer: Shape (num_cells, outer).
+            outer: Outer unknowns, shape (num_cells, outer).
         """
         found = np.empty((self._count, self._inner))
         self._kernels.bring_in(

@@ -1,12 +1,13 @@
-"""C source of the elimination of cells' inner unknowns (:mod:`cell_condensation`).
+"""Generate the C source that eliminates cells' inner unknowns (:mod:`cell_condensation`).
 
-Four cells are worked on at once, with each entry of all four side by side, so that any processor's
-vector instructions serve. Inner unknowns come first in the rows, and L's diagonal is kept inverted.
+The kernel works on four cells at once, with corresponding entries of the four side by side. So the
+vector instructions of any processor are used. Inner unknowns come first in the rows, and the
+diagonal of L is kept inverted.
 """
 
 
 def source() -> str:
-    """Functions condense, push_out and bring_in."""
+    """Return the source of the functions ``condense``, ``push_out`` and ``bring_in``."""
     return r"""
 #include <math.h>
 #include <stddef.h>

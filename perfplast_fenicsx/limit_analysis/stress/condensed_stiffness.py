@@ -1,4 +1,4 @@
-"""K of the multipliers of equilibrium, the inner ones of each cell eliminated, and factorised."""
+"""Assemble and factorise K of the multipliers of equilibrium, without the cells' inner unknowns."""
 
 from petsc4py import PETSc
 
@@ -18,27 +18,29 @@ from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 
 RIDGE = 1e-13
-"""Share of the diagonal that is added: rows of equilibrium may depend on each other where facets
-meet at right angles or cross."""
+"""Share of the diagonal that is added. Rows of equilibrium may depend on each other where facets
+meet at right angles or cross.
+"""
 
 
 class CondensedStiffness(SprungMatrix):
     """See :class:`discretisation.Stiffness`; y and b are vectors of :class:`MultiplierStrains`."""
 
     def __init__(self, strains: MultiplierStrains, held: Ints, jumps: Ints) -> None:
-        """Find the pattern. Collective.
+        """Compute the pattern. Collective.
 
         Args:
             strains: Strains of the multipliers.
             held: Owned facet unknowns that supports hold.
-            jumps: Those that are jumps of contact.
+            jumps: Owned facet unknowns that are jumps of contact.
         """
         self._strains, self._held, self._out = strains, held, held
         facets, layout = strains.facets, strains.layout
         self._springs: Springs | None = None
         matrix = PETSc.Mat().create(facets.vector.comm)
         matrix.setType(PETSc.Mat.Type.AIJ)
-        # K is nowhere negative: pivots that MUMPS would look for take memory, and time.
+        # K is positive semidefinite: the search of MUMPS for pivots would only take memory and
+        # time.
         unpivoted = {**DIRECT, "mat_mumps_cntl_1": 0.0}
         super().__init__(facets.vector.comm, matrix, jumps, unpivoted)
         self._preallocate()
@@ -49,13 +51,13 @@ class CondensedStiffness(SprungMatrix):
         self._right, self._found = self._matrix.createVecs()
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         super().destroy()
         for vector in (self._right, self._found):
             vector.destroy()
 
     def _preallocate(self) -> None:
-        """Make room for the entries of cells, and for those that jumps couple. Collective."""
+        """Preallocate the entries of cells, and those that jumps couple. Collective."""
         facets, block = self._strains.facets, self._strains.gdim
         numbers = facets.numbers[facets.of_cells].astype(PETSc.IntType)
         twins = facets.twins[facets.of_cells].astype(PETSc.IntType)
@@ -96,7 +98,7 @@ class CondensedStiffness(SprungMatrix):
         matrix.assemble()
 
     def add_springs(self, springs: Springs) -> None:
-        """Let K have springs at facet unknowns of a vertex each, from the next assembly on."""
+        """Add springs to K at the facet unknowns of one vertex each, from the next assembly on."""
         self._springs = springs
 
     def _stiffen(self, index: Ints, stiffness: Floats) -> None:
@@ -110,10 +112,10 @@ class CondensedStiffness(SprungMatrix):
         """Refuse K if its factors do not fit into memory, whatever its values. Collective.
 
         Raises:
-            TooLarge: With what is needed and what there is.
+            TooLarge: With the memory that is needed and that is available.
         """
         outer = self._strains.layout.outer
-        pattern = 1.0  # value of entries of which only it matters that they are there
+        pattern = 1.0  # any value: only the pattern matters
         everywhere = np.full((self._strains.num_cells, outer, outer), pattern)
         self._matrix.zeroEntries()
         self._fill(self._matrix, everywhere)
@@ -121,14 +123,14 @@ class CondensedStiffness(SprungMatrix):
 
     @phase("assembly")
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Bring K to moduli at the points of this rank. Collective.
+        """Assemble K with moduli at the points of this rank. Collective.
 
         Raises:
             SingularStiffness: If inner unknowns of a cell cannot be eliminated.
         """
         strains = self._strains
         roots = moduli.roots() * np.sqrt(strains.weights)[:, None, None]
-        # rows that the eliminated ones imply already, of cells with few stresses
+        # rows that the eliminated ones already imply, in cells with few stresses
         ridge: Floats = RIDGE * strains.few.astype(np.float64)
         idle: Floats = strains.idle[:, strains.layout.outer :].astype(np.float64)
         values, done = self._cells.condense(roots, idle, ridge)

@@ -1,4 +1,4 @@
-"""Strain rates of the multipliers of equilibrium at the vertices of stress cells, as arrays."""
+"""Evaluate strain rates of the multipliers of equilibrium at the vertices of stress cells."""
 
 from petsc4py import PETSc
 
@@ -25,20 +25,20 @@ from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
 
 
 class MultiplierStrains:
-    """e = W⁻¹Aᵀy of multipliers y; see :class:`discretisation.Strains`.
+    """Strain rates e = W⁻¹Aᵀy of multipliers y; see :class:`discretisation.Strains`.
 
     A vector y has the facets' unknowns of a rank first, then the inner ones of its cells.
 
     Attributes:
         layout: Layout of a cell.
         facets: The facets' unknowns.
-        num_cells: Owned cells.
-        matrices: Of :func:`stress_cells.strain_matrices`, or around an axis of
-            :func:`ring_cells.ring_matrices`, in the coordinates of the cones; zeros at bare
+        num_cells: Number of owned cells.
+        matrices: Matrices of :func:`stress_cells.strain_matrices`, or around an axis of
+            :func:`ring_cells.ring_matrices`, in the coordinates of the cones. They are zero at bare
             vertices, whose stress is zero and no unknown (:mod:`bare_vertices`).
-        idle: Unknowns of a cell that are of such vertices alone, shape (num_cells, num_rows).
-        few: Cells with such vertices, or some on the axis, where stresses are zero: rows of their
-            facets may say what their own rows do.
+        idle: Flags of unknowns that belong only to such vertices, shape (num_cells, num_rows).
+        few: Flags of cells with such vertices, or with points on the axis, where stresses are zero.
+            Rows of their facets may be equivalent to their own rows.
     """
 
     def __init__(
@@ -58,7 +58,8 @@ class MultiplierStrains:
             axes: Axes of the facets' components, zero where held, shape (num_cells, d + 1, d, d).
             cones: Cones of the bodies.
             bare: Vertices of the cells that bear no stress, shape (num_cells, d + 1).
-            around_axis: Whether cells are sections of rings around x = 0, which have none of these.
+            around_axis: Whether cells are sections of rings around x = 0, which have no bare
+                vertices.
         """
         self.num_cells, corners, self.gdim = vertices.shape
         self.facets = facets
@@ -96,7 +97,7 @@ class MultiplierStrains:
         self.few: npt.NDArray[np.bool_] = np.asarray(few)
 
     def _profile(self, cones: BodyCones, vertices: Floats) -> Floats | None:
-        """Return the profiles of strengths from below at the points; None where none varies."""
+        """Return profiles of strengths from below at the points; None if no strength varies."""
         if not cones.varies:
             return None
         places = np.concatenate([vertices, vertices.mean(axis=1, keepdims=True)], axis=1)
@@ -106,7 +107,7 @@ class MultiplierStrains:
         return None if found is None else found.ravel()
 
     def _leave(self, bare: npt.NDArray[np.bool_]) -> None:
-        """Make no unknowns of the stresses at bare vertices, and find what is idle then."""
+        """Remove the stresses at bare vertices from the unknowns, and find the idle unknowns."""
         before = self._unused()
         if bare.any():
             ends = np.column_stack([bare, np.zeros(len(bare), dtype=bool)])  # the barycentre
@@ -121,16 +122,16 @@ class MultiplierStrains:
         self.idle: npt.NDArray[np.bool_] = self._unused() & ~before
 
     def _unused(self) -> npt.NDArray[np.bool_]:
-        """Return unknowns of a cell in which no stress has a part, shape (num_cells, num_rows)."""
+        """Return flags of a cell's unknowns that no stress uses, shape (num_cells, num_rows)."""
         sizes = np.abs(self.matrices).sum(axis=3).reshape(self.num_cells, -1)
         unused: npt.NDArray[np.bool_] = (self._sum @ sizes.T).T == 0
         return unused
 
     def weaknesses(self, pressure: Floats) -> Floats:
-        """1/γ of each cell, without cohesion that of the weakest place of it, shape (num_cells,).
+        """Return 1/γ of each cell, without cohesion that of its weakest point, shape (num_cells,).
 
         Args:
-            pressure: p (stress) at the points and any that follow them.
+            pressure: Mean stress p (stress) at the points, and at any points that follow.
         """
         own = own_strengths(self, pressure[: self.count])
         found: Floats = (1 / own).reshape(self.num_cells, -1).max(axis=1)
@@ -147,14 +148,17 @@ class MultiplierStrains:
         return found
 
     def whole(self, pressure: Floats, deviator: Floats) -> Floats:
-        """σ as Mandel vectors, with the best one out of the plane, shape (count, 4 or 6)."""
+        """Return σ as Mandel vectors, shape (count, 4 or 6).
+
+        The out-of-plane stress takes its most favourable value.
+        """
         if self._isotropic:
             stress = np.column_stack([pressure, deviator]) @ components(self.gdim)
             return self._frames.whole(stress)
         return self._frames.whole(self._frames.stresses(pressure, deviator))
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         self.facets.destroy()
 
     def create_vector(self) -> PETSc.Vec:
@@ -163,11 +167,14 @@ class MultiplierStrains:
         return PETSc.Vec().createMPI((size, None), comm=self.facets.vector.comm)
 
     def inner(self, array: Floats) -> Floats:
-        """The part of a vector's array that belongs to the cells, shape (num_cells, inner)."""
+        """Return the part of a vector's array that belongs to the cells.
+
+        Shape (num_cells, inner).
+        """
         return array[self.facets.count :].reshape(self.num_cells, -1)
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Trace and deviator of e, shapes (count,) and (count, m). Collective."""
+        """Return trace and deviator of e, shapes (count,) and (count, m). Collective."""
         array = y.array_r
         values = np.hstack([self.facets.gather(array[: self.facets.count]), self.inner(array)])
         e = values[:, self.rows][:, :, None] @ self.matrices

@@ -1,7 +1,7 @@
-"""Residuals of the balance of each piece of the bodies, relative to its own loads.
+"""Compute residuals of the balance of each piece of the bodies, relative to its own loads.
 
-Forces without balance that are rounding beside all loads may be all that holds a piece on which
-little acts, as where it is pressed against nothing. Cells are of one piece if facets join them.
+Unbalanced forces that are rounding compared with all loads may be all that holds a piece with small
+loads, as where it is pressed against nothing. Cells belong to one piece if facets join them.
 """
 
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ from perfplast_fenicsx.mesh.connected_bodies import components
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Cells that facets join.
+    """Groups of cells that facets join.
 
     Attributes:
         comm: The ranks.
-        count: How many pieces there are.
-        of_facets: That of each local facet.
-        of_cells: That of each owned cell.
+        count: Number of pieces.
+        of_facets: Piece of each local facet.
+        of_cells: Piece of each owned cell.
     """
 
     comm: MPI.Intracomm
@@ -34,7 +34,7 @@ class Pieces:
 
     @classmethod
     def of(cls, mesh: Mesh, numbers: FacetNumbers) -> "Pieces":
-        """Find them. Collective."""
+        """Return the pieces of a mesh. Collective."""
         index_map = mesh.topology.index_map(mesh.topology.dim - 1)
         count, of_facets = components(mesh.comm, index_map, numbers.facets)
         return cls(mesh.comm, count, of_facets, of_facets[numbers.facets[:, 0]])
@@ -43,8 +43,8 @@ class Pieces:
         """Return sums of numbers over each piece, shape (count,). Collective.
 
         Args:
-            at_facets: Of owned facets, shape (num_facets, n).
-            in_cells: Of owned cells, shape (num_cells, n).
+            at_facets: Numbers of owned facets, shape (num_facets, n).
+            in_cells: Numbers of owned cells, shape (num_cells, n).
         """
         found = np.zeros(self.count)
         np.add.at(found, self.of_facets[: len(at_facets)], at_facets.sum(axis=1))
@@ -54,14 +54,14 @@ class Pieces:
 
 
 def largest_left(forces: Floats, loads: Floats, borne: Floats) -> float:
-    """Return the largest share that forces without balance have of the loads of one piece.
+    """Return the largest ratio of unbalanced forces to the loads of one piece.
 
     Args:
         forces: Unbalanced force of each piece.
-        loads: What loads it, contact too; a piece without could be free of stress.
+        loads: Loads of each piece, contact included; a piece without loads could be free of stress.
         borne: Force that its cells can bear.
     """
-    # Share of all loads whose rounding may be left in a piece, unless its cells bear less.
+    # Share of all loads whose rounding may remain in a piece, unless its cells bear less.
     of_all = 1e-3
     sizes = loads + of_all * np.minimum(loads.sum(), borne)
     loaded = loads != 0

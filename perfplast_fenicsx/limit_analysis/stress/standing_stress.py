@@ -1,4 +1,4 @@
-"""A lower bound, or where a mesh is too coarse to have a stress that carries the constant loads."""
+"""Compute a lower bound, or show where a mesh is too coarse to carry the permanent loads."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,13 +18,14 @@ def bound_by_stress(
     question: Question,
     form: StaticForm | None,
 ) -> StaticBound:
-    """A lower bound, or what a search without one says of where stresses are too few. Collective.
+    """Return a lower bound, or the cells with too few stresses if there is none. Collective.
 
-    Beside constant loads a mesh may have none in equilibrium within yield at any load factor,
-    though the body has. The multiple that it carries shows where cells must be smaller.
+    With permanent loads, a mesh may have no stress in equilibrium within yield at any load factor,
+    although the body has one. The multiple of the permanent loads that it carries shows which cells
+    must be smaller.
 
     Args:
-        problem: As for :func:`static_bound.strict_lower_bound`, and so are the others.
+        problem: The bodies and their loads, as for :func:`static_bound.strict_lower_bound`.
         rtol: Relative distance of the bound from the best one on this mesh.
         monitor: Called on every rank after each step.
         question: The loads whose factor is sought.

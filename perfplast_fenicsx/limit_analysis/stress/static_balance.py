@@ -1,4 +1,4 @@
-"""Equilibrium of a stress row by row, each in the units of what its rest could hide."""
+"""Evaluate the equilibrium of a stress row by row, relative to the strengths at each row."""
 
 from mpi4py import MPI
 
@@ -10,21 +10,21 @@ from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram
 
 
 class StaticIteration(InteriorIteration):
-    """The iteration of a stress, whose balance is judged row by row once it has ended.
+    """The iteration of a stress, with a measure of equilibrium by rows at its end.
 
-    While it goes on what is without balance is relative to the loads. In the end it is to be small
-    beside the strengths: where hydrostatic pressures are large that is another thing, and where a
-    weak body touches a strong one.
+    During the iteration, unbalanced forces are relative to the loads. At the end they must be small
+    compared with the strengths. This differs if hydrostatic pressures are large, and where a weak
+    body touches a strong one.
     """
 
     def __init__(self, static: StaticProgram) -> None:
-        """As :class:`InteriorIteration`. Collective."""
+        """Start as :class:`InteriorIteration`. Collective."""
         super().__init__(static.program)
         self._static = static
         self._rows: Floats | None = None
 
     def unbalanced(self) -> float:
-        """Largest force that nothing balances, relative to loads or strengths. Collective."""
+        """Return the largest unbalanced force, relative to loads or strengths. Collective."""
         if self._rows is None:
             return super().unbalanced()
         mine = float((np.abs(self.balance().array_r) / self._rows).max(initial=0.0))
@@ -35,15 +35,18 @@ class StaticIteration(InteriorIteration):
         return super().row_units() if self._rows is None else self._rows
 
     def settle(self) -> None:
-        """Bring stress and loads into balance, row by row, as far as rounding lets. Collective."""
+        """Bring stress and loads into balance, row by row, as far as rounding permits.
+
+        Collective.
+        """
         pressure, _ = self.program.whole(self.now.stress, self.now.load)
         self._rows = self._static.forces_of_strengths(self.program.stress_unit * pressure)
         left = self.unbalanced()
-        # Forces without balance, relative to strengths, that need not be
-        # corrected: what is left of bounds that have met to 1e-7 is still large
-        # beside the sum of them over some thousand rows.
+        # Unbalanced forces, relative to strengths, that need no correction. The residuals of bounds
+        # that have met to 1e-7 are still large compared with the sum of these forces over some
+        # thousand rows.
         rounding = 1e-14
-        most_corrections = 4  # with the same factors, as long as they halve what is left
+        most_corrections = 4  # with the same factors, as long as they halve the residual
         for _ in range(most_corrections):
             if left <= rounding:
                 return
@@ -52,8 +55,8 @@ class StaticIteration(InteriorIteration):
             left = self.unbalanced()
             if not left < before / 2:
                 break
-        # Forces without balance, relative to strengths, that are left to correct with other
-        # factors than those of the last step.
+        # Unbalanced forces, relative to strengths, above which other factors than those of the last
+        # step correct them.
         almost_balanced = 1e-13
         if not left <= almost_balanced:
             rebalance(self)

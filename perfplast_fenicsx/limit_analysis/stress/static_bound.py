@@ -1,10 +1,10 @@
-"""A lower bound of the limit load of the body: a stress that is in equilibrium everywhere.
+"""Compute a lower bound of the body's limit load: a stress in equilibrium everywhere.
 
-The stress is linear in each cell, in space in each of four parts of it, with tractions that are
-continuous and nowhere above yield; without friction and tension on contact. That it is so at
-vertices is enough, since yield sets are convex. It is found by the interior point method
-(:mod:`interior_iteration`), with the multipliers of equilibrium as velocities, and scaled into the
-yield set in the end, so that its load is a bound whatever the method has reached.
+The stress is linear in each cell (in space in each of its four parts), with continuous tractions,
+and nowhere above yield. On contact it has neither friction nor tension. It is enough that this
+holds at vertices, since yield sets are convex. The interior point method
+(:mod:`interior_iteration`) computes it, with the multipliers of equilibrium as velocities. In the
+end it is scaled into the yield set, so that its load is a bound, however far the method has come.
 """
 
 from collections.abc import Callable
@@ -49,7 +49,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 CORNERS = (
     "no stress that is linear in the cells can carry the loads: where loaded, free and supported"
-    " surfaces meet in a corner, one cell alone would have to; divide it, or refine the mesh there"
+    " surfaces meet in a corner, a single cell would have to; divide it, or refine the mesh there"
 )
 
 COARSE = (
@@ -61,10 +61,11 @@ UNREACHED = (
     "no stress in equilibrium was reached, and on a coarse mesh there may be none that presses"
     " wherever bodies touch; refine the mesh"
 )
-"""Reason without a bound where an iteration has stalled: on meshes of twenty cells linear
-programming found that there was none."""
+"""Reason without a bound if an iteration has stalled. On meshes of twenty cells, linear programming
+has shown that there was no such stress.
+"""
 
-REPLACED = "loads were put in the place of those that the problem was declared with"
+REPLACED = "the loads of the problem were replaced after its declaration"
 
 
 def strict_lower_bound(
@@ -84,12 +85,12 @@ def strict_lower_bound(
         rtol: Relative distance of the bound from the best one on this mesh.
         monitor: Called on every rank after each step.
         question: The loads whose factor is sought.
-        form: Form of the problem (:func:`form_that_fits`), left to whoever has made it; by default
-            it is made, and given back in the end.
+        form: Form of the problem (:func:`form_that_fits`), which its owner keeps; by default it is
+            made here, and destroyed in the end.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move or no load grows, or bounds do
-            not know a body's yield set (:mod:`body_cones`).
+        InputError: If ``rtol`` is not between 0 and 1, supports move, there are no loads, or bounds
+            do not support a body's yield set (:mod:`body_cones`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
@@ -136,9 +137,9 @@ def _search(
     reached: list[BalancedStress],
     start: Start,
 ) -> tuple[StaticBound, Start | None]:
-    """Search from a start, and return the next start; None to end. Collective.
+    """Search from a start; return the result and the next start, None to end. Collective.
 
-    Stresses of searches before this one that are in equilibrium and left yield are ``reached``.
+    Stresses of earlier searches that are in equilibrium but have left yield are in ``reached``.
     """
     with ExitStack() as made:
         static = static_program(form, question, start.reserve)
@@ -155,7 +156,7 @@ def _search(
         if not limited:
             found = no_stress(body, Verdict.UNBOUNDED, UNLIMITED)
             return found, next_start(start, program, None, found.verdict, rtol)
-        none = None  # beside dead loads zero stress is not admissible even at a load factor of 0
+        none = None  # with permanent loads, zero stress is not admissible even at load factor 0
         if not program.has_dead:
             none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():
@@ -182,21 +183,22 @@ def _search(
 
 
 def _carried_by_none(problem: Problem) -> str:
-    """Why no stress may carry the loads."""
+    """Return the likely reason why no stress carries the loads."""
     if not by_friction_alone(problem):
         return CORNERS
     return (
-        "friction alone may hold a body, which the bound from below does not count: give an"
-        " adhesion (tresca = ...), or let surfaces part as they slip (associated = true); else"
+        "only friction may hold a body, and the lower bound does not count friction: give an"
+        " adhesion (tresca = ...), or let surfaces separate as they slip (associated = true);"
+        " otherwise"
         f" {CORNERS}"
     )
 
 
 def check_straight(problem: Problem) -> None:
-    """Refuse loads that no stress which is linear in the cells can balance. Collective.
+    """Refuse loads that no stress linear in the cells can balance. Collective.
 
     Raises:
-        InputError: If a traction is not linear on each facet, or the like.
+        InputError: If a traction is not linear on each facet, or a similar fault exists.
     """
     prevents = bound_body(problem).prevents
     if prevents is not None and BENT in prevents:
@@ -204,15 +206,15 @@ def check_straight(problem: Problem) -> None:
 
 
 def form_that_fits(problem: Problem) -> StaticForm | None:
-    """Return the form of lower bounds, or a refusal where they do not fit into memory. Collective.
+    """Return the form of lower bounds, and refuse it if its factors exceed the memory. Collective.
 
-    To be had before all else, and kept for :func:`strict_lower_bound`.
+    Call it first, and keep the form for :func:`strict_lower_bound`.
 
     Returns:
-        The form; None where there is no lower bound.
+        The form; None if there is no lower bound.
 
     Raises:
-        TooLarge: With what is needed and what there is.
+        TooLarge: With the memory that is needed and that is available.
         InputError: If a traction is not linear on each facet, and as :func:`strict_lower_bound`.
     """
     check_straight(problem)
@@ -252,10 +254,10 @@ def _result(
     whole, share = BalancedStress(pressure, deviator, value, aside), 1.0
     if not program.keeps:
         left = static.unbalanced((pressure, deviator), value, aside)
-        # Force without balance, relative to the strengths at its row, that rounding may leave.
-        # The certificate, which decides, has been seen to find half as much. Of mean stresses
-        # 1e6 times the strengths more is left; the load factor and the stress, still in
-        # equilibrium with it, are reduced to it.
+        # Unbalanced force, relative to the strengths at its row, that rounding may leave. The
+        # certificate, which decides, has found up to half as much. Mean stresses of 1e6 times the
+        # strengths leave more; then the load factor and the stress, which stay in equilibrium, are
+        # reduced to this value.
         left_over = 2e-10
         share = min(1.0, left_over / max(left, left_over))
     told = whole.part(share)
@@ -274,7 +276,7 @@ def _result(
         reason += f"; {UNREACHED}"
     elif share < 1:
         verdict = Verdict.STALLED
-        kept = f"{share:.2g} of it is kept, for what rounding leaves of its balance"
+        kept = f"the bound keeps {share:.2g} of this load, since rounding disturbs the equilibrium"
         reason = "; ".join([reason, kept, *weak_bodies(problem)])
     count = strains.num_cells
     plastic, unit = program.plastic[: strains.count], program.stress_unit
@@ -311,10 +313,12 @@ def _result(
 def _once(
     static: StaticProgram, whole: BalancedStress
 ) -> tuple[BalancedStress, StaticCertificate] | None:
-    """Return the part that carries loads which all stay once, if that holds. Collective.
+    """Return the share of a stress that carries permanent loads once, if its certificate holds.
 
-    What is left of its balance may do work on a mechanism that is small beside what it carries
-    more than once.
+    Collective.
+
+    Residuals of its equilibrium may do work on a mechanism that is small compared with what it
+    carries above a factor of 1.
     """
     for enough in (1 + 1e-2, 1 + 1e-5):
         once = whole.part(min(1.0, enough / whole.load))
@@ -327,16 +331,16 @@ def _once(
 def _certified(
     static: StaticProgram, stress: BalancedStress
 ) -> tuple[BalancedStress, StaticCertificate, float]:
-    """Return a stress with what it is worth, or as much of it as rounding lets be. Collective.
+    """Return a stress with its certificate, reduced as far as rounding requires. Collective.
 
-    A part of a stress is in equilibrium with the same part of the loads, and what is left of its
-    balance beside strengths is that part as well.
+    A share of a stress is in equilibrium with the same share of the loads. Its residuals relative
+    to strengths have that share as well.
 
     Returns:
-        The stress, its certificate, and what part of the given one it is.
+        The stress, its certificate, and its share of the given stress.
     """
     share = 1.0
-    most_reductions = 3  # rounding is not all in proportion
+    most_reductions = 3  # rounding is not completely proportional
     for number in range(most_reductions + 1):
         pressure, deviator = stress.pressure, stress.deviator
         load, aside = stress.load, stress.aside

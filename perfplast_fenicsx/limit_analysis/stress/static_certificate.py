@@ -14,37 +14,38 @@ from perfplast_fenicsx.limit_analysis.stress.piece_balance import largest_left
 from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram
 
 ROUNDING = 1e-10
-"""Limit of a residual, relative to the least yield radius of the cells it touches. Mean stresses,
-which nothing bounds, may be 1e5 times as large, and have their own rounding."""
+"""Limit of a residual, relative to the least yield radius of the cells it touches. Mean stresses
+are not bounded; they may be 1e5 times as large, and have their own rounding.
+"""
 
 
 @dataclass(frozen=True)
 class StaticCertificate:
-    """How far a stress is from being admissible.
+    """The distance of a stress from an admissible one.
 
-    The first four are stresses relative to the least finite yield radius γ (without cohesion what
-    the stress itself has in its place, −αp, where that is least) of the cells that each
-    condition touches: of a cell itself and those that share its facets, of a facet those on both
-    sides; of tension, and where all of these are elastic, to the least γ of all. The next four are
-    sums of all unbalanced forces, since these could add up, or act on a weaker body than those in
-    which they are. :func:`perfplast_fenicsx.proof.lower.measure_stress` computes the same
-    quantities independently.
+    The first four numbers are stresses, relative to the least finite yield radius γ of the cells
+    that each condition touches. Without cohesion −αp of the stress replaces γ if it is the least.
+    Conditions in a cell touch the cell and those that share its facets; conditions on a facet touch
+    the cells on both sides. For tension, and where all of these cells are elastic, it is the least
+    γ of all cells. The next four numbers are sums of all unbalanced forces. These forces could add
+    up, or act on a weaker body than the one where they are.
+    :func:`perfplast_fenicsx.proof.lower.measure_stress` computes the same quantities independently.
 
     Attributes:
         equilibrium: Largest div σ + λb, times the cell's size; in space also jumps of tractions
             between the parts of a cell.
-        traction: Largest jump of tractions between cells, or traction that is not that of the load.
-        shear: Largest tangential traction on surfaces in contact that do not rub.
-        tension: Largest pull on surfaces in contact.
-        forces: The sum of the magnitudes of all forces without balance, a force.
-        left_of_load: The same sum, relative to those of the loads of each kind at λ.
-        left_of_piece: The same sum of the cells that facets join, relative to the loads and forces
-            of contact on these; of several pieces the largest.
-        left_of_strength: The same sum, relative to the least γV^((d − 1)/d) of all cells that can
-            yield, V being the volume.
-        overstress: By how much stresses exceed yield, relative, where that is largest, negative in
-            bodies far from yield; where surfaces rub the same of the shear traction and what it may
-            be.
+        traction: Largest jump of tractions between cells, or difference from the traction of the
+            load.
+        shear: Largest tangential traction on contact surfaces without friction.
+        tension: Largest tensile traction on surfaces in contact.
+        forces: Sum of the magnitudes of all unbalanced forces (force).
+        left_of_load: This sum, relative to the forces of the loads of each kind at λ.
+        left_of_piece: This sum over the cells that facets join, relative to the loads and contact
+            forces on these cells; the largest of all pieces.
+        left_of_strength: This sum, relative to the least γV^((d − 1)/d) of all cells that can
+            yield, with the volume V.
+        overstress: Largest relative excess of stresses over yield, negative in bodies far from
+            yield. On surfaces with friction it is that of the shear traction over the strength.
     """
 
     equilibrium: float
@@ -59,29 +60,28 @@ class StaticCertificate:
 
     @property
     def holds(self) -> bool:
-        """Whether the stress is admissible, but for rounding."""
+        """Whether the stress is admissible, up to rounding."""
         return self.in_equilibrium and self.overstress <= ROUNDING
 
     @property
     def excess(self) -> float:
-        """By what factor forces without balance exceed what may be left, where that is most."""
+        """The largest ratio of unbalanced forces to their limits."""
         return max(self.equilibrium, self.traction, self.shear, self.tension) / ROUNDING
 
     @property
     def in_equilibrium(self) -> bool:
-        """Whether the stress is in equilibrium, but for rounding and what its reserve can bear."""
+        """Whether the stress is in equilibrium, up to rounding and to what its reserve can bear."""
         within, on_contact = (self.equilibrium, self.traction), (self.shear, self.tension)
-        # All forces without balance together, relative to the loads: bounds are never sought nearer
-        # to each other than 1e-4, and this is half of a millionth of it: half of what is left to
-        # whoever checks it.
+        # All unbalanced forces together, relative to the loads. Bounds are never closer to each
+        # other than 1e-4. This is half of a millionth of it, and half of the checker's limit.
         left_of_load = 5e-11
-        # The same of one piece, half of what is left to whoever checks it.
+        # The same for one piece: half of the checker's limit.
         left_of_piece = 5e-11
-        # All forces without balance together, relative to what the weakest cell can bear: even if
-        # one cell had to bear them all, that would be a ten-millionth of its strength.
+        # All unbalanced forces together, relative to the strength of the weakest cell. If this cell
+        # had to bear them all, that would be a ten-millionth of its strength.
         left_of_strength = 1e-7
-        # What these forces may be, relative to the strength that all cells have in reserve. A
-        # stress that balances them is some ten times as large as they are over the sections.
+        # Limit of these forces, relative to the reserve of strength in all cells. A stress that
+        # balances them is about ten times as large as they are over the sections.
         of_reserve = 1e-3
         borne = of_reserve * max(-self.overstress, 0.0)
         return (
@@ -96,14 +96,15 @@ class StaticCertificate:
 def certify_stress(
     static: StaticProgram, pressure: Floats, deviator: Floats, load: float, aside: float = 0.0
 ) -> StaticCertificate:
-    """Judge a stress at the points of :class:`MultiplierStrains`. Collective.
+    """Measure the residuals of a stress at the points of :class:`MultiplierStrains`. Collective.
 
     Args:
         static: The conditions.
-        pressure: Pressure of the stress in the coordinates of the cones, shape (count,). Zero at
-            places of slip, which follow the points.
-        deviator: The same, shape (count, m); shear tractions there.
-        load: λ.
+        pressure: Mean stress in the coordinates of the cones, shape (count,); zero at places of
+            slip, which follow the points.
+        deviator: Deviator in these coordinates, shape (count, m); shear tractions at places of
+            slip.
+        load: Load factor λ.
         aside: Factor of the loads of any factor.
     """
     strains, comm = static.form.strains, static.program.comm
@@ -114,7 +115,7 @@ def certify_stress(
     left.destroy()
     count, tdim = strains.facets.count, strains.gdim
     places, at = static.form.places, static.form.places.closing >= 0
-    pressing = residual[:count].copy()  # where friction bears what presses too, without it
+    pressing = residual[:count].copy()  # without the pressure that friction bears
     pressing[places.closing[at]] += (places.area * pressure[strains.count :])[at]
     on_facets = residual[:count] / np.repeat(static.form.areas.ravel(), tdim)
     sections = static.form.sections
@@ -164,45 +165,46 @@ def beside_mechanism(
     mechanism: fem.Function,
     enough: float = np.inf,
 ) -> Bound:
-    """Return a lower bound after its residuals have been weighed by a mechanism. Collective.
+    """Return a lower bound after a mechanism has weighted its residuals. Collective.
 
-    Forces without balance do work on the mechanism, and change the bound by as much: where the
-    loads nearly balance each other, and motions per work of the loads are large, by more than their
-    sum. No such bound is called strict.
+    Unbalanced forces do work on the mechanism, and change the bound by this work. If the loads
+    nearly balance each other, motions per work of the loads are large, and so is the change. Such a
+    bound is not called strict.
 
     Args:
         lower: The bound.
         certificate: Certificate of its stress.
-        power: What differences of bounds are measured by (:func:`bound.measure_of`).
-        mechanism: Its velocity.
-        enough: What the bound is to be at least, where no more is asked.
+        power: Size that differences of bounds are relative to (:func:`bound.measure_of`).
+        mechanism: Velocity of the mechanism.
+        enough: Value of the bound that is sufficient.
     """
     mine = float(np.abs(mechanism.x.array).max(initial=0.0))
     speed = mechanism.function_space.mesh.comm.allreduce(mine, MPI.MAX)
-    # Work of the forces without balance on a mechanism with L(v) = 1, relative to its bound: half
-    # of a millionth of 1e-4, the least distance of two bounds, as others may add up otherwise.
+    # Work of unbalanced forces on a mechanism with L(v) = 1, relative to its bound. This is half of
+    # a millionth of 1e-4, the least distance of two bounds, as others may add them up differently.
     on_mechanism = 5e-11
     work = certificate.forces * speed
     if not lower.strict or lower.value is None or work <= on_mechanism * power:
         return lower
-    nearest = 1e-4  # bounds, relative: so work may be that part of what is beyond enough, too
+    # relative distance of bounds: the work may be that share of the excess over enough, too
+    nearest = 1e-4
     if work <= on_mechanism / nearest * (lower.value - enough):
         return lower
-    why = "what rounding leaves of its balance does work on the mechanism"
+    why = "unbalanced forces by rounding do work on the mechanism"
     return replace(lower, of=Scope.MESH, why_not=(*lower.why_not, why))
 
 
 def _left_of_piece(
     static: StaticProgram, forces: Floats, loaded: Floats, pressing: Floats, strengths: Floats
 ) -> float:
-    """Forces without balance of one piece beside what acts on it, the largest. Collective.
+    """Return the largest ratio of a piece's unbalanced forces to the forces on it. Collective.
 
     Args:
         static: The conditions.
-        forces: Without balance, of each row.
-        loaded: Magnitudes of its loads.
-        pressing: What presses at jumps, where it is negative, of the facets' rows.
-        strengths: Forces that cells bear.
+        forces: Unbalanced forces of each row.
+        loaded: Magnitudes of the loads of each row.
+        pressing: Contact forces at jumps, negative in compression, in the facets' rows.
+        strengths: Forces that cells can bear.
     """
     form, facets = static.form, static.form.strains.facets
     count, pieces = facets.count, form.pieces
@@ -210,7 +212,7 @@ def _left_of_piece(
     pushes = np.where(form.jumps | form.pressed, np.maximum(-pressing, 0.0), 0.0)
 
     def on_both(values: Floats) -> Floats:
-        """Return values at unknowns, and at the opposite ones too."""
+        """Return the larger of the values at unknowns and at the opposite ones."""
         return np.maximum(values, facets.meet(facets.gather(values / cells)))
 
     left, acts = on_both(forces[:count]), loaded[:count] + on_both(pushes)
@@ -225,17 +227,17 @@ def _left_of_piece(
 
 
 def _weakness(static: StaticProgram, inverse: Floats) -> tuple[Floats, Floats]:
-    """At least 1/γ of the weakest cell that each condition touches. Collective.
+    """Return upper bounds of 1/γ of the weakest cell that each condition touches. Collective.
 
-    Inverse radii are added up where cells meet, which is more than the largest of them by a factor
-    of at most 2, and of 4 beside contact.
+    Inverse radii are added up where cells meet. The sum exceeds the largest of them by a factor of
+    at most 2, and of 4 at contact.
 
     Args:
         static: The conditions.
-        inverse: 1/γ of the cells (:meth:`MultiplierStrains.weaknesses`).
+        inverse: Inverse radii 1/γ of the cells (:meth:`MultiplierStrains.weaknesses`).
 
     Returns:
-        Of the facets' unknowns that this rank owns, and of its cells.
+        Values of the facets' unknowns that this rank owns, and of its cells.
     """
     facets = static.form.strains.facets
     everywhere = static.program.comm.allreduce(float(inverse.max(initial=0)), MPI.MAX)

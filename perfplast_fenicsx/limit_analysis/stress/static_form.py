@@ -1,4 +1,4 @@
-"""The form, stiffness and loads of equilibrium for a lower bound, made once a mesh."""
+"""Make form, stiffness and loads of equilibrium for a lower bound, once for each mesh."""
 
 from dataclasses import dataclass
 
@@ -34,19 +34,19 @@ class StaticForm:
     Attributes:
         comm: The ranks.
         body: The bodies.
-        strains: Strains of the cells, whose points are the first ones; places of slip follow.
+        strains: Strains of the cells, whose points come first; places of slip follow.
         stiffness: Stiffness of the cells.
         every: Strains of all points.
-        whole: The stiffness of all.
-        areas: Area that each node of an owned facet stands for, shape (num_facets, num_nodes).
-        sections: An area of each cell that forces in it are measured by, V^((d − 1)/d).
+        whole: Stiffness of all points.
+        areas: Area of each node of an owned facet, shape (num_facets, num_nodes).
+        sections: Area of each cell to which forces in it are related, V^((d − 1)/d).
         live: Loads that ζ multiplies, in the user's units.
-        dead: Those that it does not.
+        dead: Permanent loads.
         open_jumps: Owned unknowns that are jumps of contact which may open.
-        jumps: Whether an owned facet unknown is a jump of contact, shape (num_unknowns,).
-        pressed: Those of the vertices along the normal, or the first of two, on the axis too, where
-            there is no pressure.
-        slips: Whether it is a tangential one on a surface in contact that does not rub.
+        jumps: Flags of owned facet unknowns that are jumps of contact, shape (num_unknowns,).
+        pressed: Flags of the jumps of vertices along the normal, or of the first of two, also on
+            the axis, where there is no pressure.
+        slips: Flags of tangential unknowns on contact surfaces without friction.
         places: Places of slip.
         pieces: Cells that facets join.
     """
@@ -69,19 +69,19 @@ class StaticForm:
     pieces: Pieces
 
     def destroy(self) -> None:
-        """Give PETSc's memory back. Collective."""
+        """Free PETSc's memory. Collective."""
         for thing in (self.every, self.whole, self.live, self.dead):
             thing.destroy()
 
 
 def static_form(problem: Problem) -> StaticForm:
-    """Make it. Collective.
+    """Return the form of a problem. Collective.
 
     Args:
         problem: The bodies and their loads.
 
     Raises:
-        InputError: If a body has a yield set that bounds do not know.
+        InputError: If bounds do not support the yield set of a body.
     """
     mesh, at = problem.tagged_mesh.mesh, bound_body(problem)
     tdim, on = mesh.topology.dim, at.numbers.facets
@@ -155,11 +155,11 @@ def static_form(problem: Problem) -> StaticForm:
 
 
 def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
-    """Return the parts of the owned facets' unknowns that bare vertices leave. Collective.
+    """Return flags of the owned facets' unknowns at bare vertices. Collective.
 
     Returns:
-        Whether any stress is in the row of each; whether one side of a jump has none, so that
-        nothing presses there.
+        Flags of unknowns with any stress in their row; flags of jumps with no stress on one side,
+        so that there is no pressure.
     """
     facets, busy = strains.facets, ~strains.idle[:, : strains.layout.outer]
     if not facets.vector.comm.tompi4py().allreduce(bool(strains.idle.any())):
@@ -171,20 +171,20 @@ def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
 
 
 def _slip_places(at: BoundBody, areas: Floats) -> SlipPlaces:
-    """Return nodes of the host facets that rub, at which their strength bounds shear tractions.
+    """Return the nodes of host facets with friction, whose strength bounds shear tractions.
 
-    Those of joints in space that dilate are the sum of what adhesion and pressure bear, a place
-    each.
+    For dilating joints in space, the strength is the sum of adhesion and the part by pressure, with
+    a place for each.
 
     Args:
         at: Conditions on facets.
-        areas: What each node of each stands for; 0 on an axis, where there is no traction.
+        areas: Area of each node of each facet; 0 on an axis, where there is no traction.
     """
     tdim, nodes = at.facets.held.shape[1], areas.shape[1]
     hosts = at.facets.hosts
 
     def nodes_of(facets: Longs) -> tuple[Longs, Longs, Floats]:
-        """Return facets and first unknowns of nodes, and what they stand for."""
+        """Return facets, first unknowns and areas of nodes."""
         which = np.flatnonzero(areas[facets] > 0)
         of, places = facets[which // nodes], which % nodes
         return of, (of * nodes + places) * tdim, areas[of, places]

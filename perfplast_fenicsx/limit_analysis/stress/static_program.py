@@ -1,4 +1,4 @@
-"""The limit load as that of linear stresses in equilibrium: a lower bound of the body's."""
+"""Pose the limit load with linear stresses in equilibrium, as a lower bound for the body."""
 
 from dataclasses import dataclass
 
@@ -16,15 +16,15 @@ from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm
 
 @dataclass(frozen=True, eq=False)
 class StaticProgram:
-    """A conic program with what its unknowns mean.
+    """A conic program with the meaning of its unknowns.
 
     Attributes:
-        program: Its velocities are the multipliers of the equilibrium of stresses.
-        form: That of all programs on these bodies.
-        load: L before it was scaled, in the user's units.
-        dead: L₀, the same.
-        free: Loads of any factor, the same.
-        before: Factorisations of the form's stiffness before this program.
+        program: Program whose velocities are the multipliers of the equilibrium of stresses.
+        form: Form of all programs on these bodies.
+        load: Loads L before scaling, in the user's units.
+        dead: Permanent loads L₀, in the same units.
+        free: Loads of any factor, in the same units.
+        before: Number of factorisations of the form's stiffness before this program.
     """
 
     program: ConicProgram
@@ -36,19 +36,19 @@ class StaticProgram:
 
     @property
     def factorisations(self) -> int:
-        """Factorisations of this program so far."""
+        """Number of factorisations of this program so far."""
         return self.form.stiffness.factorisations - self.before
 
     def destroy(self) -> None:
-        """Give the program's loads back, and leave the form. Collective."""
+        """Free the program's loads, but not the form. Collective."""
         for load in (self.program.load, self.program.dead, self.program.free):
             load.destroy()
 
     def shared_out(self, stress: Stress) -> Stress:
-        """Return a stress with shears of joints shared out between pressure and what adheres.
+        """Return a stress whose shears in joints are divided between pressure and adhesion.
 
         Args:
-            stress: In the user's units.
+            stress: Stress in the user's units.
         """
         pressure, deviator = stress
         places, count = self.form.places, self.form.strains.count
@@ -60,30 +60,30 @@ class StaticProgram:
         """Return all loads, in the user's units.
 
         Args:
-            load: λ.
+            load: Load factor λ.
             aside: Factor of the loads of any factor.
         """
         return load * self.load + self.dead + aside * self.free
 
     def loaded(self, load: float, aside: float) -> Floats:
-        """The magnitudes of all loads, those of each kind added up, of each row on this rank.
+        """Return the magnitudes of all loads, added up over the kinds, in each row on this rank.
 
         Args:
-            load: λ.
+            load: Load factor λ.
             aside: Factor of the loads of any factor.
         """
         kinds = (load * self.load, self.dead, aside * self.free)
         return np.asarray(np.abs(kinds).sum(axis=0))
 
     def can_carry(self) -> bool:
-        """Whether any stress is in equilibrium with the loads, pulling contact too. Collective.
+        """Return whether a stress, tension on contact included, balances the loads. Collective.
 
-        In the plane tractions on both sides of a corner may leave the one cell there no stress. In
-        space the four parts of a cell carry all balanced linear tractions on its facets
-        (:mod:`stress_cells`), so that nothing has to be asked. Where vertices are bare, rows depend
-        on each other too much for an answer by refinement, and it is left to the iteration.
+        In the plane, tractions on both sides of a corner may leave the single cell there no stress.
+        In space the four parts of a cell carry all balanced linear tractions on its facets
+        (:mod:`stress_cells`), and the answer is True. With bare vertices, rows depend on each other
+        too much for refinement, and the iteration has to decide.
 
-        Asked after :func:`conic_program.choose_units`, whose factors are used.
+        Call it after :func:`conic_program.choose_units`, whose factors it uses.
         """
         bare = bool(self.form.strains.idle.any())
         if self.form.strains.gdim == 3 or self.program.comm.allreduce(bare):
@@ -93,12 +93,13 @@ class StaticProgram:
         program.load.copy(left)
         largest = PETSc.NormType.NORM_INFINITY
         whole, missing = program.load.norm(largest), np.inf
-        # Share of the loads that, where it is left, no stress can carry; of a
-        # shear beside a free side it is a half.
+        # If this share of the loads remains, no stress can carry them; with a shear beside a free
+        # side a half remains.
         least_missing = 1e-2
-        # Of a flow: slender bodies move so far that some of their loads goes into the ridge of K.
+        # Refinements of a flow: slender bodies move so far that the ridge of K takes some of their
+        # loads.
         most_refinements = 10
-        # Share of what was left before a refinement, above which it has not helped.
+        # A refinement has not helped if more than this share remains.
         refined = 0.9
         for _ in range(most_refinements):
             program.stiffness.solve(left, more)
@@ -115,13 +116,13 @@ class StaticProgram:
         return bool(missing <= least_missing)
 
     def unbalanced(self, stress: Stress, load: float, aside: float) -> float:
-        """Largest force that nothing balances, relative to the strengths at its row. Collective.
+        """Return the largest unbalanced force, relative to the strengths at its row. Collective.
 
         Contact that pushes is balanced, and contact that pulls is not.
 
         Args:
-            stress: In the user's units.
-            load: λ.
+            stress: Stress in the user's units.
+            load: Load factor λ.
             aside: Factor of the loads of any factor.
         """
         left = self.form.strains.create_vector()
@@ -136,15 +137,17 @@ class StaticProgram:
         return float(self.program.comm.allreduce(mine, MPI.MAX))
 
     def forces_of_strengths(self, pressure: Floats) -> Floats:
-        """Force in each row of equilibrium that is as large as the strength of what it is of.
+        """Return the force in each row of equilibrium that is as large as the strength there.
 
-        Yield radii of all cells at a facet count, the least one most, and none as more than the
-        program's unit; that of bodies in contact too. Where all of these are elastic it is the
-        least radius of all cells, as what judges the stress has it. Without cohesion the stress has
-        its own strength there. Collective.
+        Collective.
+
+        The yield radii of all cells at a facet count, bodies in contact included. The smallest one
+        counts most, and none counts as more than the program's unit. If all these cells are
+        elastic, the radius is the least of all cells, as in the checker. Without cohesion the
+        strength depends on the stress.
 
         Args:
-            pressure: Pressure of the stress, in the user's units.
+            pressure: Mean stress, in the user's units.
         """
         strains, tdim = self.form.strains, self.form.strains.gdim
         inverse = strains.weaknesses(pressure)
@@ -162,7 +165,7 @@ class StaticProgram:
 
 
 def static_program(form: StaticForm, question: Question, reserve: float) -> StaticProgram:
-    """Put the program together. Collective.
+    """Return the program for a form. Collective.
 
     Args:
         form: Form of the bodies.

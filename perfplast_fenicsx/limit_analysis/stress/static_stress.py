@@ -1,4 +1,4 @@
-"""A lower bound of the body with the stress that proves it, or with none and the reason."""
+"""Define a lower bound of the body, with the stress that proves it or the reason for none."""
 
 from dataclasses import dataclass
 
@@ -16,23 +16,23 @@ class StaticBound:
     """A lower bound and the stress that proves it.
 
     Attributes:
-        bound: The bound, and what it is one of.
+        bound: The bound, and its scope.
         verdict: Whether the best stress of the mesh was found.
-        reason: The reason in words.
-        stress: σ at the bound, Mandel vectors in the user's units, linear between vertices, shape
-            (num_owned_cells, num_points, m). In the plane of the vertices in the order of the
-            mesh's geometry (that of its topology); in space of those of four parts one after the
-            other, part a being the one in which the barycentre replaces vertex a. Around an axis
-            Bernstein's coefficients of rσ, which is quadratic (:mod:`ring_cells`).
-        aside: Factor of the loads of any factor, where there are any.
-        dissipation: (γ − αp)‖dev ε‖ of the multipliers, of each owned cell, with L = 1; where
-            bodies keep their volume the sum over all cells is the bound, but for the tolerance.
-            Where it is large, smaller cells would help.
+        reason: Reason in words.
+        stress: Stress σ at the bound, Mandel vectors in the user's units, linear between vertices,
+            shape (num_owned_cells, num_points, m). In the plane the points are the vertices in the
+            order of the mesh's geometry (that of its topology). In space they are the vertices of
+            four parts, one part after the other; in part a the barycentre replaces vertex a. Around
+            an axis these are Bernstein's coefficients of rσ, which is quadratic
+            (:mod:`ring_cells`).
+        aside: Factor of the loads of any factor, if there are any.
+        dissipation: Dissipation (γ − αp)‖dev ε‖ of the multipliers, for each owned cell, with L =
+            1. If bodies keep their volume, the sum over all cells is the bound up to the tolerance.
+            Smaller cells help where it is large.
         certificate: Residuals of the stress; None if there are none.
         steps: Steps of the iteration.
-        factorisations: Factorisations of a stiffness.
-        is_part: Whether it is a part of the stress that was found, for what rounding leaves of its
-            balance.
+        factorisations: Number of factorisations of a stiffness.
+        is_part: Whether the stress is a share of the one that was found, because of rounding.
     """
 
     bound: Bound
@@ -53,7 +53,7 @@ class StaticBound:
 def no_stress(
     body: BoundBody, verdict: Verdict, reason: str, bound: Bound | None = None
 ) -> StaticBound:
-    """Return the stress 0, and no bound unless one is given."""
+    """Return a result with zero stress, and without a bound unless one is given."""
     count, _, tdim = body.vertices.shape
     shape = (count, 6 if body.turned else 3, 4) if tdim == 2 else (count, 16, 6)
     return StaticBound(

@@ -1,7 +1,7 @@
-"""Areas of facets and cells in the balance of a stress, and loads on multipliers.
+"""Compute areas of facets and cells in the balance of a stress, and loads on multipliers.
 
 In the plane and in space stresses are linear in the cells, with as many nodes on a facet as it has
-vertices; around an axis it is rσ that is quadratic there, with one more (:mod:`ring_cells`).
+vertices. Around an axis rσ is quadratic, with one more node (:mod:`ring_cells`).
 """
 
 import math
@@ -24,16 +24,15 @@ class StressForm:
 
     Attributes:
         vertices: Vertices of the cells, shape (num_cells, d + 1, d).
-        turned: Whether they are sections of rings.
-        nodes: Nodes of a facet, its vertices first.
+        turned: Whether the cells are sections of rings.
+        nodes: Number of nodes of a facet, its vertices first.
         twins: Twins of the facets' unknowns, shape (num_facets, nodes, d).
-        areas: Area that each node stands for, around an axis of the full turn, shape (num_facets,
-            nodes).
-        measures: The same, and on an axis something that is not zero.
+        areas: Area of each node, around an axis for the full turn, shape (num_facets, nodes).
+        measures: The same, with a value other than zero on an axis.
         sections: V^((d − 1)/d), around an axis times 2πr.
         slopes: Gradients of barycentric coordinates, shape (num_cells, d + 1, d).
         shares: Area of each facet of each cell over d, shape (num_cells, d + 1).
-        volumes: Volumes of the cells, around an axis of their sections.
+        volumes: Volumes of the cells, around an axis areas of their sections.
     """
 
     vertices: Floats
@@ -49,7 +48,7 @@ class StressForm:
 
     @classmethod
     def of(cls, problem: Problem, at: BoundBody) -> "StressForm":
-        """Read it off a problem. Not collective."""
+        """Return the geometry of a problem. Not collective."""
         x, on, turned = at.vertices, at.numbers.facets, problem.tagged_mesh.axisymmetric
         tdim = x.shape[2]
         slopes, volumes = gradients(x)
@@ -80,11 +79,11 @@ class StressForm:
         )
 
     def pushes(self, tractions: Floats, loads: FacetLoads) -> Floats:
-        """Cartesian loads of the nodes of facets.
+        """Return the Cartesian loads of the nodes of facets.
 
         Args:
             tractions: Tractions of the loads at their vertices, shape (num_cells, d + 1, d, d).
-            loads: The loads; without pressure in pores around an axis.
+            loads: The loads; without pore pressure around an axis.
 
         Returns:
             Shape (num_cells, d + 1, nodes, d).
@@ -97,10 +96,10 @@ class StressForm:
         return np.asarray(around + tractions * shares)
 
     def forces(self, loads: FacetLoads) -> Floats:
-        """Return loads of the multipliers of cells, shape (num_cells, inner).
+        """Return the loads of the cells' multipliers, shape (num_cells, inner).
 
         Args:
-            loads: The loads; without pressure in pores around an axis.
+            loads: The loads; without pore pressure around an axis.
         """
         if self.turned:
             return ring_forces(self.vertices, loads.forces)
@@ -114,12 +113,12 @@ class StressForm:
 
 
 def _others(tdim: int) -> Longs:
-    """Return vertices of the facet opposite each vertex of a cell."""
+    """Return the vertices of the facet opposite each vertex of a cell."""
     return np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
 
 
 def _with_middles(twins: Longs) -> Longs:
-    """Return numbers of plane facets' unknowns as those of facets with a node between the ends."""
+    """Return numbers of facet unknowns, renumbered for facets with a node between their ends."""
     facet, rest = np.divmod(twins, 4)
     moved = np.where(twins >= 0, facet * 2 * NODES + rest, -1)
     middle = np.where(twins[:, 0] >= 0, facet[:, 0] * 2 * NODES + 4 + rest[:, 0] % 2, -1)

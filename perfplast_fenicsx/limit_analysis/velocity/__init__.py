@@ -1,1 +1,1 @@
-"""Strict upper bounds: mechanisms of the body."""
+"""Compute strict upper bounds: mechanisms of the body."""

@@ -1,9 +1,9 @@
-"""Dissipation of cells at strain rates that are linear in them, from above.
+"""Compute upper bounds of the dissipation of cells with linear strain rates.
 
-‖·‖ is convex, so that its integral is at most that of its linear interpolation on any subdivision
-of the cell (the composite vertex rule), and so is Σ|ε_i| of the principal values. A body that
-dilates dissipates (γ/α) tr ε, which is linear. A strength that varies is taken as a linear function
-that is nowhere below it; the product of that and a linear function is integrated exactly.
+‖·‖ is convex, so its integral is at most that of its linear interpolation on any subdivision of the
+cell (the composite vertex rule). The same holds for Σ|ε_i| of the principal values. A body that
+dilates dissipates (γ/α) tr ε, which is linear. A linear function that is nowhere below replaces a
+strength that varies; its product with a linear function is integrated exactly.
 """
 
 from collections.abc import Callable
@@ -21,26 +21,26 @@ from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import MechanismR
 from perfplast_fenicsx.problem.problem import Problem
 
 SUBDIVISIONS = 8
-"""Parts of a cell's edge in the composite vertex rule."""
+"""Number of parts of a cell's edge in the composite vertex rule."""
 
 
 def points_of_cells(problem: Problem) -> Ints:
-    """Return points of the cells that this rank owns, shape (num_cells, num_points)."""
+    """Return the points of the cells that this rank owns, shape (num_cells, num_points)."""
     topology = problem.tagged_mesh.mesh.topology
     points: Ints = problem.Q.dofmap.list[: topology.index_map(topology.dim).size_local]
     return points
 
 
 def at_vertices(problem: Problem, values: Floats) -> Floats:
-    """Return values at vertices of what is linear in each cell and given at the points.
+    """Return values at vertices of functions that are linear in each cell and given at the points.
 
     Args:
-        problem: On whose points.
-        values: Shape (count, m).
+        problem: The problem of the points.
+        values: Values at the points, shape (count, m).
 
     Returns:
-        Shape (num_cells, d + 1, m), for the cells that this rank owns. Where the points are
-        Bernstein coefficients (:mod:`ring_strains`) these, shape (num_cells, 6, m).
+        Shape (num_cells, d + 1, m), for the cells that this rank owns. If the points are Bernstein
+        coefficients (:mod:`ring_strains`), they are returned, shape (num_cells, 6, m).
     """
     given = values[points_of_cells(problem)]
     if has_coefficients(problem):
@@ -60,7 +60,7 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
 
     Args:
         problem: The bodies.
-        rates: Linear in each cell.
+        rates: Rates that are linear in each cell.
 
     Returns:
         Shape (num_cells, d + 1), or of coefficients (num_cells, 6), for the cells that this rank
@@ -78,15 +78,15 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
 
 
 def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[PrincipalCones, Longs]:
-    """Return bounds of principal stresses, one a cell, whose points are numbers of these cells.
+    """Return the bounds of principal stresses of cells, and the numbers of these cells.
 
     Args:
         problem: The bodies.
-        rates: On its points.
+        rates: Rates at the points of the problem.
 
     Returns:
-        The bounds, ``at`` being 0, 1, ..., without the profile of the strength; numbers of the
-        cells, owned by this rank.
+        The bounds, with ``at`` 0, 1, ... and without the profile of the strength; numbers of the
+        cells that this rank owns.
     """
     first, given = points_of_cells(problem)[:, 0], rates.principal
     if rates.profile is not None:
@@ -103,17 +103,15 @@ def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[Princip
 def dissipation_of_cells(
     problem: Problem, rates: MechanismRates, subdivisions: int = SUBDIVISIONS
 ) -> Floats:
-    """Return the dissipation of cells from above, in the coordinates of their cones.
+    """Return upper bounds of the dissipation of cells, in the coordinates of their cones.
 
-    Not collective.
-
-    It is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε where they dilate (:mod:`standard_cones`); where
-    principal stresses are bounded see :mod:`semidefinite_cones`. A volume change by rounding that
-    is too small for its deviator counts as admissible.
+    Not collective. The dissipation is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε in dilating bodies
+    (:mod:`standard_cones`). For bounds of principal stresses see :mod:`semidefinite_cones`. A
+    volume change that is too small for its deviator by rounding counts as admissible.
 
     Args:
         problem: The bodies.
-        rates: Linear in each cell.
+        rates: Rates that are linear in each cell.
         subdivisions: Parts of a cell's edge.
 
     Returns:
@@ -148,8 +146,8 @@ def _mean(values: Floats, profile: Floats | None) -> Floats:
     """Return the means in cells of linear functions, times the profile of the strength if any.
 
     Args:
-        values: At the vertices, shape (num_cells, d + 1).
-        profile: The same of the profile.
+        values: Values at the vertices, shape (num_cells, d + 1).
+        profile: Profile at the vertices, same shape.
     """
     if profile is None:
         return np.asarray(values.mean(axis=1))
@@ -165,9 +163,9 @@ def _of_principal(
 
     Args:
         problem: The bodies.
-        rates: Linear in each cell.
-        cones: Of these cells.
-        here: Their numbers.
+        rates: Rates that are linear in each cell.
+        cones: Cones of these cells.
+        here: Numbers of these cells.
         subdivisions: Parts of a cell's edge.
     """
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))[here]
@@ -190,14 +188,14 @@ def work_of_cells(
     profile: Floats | None = None,
     size: Callable[[Floats], Floats] = lambda values: np.linalg.norm(values, axis=1),
 ) -> Floats:
-    """Return ∫ f‖s‖ of each cell from above, for s and f linear in it.
+    """Return an upper bound of ∫ f‖s‖ in each cell, for s and f linear in it.
 
     Args:
-        volumes: Shape (num_cells,).
-        vertex_values: s, shape (num_cells, d + 1, m).
+        volumes: Volumes of the cells, shape (num_cells,).
+        vertex_values: Values s at the vertices, shape (num_cells, d + 1, m).
         subdivisions: Parts of a cell's edge.
-        profile: f ≥ 0 at the vertices, shape (num_cells, d + 1); None for 1.
-        size: ‖·‖, a convex function of s, shape (num_cells,) of (num_cells, m).
+        profile: Factor f ≥ 0 at the vertices, shape (num_cells, d + 1); None for 1.
+        size: Norm ‖·‖, or another convex function of s: shape (num_cells,) for (num_cells, m).
 
     Returns:
         Shape (num_cells,).
@@ -234,7 +232,8 @@ def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
     ends = np.hstack([np.full((len(grid), 1), n), grid, np.zeros((len(grid), 1), dtype=int)])
     points = -np.diff(ends, axis=1) / n
     parts = inverse.reshape(-1, tdim + 1)
-    of_parts = points[parts]  # ∫ λ_k λ_l of a part is (1 + δ_kl)/((d + 1)(d + 2)) of its volume
+    # the integral of λ_k λ_l over a part is (1 + δ_kl)/((d + 1)(d + 2)) of its volume
+    of_parts = points[parts]
     moments = of_parts + of_parts.sum(axis=1, keepdims=True)
     shares = np.zeros_like(points)
     np.add.at(shares, parts, moments / ((tdim + 1) * (tdim + 2) * len(parts)))

@@ -1,12 +1,12 @@
-"""The share of each cell in the gap between a lower and an upper bound: where to refine.
+"""Compute the share of each cell in the gap between lower and upper bound, for refinement.
 
-With an admissible mechanism of L(v) = 1 and a stress in equilibrium with λ⁻,
+For an admissible mechanism with L(v) = 1 and a stress in equilibrium with λ⁻,
 
     λ⁺ − λ⁻ = Σ_T η_T + W,   η_T = ∫_T D(ε(v)) − σ:ε(v) ≥ 0,
 
-where D is the dissipation, γ‖dev ε‖ or, of bodies that dilate, (γ/α) tr ε, and W ≥ 0
-is the work of contact pressures on gaps that open. Where surfaces rub, what they dissipate less the
-work of their tractions is shared by the cells of both sides (:mod:`slip_work`).
+where D is the dissipation, γ‖dev ε‖ or, in dilating bodies, (γ/α) tr ε. W ≥ 0 is the work of
+contact pressures on gaps that open. On surfaces with friction, the dissipation less the work of
+their tractions is divided between the cells of both sides (:mod:`slip_work`).
 """
 
 import numpy as np
@@ -38,11 +38,11 @@ def gap_shares(
     stress: Floats,
     rates: MechanismRates | None = None,
 ) -> Floats:
-    """Shares η_T of the cells that this rank owns, from above. Collective.
+    """Return upper bounds of the shares η_T of the cells that this rank owns. Collective.
 
     Args:
         problem: The bodies and their loads, on straight cells.
-        mechanism: Admissible, with L(v) = 1, its ghosts up to date.
+        mechanism: Admissible mechanism with L(v) = 1 and updated ghosts.
         stress: Mandel vectors at the vertices of these cells, linear between them, shape
             (num_cells, d + 1, 4 or 6); around an axis coefficients of rσ (:mod:`ring_cells`), shape
             (num_cells, 6, 4).
@@ -69,7 +69,7 @@ def gap_shares(
 def _of_rings(
     problem: Problem, rates: MechanismRates, mechanism: fem.Function, stress: Floats
 ) -> Floats:
-    """Return the same around an axis, the work of the stress by a rule of points."""
+    """Return the shares around an axis, with the work of the stress by a quadrature rule."""
     points = points_of_cells(problem)
     vertices, places = corners(problem.tagged_mesh.mesh)
     x = places[vertices]

@@ -1,4 +1,4 @@
-"""Strain rates of a mechanism at the points, evaluated once for all that is asked of it."""
+"""Evaluate the strain rates of a mechanism at the points, once for all uses."""
 
 from dataclasses import dataclass
 
@@ -14,24 +14,25 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class MechanismRates:
-    """Rates in the coordinates of the points' cones, and what bounds stresses there.
+    """Rates in the coordinates of the points' cones, with the bounds of stresses there.
 
     Attributes:
-        trace: Shape (count,).
-        deviator: Shape (count, m).
-        powers: ε that does the work of stresses, Mandel vectors
+        trace: Trace, shape (count,).
+        deviator: Deviator, shape (count, m).
+        powers: Rates ε that do the work of stresses, Mandel vectors
             (:meth:`point_strains.PointStrains.power_rates`), shape (count, m).
-        count: Points of this rank.
-        gdim: As for :class:`discretisation.Strains`, and so are those that follow.
-        weights: Volume that a point stands for, shape (count,).
-        radii: γ, shape (count,).
-        slopes: α, shape (count,).
-        tilts: t, shape (count, m); None where all are zero.
-        principal: The points whose principal stresses are bounded.
-        profile: The factor of γ, and of bounds of principal stresses, by which strengths vary in
-            space, shape (count,); None where none varies.
-        above: Linear functions that are nowhere below it, at the vertices of the cells that this
-            rank owns, shape (num_cells, d + 1); None where none varies or cells are curved.
+        count: Number of points of this rank.
+        gdim: As in :class:`discretisation.Strains`, as are the next four.
+        weights: Volume of a point, shape (count,).
+        radii: Yield radius γ, shape (count,).
+        slopes: Slope α, shape (count,).
+        tilts: Tilt t, shape (count, m); None where all are zero.
+        principal: Bounds of principal stresses at their points.
+        profile: Factor of γ, and of bounds of principal stresses, by which strengths vary in space,
+            shape (count,); None if no strength varies.
+        above: Linear functions that are nowhere below the profile, at the vertices of the cells
+            that this rank owns, shape (num_cells, d + 1); None if no strength varies or cells are
+            curved.
     """
 
     trace: Floats
@@ -49,11 +50,11 @@ class MechanismRates:
 
 
 def mechanism_rates(problem: Problem, mechanism: fem.Function) -> MechanismRates:
-    """Evaluate them. Collective.
+    """Return the rates of a mechanism. Collective.
 
     Args:
         problem: The bodies.
-        mechanism: Its ghosts up to date.
+        mechanism: Velocity with updated ghosts.
     """
     at = PointStrains(problem)
     try:

@@ -1,4 +1,4 @@
-"""Motion by rounding: bodies that rest while others collapse, and interpenetration."""
+"""Remove motion by rounding: of bodies at rest while others collapse, and of penetration."""
 
 from mpi4py import MPI
 
@@ -18,28 +18,30 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def let_rest(problem: Problem, mechanism: fem.Function) -> None:
-    """Set velocities of bodies that are rounding to zero, if they enter no more then. Collective.
+    """Set velocities of bodies that are rounding to zero, unless that adds penetration. Collective.
 
-    What such a body enters of what it touches is rounding beside other bodies, and much beside its
-    own velocities, by which it is judged. Where others give way to its rounding, it keeps that as
-    long as nothing is entered, and else they give way to it where it rests.
+    Such a body may penetrate a touching one by rounding of other bodies' velocities. That is much
+    compared with its own velocities, by which it is judged. If others move apart because of its
+    rounding, it keeps its velocity as long as nothing penetrates. Otherwise the others are moved
+    apart from it, and it rests.
 
     Args:
         problem: The bodies.
-        mechanism: A velocity, its ghosts up to date; changed.
+        mechanism: Velocity with updated ghosts; changed.
     """
     bodies, v = problem.bodies, mechanism.x.array.reshape(problem.fixed.shape)
     largest = np.zeros(bodies.count)
     np.maximum.at(largest, bodies.of_node, np.abs(v).max(axis=1, initial=0.0))
     problem.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    # Relative to the largest velocity: some hundred roundings, and a tenth of what may enter.
+    # Relative to the largest velocity: some hundred rounding units, and a tenth of the allowed
+    # penetration.
     rounding = 1e-13
     rests = largest <= rounding * largest.max(initial=0.0)
     if not rests.any():
         return
     entered, moving = _entered(problem, mechanism), v.copy()
     v[rests[bodies.of_node]] = 0.0
-    # Beside the velocities there: a tenth of what may enter where it is judged.
+    # Relative to the velocities there: a tenth of the allowed penetration.
     nothing = 1e-13
     if _entered(problem, mechanism) <= max(min(entered, UNSEEN), nothing):
         return
@@ -84,18 +86,18 @@ def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
 
     Args:
         problem: The bodies and their contact, on straight cells.
-        mechanism: A velocity, its ghosts up to date; changed.
-        free: Components of local nodes that may change, shape (num_nodes, gdim).
+        mechanism: Velocity with updated ghosts; changed.
+        free: Flags of components of local nodes that may change, shape (num_nodes, gdim).
     """
     constraints, gdim = problem.constraints, free.shape[1]
     v, owned = mechanism.x.array.reshape(free.shape), problem.V.dofmap.index_map.size_local
     on_nodes, on_rows = constraints.shares.createVecs()
-    room = np.zeros(len(constraints.host))  # |n|² of the components that may change, both sides
+    room = np.zeros(len(constraints.host))  # |n|² of the components that may change, on both sides
     for axis in range(gdim):
         on_nodes.array[:] = free[:owned, axis]
         constraints.shares.mult(on_nodes, on_rows)
         room += constraints.normal[:, axis] ** 2 * on_rows.array_r
-    rounds = 4  # of nodes at edges, where one pair makes room for another
+    rounds = 4  # for nodes at edges, where the correction of one pair opens or closes another
     for _ in range(rounds):
         enters = np.divide(
             _entering(problem, mechanism), room, out=np.zeros_like(room), where=room > 0
@@ -110,7 +112,10 @@ def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
 
 
 def _entering(problem: Problem, velocity: fem.Function) -> Floats:
-    """By how much each pair enters, at midsides as its Bernstein coefficient has it. Collective."""
+    """Return the penetration of each pair, at midsides half its Bernstein coefficient.
+
+    Collective.
+    """
     constraints = problem.constraints
     enters = np.einsum("ni,ni->n", jump_vectors(problem, velocity), constraints.normal)
     facets, host = contact_facets(problem), constraints.host

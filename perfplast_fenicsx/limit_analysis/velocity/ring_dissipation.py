@@ -1,14 +1,14 @@
-"""Dissipation of bodies of revolution by v = ru that is quadratic in each cell, from above.
+"""Compute upper bounds of the dissipation of bodies of revolution, for quadratic v = ru.
 
-Of the strain rates ε of u, r²ε is quadratic in the section,
+For the strain rates ε of u, r²ε is quadratic in the section,
 
-    (r ∂_r v_r − v_r, r ∂_z v_z, v_r, (r ∂_z v_r + r ∂_r v_z − v_z)/√2)   (rr, zz, θθ, √2 rz),
+    (r ∂_r v_r − v_r, r ∂_z v_z, v_r, (r ∂_z v_r + r ∂_r v_z − v_z)/√2)   (rr, zz, θθ, √2 rz).
 
-and with its Bernstein coefficients q_i on a part of a cell ∫ ‖ε‖ r ≤ Σ ‖q_i‖ ∫ B_i/r, as ‖·‖ is
-convex and B_i ≥ 0. There 1/r, convex too, is at most linear between its values at vertices. On a
-part with an edge on the axis q = r times what is linear, and in one with a vertex there 1/r is at
-most linear along the edge opposite, divided by the distance from that vertex. NumPy only but for
-the cells' laws.
+With its Bernstein coefficients q_i on a part of a cell ∫ ‖ε‖ r ≤ Σ ‖q_i‖ ∫ B_i/r, as ‖·‖ is convex
+and B_i ≥ 0. There 1/r, convex too, is at most linear between its values at vertices. On a part with
+an edge on the axis, q is r times a linear function. On a part with a vertex there, 1/r is at most
+linear along the opposite edge, divided by the distance from that vertex. NumPy only, except for the
+cells' laws.
 """
 
 import math
@@ -30,11 +30,11 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions: int) -> Floats:
-    """Return the dissipation of cells from above. Not collective.
+    """Return upper bounds of the dissipation of cells. Not collective.
 
     Args:
-        problem: By v = ru (:mod:`ring_flux`).
-        velocity: v, its ghosts up to date.
+        problem: Problem in v = ru (:mod:`ring_flux`).
+        velocity: Velocity v with updated ghosts.
         subdivisions: Parts of a cell's edge.
 
     Returns:
@@ -54,7 +54,7 @@ def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions:
 
 
 def _values(problem: Problem, velocity: fem.Function) -> tuple[Floats, Floats]:
-    """Return vertices of owned cells, and values at these and between them."""
+    """Return vertices of owned cells, and the values at vertices and between them."""
     cells, points = corners(problem.tagged_mesh.mesh)
     nodes, _ = nodes_of_cells(problem, len(cells))
     v: Floats = velocity.x.array.reshape(-1, 2)[nodes]
@@ -64,7 +64,8 @@ def _values(problem: Problem, velocity: fem.Function) -> tuple[Floats, Floats]:
 def _powers(cones: BodyCones, rates: Floats) -> Floats:
     """Return the dissipation of rates per volume, convex in them; shape (num_cells, 6).
 
-    A body that dilates too little for its deviator by rounding counts as if it did by enough.
+    A dilation that is too small for its deviator by rounding is replaced by the least admissible
+    one.
     """
     found = np.zeros(rates.shape[:2])
     for number, cone in enumerate(cones.cones):

@@ -1,9 +1,9 @@
-"""Dissipation of a mechanism by slip, from above, whatever its slip is between nodes.
+"""Compute an upper bound of a mechanism's dissipation by slip, for any slip between nodes.
 
 The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`face_jumps`), whose
 polynomials are not negative and add up to 1. So ‖w_t‖ is at most the mean of the coefficients'
-norms with these weights, and ∫c‖w_t‖ at most c times the area times their plain mean. And w keeps
-to the cone w_n ≥ μ‖w_t‖ of Coulomb's friction that follows its normal if its coefficients do.
+norms with these weights. ∫c‖w_t‖ is at most c times the area times their plain mean. And w lies in
+the cone w_n ≥ μ‖w_t‖ of associated Coulomb friction if its coefficients do.
 """
 
 import math
@@ -29,7 +29,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 UNKNOWN = "slip of nodes that supports hold along their normal is not known"
 
-CLOSED = "surfaces with Coulomb's friction slip and do not part by enough between nodes"
+CLOSED = "surfaces with Coulomb's friction slip and separate too little between nodes"
 
 
 @dataclass(frozen=True)
@@ -37,13 +37,13 @@ class SlipWork:
     """The work of slip.
 
     Attributes:
-        power: ∫c‖w_t‖ from above, on all ranks together.
-        squares: ∫(‖w_t‖/h)² of layers that are as thick as a facet is long, h: what ∫‖ε(v)‖² is of
-            cells.
-        why_not: Why it may be more, or the slip wrong, in words.
-        shares: What the slip at the facets of each owned cell has of the gap between the velocity
-            and a stress, ∫c‖w_t‖ − r·w, half of it at either side; 0 without a stress. Shape
-            (num_cells,).
+        power: Upper bound of ∫c‖w_t‖, on all ranks together.
+        squares: Value of ∫(‖w_t‖/h)² for layers as thick as the size h of a facet: the counterpart
+            of ∫‖ε(v)‖² in cells.
+        why_not: Reasons why the work may be larger, or the slip wrong, in words.
+        shares: Share of the slip at each owned cell's facets in the gap between the velocity and a
+            stress, shape (num_cells,): ∫c‖w_t‖ − r·w, half of it on either side; 0 without a
+            stress.
     """
 
     power: float
@@ -57,7 +57,7 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
 
     Args:
         problem: The bodies and their contact, on straight cells.
-        velocity: Its ghosts up to date.
+        velocity: Velocity with updated ghosts.
         stress: Mandel vectors at the vertices of the owned cells, shape (num_cells, d + 1, m).
     """
     topology = problem.tagged_mesh.mesh.topology
@@ -110,7 +110,7 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
 
 
 def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
-    """Return facets of surfaces that rub."""
+    """Return flags of the facets of surfaces with friction."""
     names = {
         name
         for contact in problem.given.contacts
@@ -123,17 +123,17 @@ def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
 
 
 def _others(gdim: int) -> Ints:
-    """Return vertices of the facet opposite each."""
+    """Return the vertices of the facet opposite each vertex."""
     every = range(gdim + 1)
     return np.array([[b for b in every if b != a] for a in every])
 
 
 def _means(num_nodes: int, gdim: int) -> Floats:
-    """Means over a facet of linear functions times Bernstein's polynomials.
+    """Return the means over a facet of linear functions times Bernstein's polynomials.
 
     Args:
-        num_nodes: Number of nodes of a facet, as many as polynomials: those at its vertices, and
-            those of pairs.
+        num_nodes: Number of nodes of a facet, and of polynomials: those of its vertices, and those
+            of pairs.
         gdim: Number of its vertices.
 
     Returns:

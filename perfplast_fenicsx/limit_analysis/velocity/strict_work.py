@@ -1,15 +1,17 @@
-"""The plastic work of a mechanism from above, whatever its strain rates are between the points.
+"""Compute an upper bound of a mechanism's plastic work, for any strain rates between the points.
 
-In a straight cell the strain rate of a quadratic velocity is linear, and ‖·‖ is convex, so that its
+In a straight cell the strain rate of a quadratic velocity is linear, and ‖·‖ is convex. So its
 integral is at most that of its linear interpolation on any subdivision of the cell (the composite
-vertex rule). Where volume changes vanish at the points they vanish everywhere. Rates at which a
-body that dilates may flow, tr ε ≥ α‖dev ε‖, are a convex cone, so that they are such everywhere
-where they are at the vertices; they dissipate (γ/α) tr ε, which is linear. With contact that
-is not entered anywhere this is an upper bound of the limit load of the body that the mesh fills,
-and not just of the mesh. :mod:`slip_work` computes the dissipation of slip. Strains of strong
-bodies that rest or move as rigid ones, which are rounding, count with their true strength; volume
-changes that are left count as work that the loads do not do, with mean stresses as large as
-tractions, so that 1e-12 of them is not taken for a bound where loads nearly balance each other.
+vertex rule). Where volume changes vanish at the points, they vanish everywhere. The rates
+tr ε ≥ α‖dev ε‖ of a dilating body are a convex cone. If they are admissible at the vertices, they
+are admissible everywhere, and they dissipate (γ/α) tr ε, which is linear. Without penetration of
+contact, the result is an upper bound for the body that the mesh fills, and not just for the mesh.
+:mod:`slip_work` computes the dissipation of slip.
+
+Strains of strong bodies that rest or move as rigid ones are rounding; they count with their true
+strength. Remaining volume changes count as work that the loads do not do, with mean stresses as
+large as tractions. Otherwise 1e-12 of them could give a wrong bound where loads nearly balance each
+other.
 """
 
 from dataclasses import dataclass
@@ -47,12 +49,13 @@ from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.problem.problem import Problem
 
 ADMISSIBLE = 1e-9
-"""Share of ‖ε(v)‖ that is rounding: volume change in plastic bodies, what it lacks in those that
-dilate, and strain in elastic ones."""
+"""Share of ‖ε(v)‖ that is rounding: of volume changes in plastic bodies, of missing growth in
+dilating ones, and of strains in elastic ones.
+"""
 
 GROWS_TOO_LITTLE = (
-    "bodies that dilate do so by enough at the points of the mesh alone; control = 'bounds' looks"
-    " for a mechanism that does everywhere"
+    "dilating bodies dilate enough only at the points of the mesh; control = 'bounds' looks"
+    " for a mechanism in which they do everywhere"
 )
 
 
@@ -63,19 +66,20 @@ def strict_upper_bound(
     question: Question = Question.LIMIT,
     rates: MechanismRates | None = None,
 ) -> Bound:
-    """Return the upper bound (dissipation from above less work of dead loads) / L₁(v). Collective.
+    """Return the upper bound (dissipation less work of permanent loads) / L₁(v). Collective.
 
     Args:
         problem: The bodies and their loads.
-        mechanism: A velocity that is admissible at the points, such as that of
-            :func:`discrete_limit.interior_point`; its ghosts up to date.
-        subdivisions: Parts of a cell's edge; the result falls with them, towards the true work.
+        mechanism: Velocity with updated ghosts that is admissible at the points, such as that of
+            :func:`discrete_limit.interior_point`.
+        subdivisions: Parts of a cell's edge; with more parts the result falls towards the true
+            work.
         question: The loads whose factor is sought.
         rates: Rates of the mechanism; evaluated by default.
 
     Returns:
-        The bound; without a value where the mechanism is not admissible at the points or does no
-        work, and of the mesh alone where the reasons say so.
+        The bound. It has no value if the mechanism is not admissible at the points or does no work.
+        It holds only for the mesh if there are reasons.
 
     Raises:
         InputError: If ζ moves supports or obstacles, or there is no load.
@@ -83,8 +87,8 @@ def strict_upper_bound(
     check_loads(problem)
     if problem.tagged_mesh.axisymmetric and not isinstance(problem.kinematics, RingFlux):
         why = (
-            "the volume of rings is kept everywhere by quadratic velocities on straight cells"
-            " alone; use degree = 2 and first-order cells"
+            "only quadratic velocities on straight cells keep the volume of rings everywhere;"
+            " use degree = 2 and first-order cells"
         )
         return Bound(None, "upper", Scope.MESH, (why,))
     flow = _Flow(
@@ -95,7 +99,7 @@ def strict_upper_bound(
         problem.loads.alpha(velocity), problem.loads.dead_work(velocity)
     )
     whole = flow.whole + slip.squares
-    if problem.loads.has_dead():  # bodies may part as rigid ones, and strain by none
+    if problem.loads.has_dead():  # bodies may separate as rigid ones, without any strain
         whole = max(whole, flow.slowest)
     moves = _ends(problem, velocity, question, work, aside) and flow.is_held
     if not (moves and whole > 0 and flow.part <= ADMISSIBLE**2 * whole and work > 0):
@@ -111,14 +115,13 @@ def strict_upper_bound(
     )
     excess = dissipation - dead
     stress = abs(excess / work) * at_one + at_zero
-    # Work of the loads' own stress at what volume changes, relative to that of
-    # the loads, up to which a mechanism counts as a proof; half of what is left
-    # of it to whoever checks it cell by cell.
+    # Work of the loads' own stress on volume changes, relative to that of the loads, up to which a
+    # mechanism counts as a proof: half of the limit of a checker that works cell by cell.
     least_charge = 5e-10
     provable = cost.most * stress <= least_charge * measure_of(dissipation, excess, bool(loose))
-    # Stresses that nothing bounds, times the largest load: what volume changes and strains of
-    # elastic bodies that are left cost of the work. Beside pressures that nearly balance each other
-    # 1e-12 of strain is 1e-6 of the work.
+    # Mean stresses, in multiples of the largest load, with which remaining volume changes and
+    # strains of elastic bodies count as work. If pressures nearly balance each other, a strain of
+    # 1e-12 is 1e-6 of the work.
     mean_stresses = 10.0
     excess += mean_stresses * cost.lost * at_zero
     work -= np.copysign(mean_stresses * cost.lost * at_one, excess)
@@ -138,27 +141,27 @@ def strict_upper_bound(
 
 
 class _Flow:
-    """The strain rates of a mechanism, and what of them is not admissible.
+    """The strain rates of a mechanism, and their inadmissible part.
 
     Attributes:
         problem: The bodies.
         mechanism: The velocity.
-        rates: Its strain rates at the points.
-        plastic: Points that can yield, shape (count,).
-        dilating: Points that dilate as they flow, shape (count,).
+        rates: Strain rates at the points.
+        plastic: Flags of points that can yield, shape (count,).
+        dilating: Flags of points that dilate as they flow, shape (count,).
         squares: ‖dev ε‖² at the points, shape (count,).
-        volumes: Of the cells that this rank owns, shape (num_cells,).
-        short: What tr ε lacks for flow at the vertices of cells (:func:`missing_growth`).
+        volumes: Volumes of the cells that this rank owns, shape (num_cells,).
+        short: Missing part of tr ε for flow at the vertices of cells (:func:`missing_growth`).
         total: Volume of all bodies.
-        part: Σ w of the squares of what has to vanish: volume changes, and strain that is elastic.
+        part: Weighted sum of squares that must vanish: of volume changes and elastic strains.
         whole: Σ w‖ε‖².
-        lacking: The sum of squares of ``short``.
+        lacking: Sum of squares of ``short``.
         is_held: Whether the velocity vanishes where supports hold the bodies.
-        slowest: Least ``whole`` that counts as strain, of bodies that part.
+        slowest: Least ``whole`` that counts as strain, in bodies that separate.
     """
 
     def __init__(self, problem: Problem, mechanism: fem.Function, rates: MechanismRates) -> None:
-        """Sum up over all ranks. Collective."""
+        """Compute the sums over all ranks. Collective."""
         self.problem, self.mechanism, self.rates = problem, mechanism, rates
         trace, deviator, weights = rates.trace, rates.deviator, rates.weights
         comm = problem.comm
@@ -185,13 +188,13 @@ class _Flow:
 def _ends(
     problem: Problem, velocity: PETSc.Vec, question: Question, work: float, aside: float
 ) -> bool:
-    """Return whether live loads do no work on a mechanism of dead ones. Collective.
+    """Return whether live loads do no work on a mechanism of permanent ones. Collective.
 
-    Where they push what rests, all that moves there is rounding: the mean velocity counts at least
-    with which the others do their work.
+    Where live loads act on bodies at rest, all motion is rounding. Therefore velocities count at
+    least as the mean velocity with which the permanent loads do their work.
     """
-    # Work that counts as none, relative to what live loads do at all nodes without their signs,
-    # half of what a checker leaves. It would count at load factors some million times as large as
+    # Work that counts as zero, relative to what live loads do at all nodes without regard to signs:
+    # half of a checker's limit. It would matter at load factors some million times as large as
     # those that bodies bear.
     least_parting = 5e-7
     comm = problem.comm
@@ -207,12 +210,12 @@ class _Cost:
     """Sums over the cells of all ranks.
 
     Attributes:
-        dissipation: Dissipation of the bodies from above.
-        allowed: The part of it that rounding may add, and that of points at rest.
-        lost: Mean sizes of what has to vanish, times volumes.
+        dissipation: Upper bound of the bodies' dissipation.
+        allowed: Part of it that rounding may add, and that of points at rest.
+        lost: Mean sizes of rates that must vanish, times volumes.
         volume: Volume of the bodies.
         most: Largest sizes in each cell, times volumes.
-        loose: How many points have no cohesion.
+        loose: Number of points without cohesion.
     """
 
     dissipation: float
@@ -224,11 +227,11 @@ class _Cost:
 
 
 def _cost(flow: _Flow, whole: float, subdivisions: int) -> _Cost:
-    """Return the dissipation of a mechanism, and the sizes of what has to vanish. Collective.
+    """Return the dissipation of a mechanism, and the sizes of rates that must vanish. Collective.
 
     Args:
-        flow: Its strain rates.
-        whole: Sum of the squares of rates, that of slip too.
+        flow: Strain rates of the mechanism.
+        whole: Sum of the squares of rates, including slip.
         subdivisions: Parts of a cell's edge.
     """
     problem, mechanism, rates = flow.problem, flow.mechanism, flow.rates
@@ -253,21 +256,21 @@ def _cost(flow: _Flow, whole: float, subdivisions: int) -> _Cost:
 
 
 def _largest_load(problem: Problem, loads: FacetLoads, volume: float) -> float:
-    """Largest traction and pressure, and body force over the size of the bodies. Collective."""
+    """Return the order of stress that loads cause (:meth:`FacetLoads.largest`). Collective."""
     mine = loads.largest(volume ** (1 / problem.bodies.gdim))
     return float(problem.comm.allreduce(mine, MPI.MAX))
 
 
 def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -> Floats:
-    """Return the part of each cell's plastic work that rounding may add, whoever computes it.
+    """Return the part of each cell's plastic work that rounding may add in any evaluation.
 
-    In a cell that moves and does not strain, differences of velocities are rounding; a body of
-    1e15 times the strength of others would dissipate as much by them as those do that flow.
+    In a cell that moves and does not strain, differences of velocities are rounding. A body of 1e15
+    times the strength of others would dissipate as much by them as those bodies that flow.
 
     Args:
         problem: The bodies.
-        mechanism: Its ghosts up to date.
-        strengths: Dissipation of a strain rate of 1, of the cells that this rank owns.
+        mechanism: Velocity with updated ghosts.
+        strengths: Dissipation at a strain rate of 1, for the cells that this rank owns.
     """
     V, tdim = problem.V, problem.tagged_mesh.mesh.topology.dim
     vertices, points = corners(problem.tagged_mesh.mesh)
@@ -275,7 +278,7 @@ def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -
     values = mechanism.x.array.reshape(-1, tdim)[V.dofmap.list[: len(vertices)]]
     fastest = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
     steepest = np.linalg.norm(slopes, axis=2).max(axis=1, initial=0.0)
-    # Roundings of a strain rate: there are that many products in the gradient of a quadratic.
+    # Rounding units in a strain rate: the number of products in the gradient of a quadratic.
     roundings = 32.0
     added: Floats = roundings * np.finfo(np.float64).eps * strengths * fastest * steepest
     return added
