@@ -1,4 +1,4 @@
-"""Pictures of results."""
+"""Draw pictures of results."""
 
 import lazy_loader
 

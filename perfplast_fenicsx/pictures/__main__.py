@@ -1,7 +1,7 @@
-"""The drawing program: ``python3 -m perfplast_fenicsx.pictures COMMAND ...``.
+"""Run the drawing program: ``python3 -m perfplast_fenicsx.pictures COMMAND ...``.
 
-:mod:`drawing_process` starts it, so that a graphics system that fails takes nothing with it.
-Nothing of MPI is imported here.
+:mod:`drawing_process` starts it as a separate process, so that a failure of the graphics system
+does not affect the run. This module imports nothing of MPI.
 """
 
 import sys
@@ -13,7 +13,7 @@ from perfplast_fenicsx.pictures.result_figures import animate, case, parts, plot
 
 
 def main(argv: Sequence[str]) -> int:
-    """Draw, and print the name of each picture on a line."""
+    """Draw the pictures, and print the path of each on a line."""
     command, source, *output = argv
     commands: dict[str, Callable[..., Iterator[str]]] = {
         "plot": plot,

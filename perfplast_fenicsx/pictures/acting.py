@@ -1,4 +1,4 @@
-"""By how much loads act, and obstacles have moved, in the state that a picture shows."""
+"""Determine the factors of loads, and the motion of obstacles, in a picture's state."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,14 +17,14 @@ class Acting:
 
     Attributes:
         zeta: Load factor.
-        factors: Those of stages by name; none without stages.
+        factors: Factors of stages by name; empty without stages.
     """
 
     zeta: float = 0.0
     factors: Mapping[str, float] = field(default_factory=dict)
 
     def of_load(self, load: Load) -> float:
-        """Return the that of a load; without stages 1, or −1 where ζ is negative."""
+        """Return the factor of a load; without stages it is 1, or −1 if ζ is negative."""
         if load.constant:
             return 1.0
         if self.factors:
@@ -32,7 +32,7 @@ class Acting:
         return -1.0 if self.zeta < 0 else 1.0
 
     def of_obstacle(self, obstacle: Obstacle) -> float:
-        """Return how much of its ``move`` an obstacle has made."""
+        """Return the share of its ``move`` that an obstacle has made."""
         if not self.factors:
             return self.zeta
         return self.factors.get(obstacle.name or obstacle.on, 0.0)
@@ -46,7 +46,10 @@ def acting(reports: Sequence[LevelReport | None]) -> list[Acting]:
 
 
 def shares(states: Sequence[Acting], loads: Sequence[Load]) -> Floats:
-    """Factors of loads relative to the largest one of each, shape (num_states, num_loads)."""
+    """Return the factors of loads relative to the largest one of each.
+
+    Shape (num_states, num_loads).
+    """
     found: Floats = np.array([[state.of_load(load) for load in loads] for state in states])
     largest: Floats = np.abs(found).max(axis=0)
     return np.asarray(found / np.where(largest > 0, largest, 1.0), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Annotations of a picture: arrows of the loads, rigid obstacles, and the directions of view."""
+"""Compute annotations of a picture: load arrows, rigid obstacles, and directions of view."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from perfplast_fenicsx.problem.declared.loads import Bearing, Force, Load, Press
 
 @dataclass(frozen=True)
 class Arrows:
-    """Where arrows start and where they lead from there, both of shape (num_arrows, 3)."""
+    """Starts and vectors of arrows, both of shape (num_arrows, 3)."""
 
     starts: Floats
     vectors: Floats
@@ -26,19 +26,21 @@ def load_arrows(
     loads: Sequence[Load],
     shares: Sequence[float] | Floats = (),
 ) -> Arrows:
-    """Return arrows of all loads, spread over their surfaces: they end there, or pull at it.
+    """Return arrows of all loads, spread over their surfaces.
+
+    They end there, or start there to pull.
 
     Args:
-        surface: With a mark ``load i`` for each load.
-        points: Drawn places of the surface's points.
+        surface: Surface with a mark ``load i`` for each load.
+        points: Drawn positions of the surface's points.
         loads: The loads.
-        shares: How long the arrows of each are, from −1 to 1; all are 1 without.
+        shares: Relative lengths of each load's arrows, from −1 to 1; by default 1.
     """
     starts, vectors = [np.zeros((0, 3))], [np.zeros((0, 3))]
-    arrows = 24  # at most about so many arrows show a load
-    # Their length, and how near each other they may be, relative to the size of the bodies.
+    arrows = 24  # about the largest number of arrows for a load
+    # Length of arrows and their least distance, relative to the size of the bodies.
     arrow, apart = 0.1, 0.06
-    # A short surface has so many of them, unless they would be nearer each other than this.
+    # A short surface has at least this many arrows, unless their distance would be less than this.
     least, nearest = 3, 0.025
     for i, load in enumerate(loads):
         chosen = np.flatnonzero(surface.marks[f"load {i}"])
@@ -64,12 +66,10 @@ def load_arrows(
 
 
 def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
-    """Return a load's directions at the middles of facets; zero where it does not act.
+    """Return a load's directions at the midpoints of facets, shape (num_facets, 3).
 
-    Shape (num_facets, 3). It is zero for a load of one's own that is given by one number, because
-    its direction is not known.
-
-
+    They are zero where the load does not act, and for a user-defined load with one number, whose
+    direction is not known.
     """
     middles = surface.points[surface.facets[chosen]].mean(axis=1)
     normals = surface.normals[chosen]
@@ -77,7 +77,8 @@ def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
         return -np.sign(evaluate(load.value, middles, load.on))[:, None] * normals
     if isinstance(load, SpreadLoad) and load.scalar:
         return np.zeros_like(normals)
-    values = list(np.atleast_1d(np.asarray(load.value, dtype=object)))  # none of a moment alone
+    # empty if there is only a moment
+    values = list(np.atleast_1d(np.asarray(load.value, dtype=object)))
     if isinstance(load, Force) and not np.any(np.asarray(load.value, dtype=np.float64)):
         areas = np.linalg.norm(normals, axis=1)
         turn = np.array([0.0, 0.0, *np.atleast_1d(load.moment)])[-3:]
@@ -89,10 +90,10 @@ def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
 
 
 def spread(corners: Floats, spacing: float) -> tuple[Floats, Longs]:
-    """Points on facets about so far apart, those nearest the middles of boxes.
+    """Return points on facets with about this spacing, those nearest to the centres of boxes.
 
     Returns:
-        Their weights for the facet's corners, shape (num_points, 2 or 3), and their facets.
+        Weights of the facet's corners, shape (num_points, 2 or 3), and the facets of the points.
     """
     if corners.shape[1] == 2:
         s = (np.arange(48) + 0.5) / 48
@@ -128,21 +129,21 @@ class Obstacles:
 def sample_obstacles(
     surface: Surface, points: Floats, obstacles: Sequence[Obstacle], travels: Sequence[float] = ()
 ) -> Obstacles:
-    """Find out where obstacles are in the neighbourhood of the bodies.
+    """Compute the distances to obstacles near the bodies.
 
     Args:
         surface: The bodies.
-        points: Drawn places of the surface's points.
-        obstacles: Those that fit the mesh.
-        travels: How much of its ``move`` each is drawn away from where it begins; none without.
+        points: Drawn positions of the surface's points.
+        obstacles: Obstacles that fit the mesh.
+        travels: Share of its ``move`` by which each is drawn away from its start; by default 0.
     """
     gdim = 2 if surface.plane else 3
     both = np.concatenate([points, surface.points])[:, :gdim]
-    margin = 0.08  # obstacles are drawn so far around the bodies, relative to their size
-    # not symmetric, so that no point is the middle of an obstacle, where no direction leads out
+    margin = 0.08  # margin around the bodies in which obstacles are drawn, relative to their size
+    # not symmetric, so that no point is the centre of an obstacle, where the direction is undefined
     margins = margin * surface.size * np.array([1.0, 1.01, 1.02])[:gdim]
     low, high = both.min(axis=0) - margins, both.max(axis=0) + 1.003 * margins
-    # Points in each direction where the distance to an obstacle is taken.
+    # Number of points in each direction where the distance to an obstacle is evaluated.
     samples = {2: 400, 3: 80}
     axes = [np.linspace(low[i], high[i], samples[gdim]) for i in range(gdim)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)

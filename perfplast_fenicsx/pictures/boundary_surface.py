@@ -1,6 +1,6 @@
-"""The skin of the bodies, found in the arrays of a mesh. Single-process.
+"""Extract the skin of the bodies from the arrays of a mesh. Single-process.
 
-Of a plane mesh the skin is the mesh itself, and its exterior facets are the edges around it.
+The skin of a plane mesh is the mesh itself; its exterior facets are the boundary edges.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Surface:
         body: Index of each triangle's volume in ``names``, shape (num_triangles,).
         names: Names of the volumes, in the order of their tags.
         at_points: Nodal values by name, shape (num_points,) or (num_points, 3).
-        at_cells: Values of the cells below the triangles by name, shape (num_triangles,).
+        at_cells: Values of the cells beneath the triangles by name, shape (num_triangles,).
         marks: Whether each of :attr:`facets` is on a marked surface, by name of the mark.
     """
 
@@ -44,17 +44,17 @@ class Surface:
 
     @property
     def plane(self) -> bool:
-        """Whether it is that of a plane mesh."""
+        """Whether the mesh is plane."""
         return len(self.edges) > 0
 
     @property
     def facets(self) -> Longs:
-        """Where loads and contact act: the triangles, of a plane mesh the edges."""
+        """Facets on which loads and contact act: the triangles, or the edges of a plane mesh."""
         return self.edges if self.plane else self.triangles
 
     @property
     def normals(self) -> Floats:
-        """Outward normals of the facets, as long as their areas or lengths, shape (n, 3)."""
+        """Outward normals of the facets, with their areas or lengths as norms, shape (n, 3)."""
         return _normals(self.points, self.facets)
 
     @property
@@ -64,18 +64,18 @@ class Surface:
 
     @property
     def size(self) -> float:
-        """The diagonal of the box around it."""
+        """Diagonal of the bounding box."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
 
 @dataclass(frozen=True)
 class Skin:
-    """A surface without fields, and where its values are among those of the mesh.
+    """A surface without fields, with the positions of its values among those of the mesh.
 
     Attributes:
         surface: The surface.
         nodes: Nodes of its points, shape (num_points,).
-        cells: Below its triangles, shape (num_triangles,).
+        cells: Cells beneath its triangles, shape (num_triangles,).
         tags: Tags of the surfaces that its facets are on, −1 for none, shape (num_facets,).
     """
 
@@ -93,15 +93,15 @@ def make_skin(
     tags: npt.NDArray[np.integer[Any]],
     named: NamedScene,
 ) -> Skin:
-    """Find the skin.
+    """Return the skin of a mesh.
 
     Args:
         x: Nodes, shape (num_nodes, 2 or 3).
         cells: Nodes of triangles or tetrahedra, vertices first, shape (num_cells, nodes_per_cell).
         body: Tag of each cell's volume.
         tagged: Nodes of the facets with a tag, vertices first, shape (num_tagged, nodes_per_facet).
-        tags: Of these facets.
-        named: Names of the tags, and which surfaces are to be marked.
+        tags: Tags of these facets.
+        named: Names of the tags, and the surfaces to be marked.
     """
     gdim = 2 if cells.shape[1] in (3, 6) else 3
     points = np.zeros((len(x), 3))
@@ -133,19 +133,19 @@ def make_skin(
 
 
 def exterior(cells: Longs) -> tuple[Longs, Longs]:
-    """Return the facets that belong to one cell alone.
+    """Return the facets that belong to a single cell.
 
     Args:
         cells: Vertices of simplices, shape (num_cells, gdim + 1).
 
     Returns:
-        Their vertices in rising order, shape (num_facets, gdim), and their cells.
+        Vertices of the facets in rising order, shape (num_facets, gdim), and their cells.
     """
     size, number = cells.shape[1], int(cells.max(initial=0)) + 1
     corners = np.array(list(combinations(range(size), size - 1)))
     facets = np.sort(cells, axis=1)[:, corners].reshape(-1, size - 1)
     key = facets[:, 0]
-    for column in facets.T[1:]:  # a number for each facet, the same of all that are the same one
+    for column in facets.T[1:]:  # number the facets; equal facets get the same number
         _, first, key, count = np.unique(
             key * number + column, return_index=True, return_inverse=True, return_counts=True
         )
@@ -154,12 +154,12 @@ def exterior(cells: Longs) -> tuple[Longs, Longs]:
 
 
 def facet_tags(facets: Longs, tagged: Longs, tags: npt.NDArray[np.integer[Any]]) -> Longs:
-    """Return the tag of each facet, −1 of those without, however their vertices are ordered.
+    """Return the tag of each facet, −1 without one, for any order of their vertices.
 
     Args:
-        facets: Vertices, shape (num_facets, gdim).
-        tagged: The same of facets with a tag.
-        tags: Their tags.
+        facets: Vertices of facets, shape (num_facets, gdim).
+        tagged: Vertices of facets with a tag, in the same form.
+        tags: Tags of these facets.
     """
     rows = np.sort(np.concatenate([tagged, facets]), axis=1)
     _, same = np.unique(rows, axis=0, return_inverse=True)
@@ -174,7 +174,7 @@ def turn_outward(corners: npt.NDArray[Any], x: Floats, centres: Floats) -> None:
     Args:
         corners: Indices of points, shape (num_facets, 2 or 3); changed in place.
         x: The points, shape (num_points, 3).
-        centres: Centres of each facet's cell, shape (num_facets, 3).
+        centres: Centre of each facet's cell, shape (num_facets, 3).
     """
     from_inside: Floats = x[corners[:, 0]] - centres
     inward = np.einsum("ni,ni->n", _normals(x, corners), from_inside) < 0
@@ -182,7 +182,7 @@ def turn_outward(corners: npt.NDArray[Any], x: Floats, centres: Floats) -> None:
 
 
 def _normals(points: Floats, facets: npt.NDArray[np.integer]) -> Floats:
-    """On the right of edges, and where triangles are counterclockwise; as long as the area."""
+    """Return normals, with areas as norms: right of edges, front of counterclockwise triangles."""
     along = points[facets[:, 1]] - points[facets[:, 0]]
     if facets.shape[1] == 2:
         return np.cross(along, [0.0, 0.0, 1.0])

@@ -1,6 +1,6 @@
-"""A picture of a case before it is solved: bodies with loads, supports, contacts, and what is free.
+"""Draw a case before it is solved: bodies with loads, supports, contacts, and free surfaces.
 
-Only the drawing process imports this (:mod:`drawing_process`).
+Only the drawing process imports this module (:mod:`drawing_process`).
 """
 
 from pathlib import Path
@@ -22,17 +22,17 @@ from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.views import BACK, FRONT, PLANE, REVOLVED, View, draw_axes
 
 FREE, REST = "#d9d9d9", "#ffc680"
-"""Colours of what the case does not name, and of what is beside a part of a side."""
+"""Colours of surfaces that the case does not name, and of the rest of a side with a named part."""
 
 HUES = {
     "load": ("#c1121f", "#e85d75", "#8c1c4b", "#ff7b54"),
     "support": ("#1d4e89", "#3d8bd4", "#00796b", "#6a5acd"),
     "contact": ("#5b8c3a", "#8fb339", "#3f6b2a", "#a3c585"),
 }
-"""Colours of what is loaded, of what is held, and of what touches, in turn."""
+"""Colours of loaded surfaces, supports and contacts, used in turn."""
 
 FILLED = ("#efe3c8", "#dfe8d2", "#e6d8cf", "#d9e2ea", "#f2ead9", "#dcd7e6")
-"""Colours of bodies in the plane, in turn, where there are several."""
+"""Colours of bodies in the plane, used in turn if there are several."""
 
 WATER = "#1874b8"
 """Colour of the water table."""
@@ -41,12 +41,7 @@ Arrays = dict[str, npt.NDArray[Any]]
 
 
 def save_case(source: str | Path, output: Path) -> None:
-    """Draw what :func:`perfplast_fenicsx.cli.understood.save_arrays` has written.
-
-    Args:
-        source: The .npz file.
-        output: A PNG file.
-    """
+    """Draw the arrays of :func:`perfplast_fenicsx.cli.understood.save_arrays`."""
     with np.load(source) as file:
         arrays = {name: file[name] for name in file.files}
     flat = arrays["x"].shape[2] == 2
@@ -57,14 +52,14 @@ def save_case(source: str | Path, output: Path) -> None:
         for number, label in enumerate(arrays["labels"])
     ]
     if arrays["rest"].any():
-        words = "beside it on the same side, and not covered"
+        words = "rest of the same side, not covered"
         handles.append(Patch(facecolor=REST, hatch="///", edgecolor="#7f4f00", label=words))
     handles.append(Patch(color=FREE, label="free"))
     if len(arrays["water"]):
         handles.append(Patch(color=WATER, label="water table"))
     below = 0.35 + 0.23 * len(handles)  # inches
     above, high, wide = 0.7, 5.4, 7.0
-    if flat:  # as wide as the bodies are
+    if flat:  # as wide as the bodies
         low, top = arrays["x"].reshape(-1, 2).min(axis=0), arrays["x"].reshape(-1, 2).max(axis=0)
         wide = 10.0
         high = float(np.clip(wide * (top - low)[1] / max((top - low)[0], 1e-300), 2.0, 8.0))
@@ -147,7 +142,7 @@ def _draw_plane(axes: Axes, arrays: Arrays, colours: list[str]) -> None:
 
 
 def _fill(axes: Axes, arrays: Arrays) -> None:
-    """Draw the cells, those of each body in its colour, and the names of several bodies."""
+    """Draw the cells in the colours of their bodies, with the names of several bodies."""
     cells, bodies, names = arrays["cells"], arrays["bodies"], arrays["names"]
     several = len(names) > 1
     ends = np.asarray(arrays["x"], dtype=np.float64)
@@ -162,7 +157,7 @@ def _fill(axes: Axes, arrays: Arrays) -> None:
         )
         if several:
             middles = own.mean(axis=1)
-            x, y = middles[np.argmax(cKDTree(edges).query(middles)[0])]  # where there is room
+            x, y = middles[np.argmax(cKDTree(edges).query(middles)[0])]  # where there is most space
             style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 9}
             axes.text(x, y, str(name), color="#303030", parse_math=False, zorder=5, **style)
 
@@ -173,7 +168,7 @@ def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uin
     plotter = pv.Plotter(off_screen=True, window_size=[1000, 780])
     plotter.set_background("white")
     shown = _of_facets(arrays, colours)
-    sharp = 30.0  # edges between facets that differ by more degrees are drawn
+    sharp = 30.0  # angle (degrees) between facets above which their common edge is drawn
     for body in np.unique(arrays["body"]):
         own = arrays["body"] == body
         for colour in np.unique(shown[own]):
@@ -211,7 +206,7 @@ def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uin
 
 
 def _arrows(arrays: Arrays) -> list[tuple[Floats, Floats, int]]:
-    """Return where resultants of loads act, they themselves, and the label of each."""
+    """Return positions and resultants of loads, with the label of each."""
     triples = zip(arrays["places"], arrays["forces"], arrays["of_force"], strict=True)
     return [
         (np.asarray(place, dtype=np.float64), np.asarray(force, dtype=np.float64), int(number))
@@ -221,6 +216,6 @@ def _arrows(arrays: Arrays) -> list[tuple[Floats, Floats, int]]:
 
 
 def _mesh(x: Floats) -> pv.PolyData:
-    """Return triangles by their corners, shape (n, 3, 3)."""
+    """Return a mesh of triangles with given corners, shape (n, 3, 3)."""
     numbers: Longs = np.arange(3 * len(x)).reshape(-1, 3)
     return pv.PolyData(x.reshape(-1, 3), faces=np.column_stack([np.full(len(x), 3), numbers]))

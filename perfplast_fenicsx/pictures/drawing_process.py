@@ -1,6 +1,7 @@
-"""The drawing program's process, with an X server of its own.
+"""Run the drawing program as a process with its own X server.
 
-It reads the result folder, and is no rank: a graphics system that fails takes nothing with it.
+It reads the result folder and is no rank, so that a failure of the graphics system does not affect
+the run.
 """
 
 import logging
@@ -33,23 +34,23 @@ log = logging.getLogger(__name__)
 def draw(folder: "ResultFolder") -> bool:
     """Draw the pictures of a result folder into it. Collective.
 
-    Without a graphics system a warning is logged on rank 0: a picture is no reason to stop.
+    Without a graphics system a warning is logged on rank 0, and the run continues.
 
     Args:
-        folder: With its results on file.
+        folder: The result folder with its results on file.
 
     Returns:
-        Whether all is drawn that there is to draw, on every rank alike.
+        Whether all pictures are drawn, the same on every rank.
     """
     return drawn_on_rank0(folder.comm, lambda: plot(folder.path))
 
 
 def drawn_on_rank0(comm: "MPI.Intracomm", draw: Callable[[], None]) -> bool:
-    """Draw by rank 0, log a warning where that fails, and return whether it was drawn. Collective.
+    """Draw on rank 0, log a warning if that fails, and return whether it was drawn. Collective.
 
     Args:
         comm: The ranks.
-        draw: Draws; called on rank 0 alone.
+        draw: Function that draws; called only on rank 0.
     """
     drawn = False
     if comm.rank == 0:
@@ -69,12 +70,12 @@ def plot(
     """Draw loading curve, plastic zone, mechanism and contact pressure of a run. Not collective.
 
     Args:
-        folder: Its results; it may still be going on.
-        output: Folder for the pictures; by default that of the results.
-        say: Called with the path of each picture, and with what cannot be drawn for lack of data.
+        folder: The results of the run, which may still be running.
+        output: Folder for the pictures; by default the result folder.
+        say: Called with the path of each picture, and with a sentence for each that lacks data.
 
     Raises:
-        InputError: If the folder has no results, nothing can be drawn, or not written.
+        InputError: If the folder has no results, or if nothing can be drawn or written.
     """
     _run("plot", folder, output, say)
 
@@ -84,15 +85,15 @@ def animate(
     output: str | Path | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> None:
-    """Show the loading level by level, with the same scales in all frames. Not collective.
+    """Animate the loading level by level, with the same scales in all frames. Not collective.
 
     Args:
-        folder: The results of a run; it may still be going on.
+        folder: The results of a run, which may still be running.
         output: A GIF or WebP file; by default ``loading.gif`` in the folder.
         say: Called with the path of the file.
 
     Raises:
-        InputError: If the folder has no fields, the file cannot be written, or nothing be drawn.
+        InputError: If the folder has no fields, or if nothing can be drawn or written.
     """
     _run("animate", folder, output, say)
 
@@ -105,7 +106,7 @@ def draw_parts(skin: str | Path, picture: str | Path) -> None:
         picture: A PNG file.
 
     Raises:
-        InputError: If it cannot be drawn or written.
+        InputError: If the picture cannot be drawn or written.
     """
     _run("parts", skin, picture, lambda line: None)
 
@@ -118,7 +119,7 @@ def draw_case(arrays: str | Path, picture: str | Path) -> None:
         picture: A PNG file.
 
     Raises:
-        InputError: If it cannot be drawn or written.
+        InputError: If the picture cannot be drawn or written.
     """
     _run("case", arrays, picture, lambda line: None)
 
@@ -165,7 +166,7 @@ def _run(
 
 
 def _cause(status: int, complaints: IO[str], waited: float | None, screen: bool) -> str:
-    """Return the cause of a failure, from the last words of the program."""
+    """Return the cause of a failure, from the last line of the program's output."""
     complaints.seek(0)
     last = (complaints.read().strip().splitlines() or [f"exit status {status}"])[-1]
     if status == REFUSED:
@@ -182,7 +183,7 @@ def _cause(status: int, complaints: IO[str], waited: float | None, screen: bool)
 
 @contextmanager
 def display() -> Iterator[dict[str, str]]:
-    """An environment to draw in: with an X server of its own where Xvfb is installed.
+    """Return an environment to draw in, with its own X server if Xvfb is installed.
 
     The variables of MPI launchers are left out, so that the child is no rank.
     """
@@ -192,8 +193,8 @@ def display() -> Iterator[dict[str, str]]:
         yield environment
         return
     reader, writer = os.pipe()
-    # a number by lot: Xvfb's own choice goes by lock files, which it takes for left over where they
-    # are those of a process that it cannot see, as in another container with the same /tmp
+    # a random number: Xvfb's own choice depends on lock files, which it takes for stale if it
+    # cannot see their process, as in another container with the same /tmp
     number = f":{random.SystemRandom().randrange(100, 60_000)}"
     command = [program, number, "-displayfd", str(writer), "-screen", "0", "1280x1024x24"]
     with subprocess.Popen(

@@ -1,4 +1,4 @@
-"""Which multiples of loads are carried: polygons or polytopes of proof. Single-process."""
+"""Draw the multiples of loads that are carried: polygons or polytopes of proof. Single-process."""
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -22,14 +22,14 @@ def save_envelope(
     path: Path,
     alone: bool = False,
 ) -> None:
-    """Draw what is carried, and where nothing is; between runs the edge of what is carried.
+    """Draw the regions that are carried and not carried, with their edges.
 
     Args:
-        rows: Of :meth:`~perfplast_fenicsx.limit_analysis.body.interaction.Envelope.table`.
+        rows: Rows of :meth:`~perfplast_fenicsx.limit_analysis.body.interaction.Envelope.table`.
         names: Names of the two or three loads.
         title: Heading.
-        path: The png file.
-        alone: Whether no load acts beside them, so that zero is carried too.
+        path: The PNG file.
+        alone: Whether there are no other loads, so that zero is carried too.
 
     Raises:
         OSError: If the file cannot be written.
@@ -51,7 +51,7 @@ def save_envelope(
 
 
 def _rays(rows: Sequence[Mapping[str, Any]]) -> Floats:
-    """Unit vectors of rows, shape (n, 3)."""
+    """Return unit vectors of the rows, shape (n, 3)."""
     angle = np.radians([row["angle"] for row in rows])
     rise = np.radians([row.get("elevation", 0.0) for row in rows])
     level = np.cos(rise)
@@ -59,7 +59,7 @@ def _rays(rows: Sequence[Mapping[str, Any]]) -> Floats:
 
 
 def _ends(rows: Sequence[Mapping[str, Any]], column: str) -> Floats:
-    """Return where rays end, shape (n, 3); NaN where nothing is known."""
+    """Return the ends of rays, shape (n, 3); NaN where nothing is known."""
     lengths = [np.nan if row[column] is None else row[column] for row in rows]
     return _rays(rows) * np.array(lengths)[:, None]
 
@@ -67,12 +67,12 @@ def _ends(rows: Sequence[Mapping[str, Any]], column: str) -> Floats:
 def _section(
     rows: Sequence[Mapping[str, Any]], first: int, second: int
 ) -> Mapping[str, tuple[Floats, bool]]:
-    """Return both edges in the plane of two numbers, in turn, and whether they go all around."""
+    """Return both edges in the plane of two loads by angle, and whether they are closed."""
     rays = _rays(rows)
     inside = np.flatnonzero(np.abs(np.delete(rays, [first, second], axis=1)[:, 0]) < 1e-9)
     turns = np.round(np.arctan2(rays[inside, second], rays[inside, first]), 9)
     turns, order = np.unique(turns, return_index=True)
-    around = bool(np.ptp(turns) > 6)  # of 2π, short of a step
+    around = bool(np.ptp(turns) > 6)  # closed: 2π less a step
     found = {}
     for column in ("not carried from", "carried"):
         points = _ends(rows, column)[inside[order]][:, [first, second]]
@@ -106,7 +106,7 @@ def _polygons(
 
 
 def _surfaces(axes: Any, rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> None:
-    """Both surfaces over the grid of rays: the inner one filled, of the outer one lines."""
+    """Draw both surfaces over the grid of rays: the inner one filled, the outer one as lines."""
     turns = len({row["angle"] for row in rows})
     for column, style in (
         ("carried", {"color": "#3b6ea5", "alpha": 0.6, "linewidth": 0}),

@@ -1,4 +1,4 @@
-"""Where the numbers of faces stand in a picture: on their faces, where these are seen."""
+"""Place the numbers of faces in a picture: on their faces, where these are visible."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,10 +9,10 @@ from scipy.ndimage import distance_transform_edt, find_objects
 from perfplast_fenicsx.arrays import Longs
 
 Room = dict[int, tuple[float, float, float]]
-"""By the number of a face a pixel (x, y) in it, and how far that is from what is not the face."""
+"""By the number of a face: a pixel (x, y) in it, and its distance from other faces (pixels)."""
 
 ENOUGH = 17.0
-"""Pixels: with so much room the number of a face is on it, else beside it."""
+"""Distance (pixels) from which a number is drawn on its face, not beside it."""
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,8 @@ class Label:
 
     Attributes:
         number: Number of a face.
-        at: The pixel of the face (x, y).
-        words_at: Where the number is drawn; if that is not ``at``, a line connects both.
+        at: Pixel (x, y) of the face.
+        words_at: Pixel where the number is drawn; a line connects it with ``at`` if they differ.
     """
 
     number: int
@@ -31,10 +31,10 @@ class Label:
 
 
 def rooms(seen: Longs) -> Room:
-    """Return the pixel of each face that is farthest from all other ones.
+    """Return the pixel of each face that is farthest from all other faces.
 
     Args:
-        seen: Number of the face at each pixel, 0 where there is none, shape (height, width).
+        seen: Number of the face at each pixel, 0 for none, shape (height, width).
     """
     found: Room = {}
     for number, part in enumerate(find_objects(seen), start=1):
@@ -42,19 +42,19 @@ def rooms(seen: Longs) -> Room:
             continue
         distance = np.asarray(distance_transform_edt(np.pad(seen[part] == number, 1)))
         ys, xs = np.nonzero(distance >= 0.97 * distance.max())
-        from_middle = (ys - ys.mean()) ** 2 + (xs - xs.mean()) ** 2  # of long faces
+        from_middle = (ys - ys.mean()) ** 2 + (xs - xs.mean()) ** 2  # for long faces
         y, x = ys[from_middle.argmin()], xs[from_middle.argmin()]
-        if distance[y, x] >= 1.5:  # pixels: with less room a face is not seen
+        if distance[y, x] >= 1.5:  # pixels; a smaller face counts as invisible
             place = (x + part[1].start - 1, y + part[0].start - 1)
             found[number] = (float(place[0]), float(place[1]), float(distance[y, x]))
     return found
 
 
 def shared_out(views: Sequence[Room]) -> list[Room]:
-    """Each face in the view that has the most room for its number, and where else there is enough.
+    """Return the faces of each view: those with the most space for their number, or with enough.
 
     Args:
-        views: What is seen in each.
+        views: Visible faces of each view.
     """
     best = {
         number: max(view[number][2] for view in views if number in view)
@@ -67,10 +67,10 @@ def shared_out(views: Sequence[Room]) -> list[Room]:
 
 
 def labels(room: Room, pixels: tuple[int, int]) -> list[Label]:
-    """Return the places of the numbers; those of small faces beside them, and none on another one.
+    """Return the positions of the numbers; small faces have theirs beside them, without overlaps.
 
     Args:
-        room: Room of the faces in a view.
+        room: Space of the faces in a view.
         pixels: Width and height of the view.
     """
     size = np.array(pixels)

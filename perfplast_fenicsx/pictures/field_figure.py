@@ -1,4 +1,4 @@
-"""``fields.png`` and ``mechanism.png``: the deformed bodies of one state, panel by panel."""
+"""Draw ``fields.png`` and ``mechanism.png``: the deformed bodies of one state, panel by panel."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from perfplast_fenicsx.pictures.renderer import Renderer
 from perfplast_fenicsx.problem.judged.state import LevelReport
 
 SHOWN_DEFORMATION, SHOWN_MECHANISM = 0.1, 0.04
-"""The largest displacement is drawn about so large, relative to the size of the bodies."""
+"""Approximate size of the largest displacement in a picture, relative to the size of the bodies."""
 
 
 def draw_fields(
@@ -31,16 +31,16 @@ def draw_fields(
     """Draw deformed bodies with plastic zone, displacement, contact pressure, slip and friction.
 
     Args:
-        surface: With ``displacement``, ``contact_pressure``, ``yield_ratio`` and the marks of the
-            scene, and ``slip`` and ``friction_stress`` where anything rubs. Of a mechanism the
-            displacement is the velocity.
+        surface: Surface with ``displacement``, ``contact_pressure``, ``yield_ratio`` and the marks
+            of the scene, and with ``slip`` and ``friction_stress`` if there is friction. The
+            displacement of a mechanism is its velocity.
         scene: Surroundings of the bodies, and texts.
         caption: Second line of the heading.
-        path: The png file.
-        largest_dissipation: Largest dissipation of all cells; for mechanisms alone, where the
-            ``dissipation`` is shown instead of the displacement.
-        state: What acts, which arrows and obstacles follow; by default as for ζ = 0.
-        unique: Whether the stress is that of a level, and not one of those of a limit load.
+        path: The PNG file.
+        largest_dissipation: Largest dissipation of all cells, only for mechanisms. The
+            ``dissipation`` is then shown instead of the displacement.
+        state: State of loads and obstacles; by default that of ζ = 0.
+        unique: Whether the stress is unique: that of a level, not of a limit load.
 
     Raises:
         OSError: If the file cannot be written.
@@ -56,11 +56,11 @@ def draw_fields(
 
 
 def deformation_scale(frames: Sequence[Surface], shown: float = SHOWN_DEFORMATION) -> float:
-    """A round number (1, 2 or 5 times a power of ten) that makes the largest deformation visible.
+    """Return a round scale (1, 2 or 5 times a power of ten) that makes the deformation visible.
 
     Args:
-        frames: One skin with one or more states.
-        shown: How large it is drawn, relative to the bodies.
+        frames: One skin in one or more states.
+        shown: Size of the largest displacement in the picture, relative to the bodies.
     """
     sizes = [np.linalg.norm(a.at_points["displacement"], axis=1).max(initial=0) for a in frames]
     largest = float(max(sizes))
@@ -72,7 +72,7 @@ def deformation_scale(frames: Sequence[Surface], shown: float = SHOWN_DEFORMATIO
 
 
 def in_words(scale: float) -> str:
-    """Return how large the deformation is drawn."""
+    """Return the scale of the deformation in words."""
     return "deformation to scale" if scale == 1 else f"deformation drawn {scale:g} times as large"
 
 
@@ -82,7 +82,7 @@ def level_caption(report: LevelReport | None, driven: bool, unit: str) -> str:
     Args:
         report: Report of the level; None for the unloaded bodies.
         driven: Whether ζ moves supports and obstacles.
-        unit: Of α.
+        unit: Unit of α.
     """
     if report is not None and report.factors:
         factors = [f"{name} = {factor:.6g}" for name, factor in report.factors.items()]

@@ -1,4 +1,4 @@
-"""Panels of a picture of fields, with the words and colour bars around them."""
+"""Compose panels of a picture of fields, with the words and colour bars around them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ HUES = ("#6c9bcd", "#b5945c", "#74b386", "#a587c4")
 
 
 PLASTIC = "#b81414"
-"""Darker than the hues, so that it differs from them in grey."""
+"""Colour of plastic cells, darker than the hues, so that it differs from them in grey."""
 
 
 @dataclass
@@ -33,12 +33,12 @@ class Panel:
     """The bodies with one quantity as colour.
 
     Attributes:
-        title: Says what is seen.
+        title: Heading of the panel.
         colours: RGB of each point, or of each triangle, in each frame, shape (num_frames, n, 3);
-            with a fourth column for the opacity, where the background is to be seen.
+            with a fourth column for the opacity if the background is visible.
         bars: Colour map, range and label of each colour bar.
-        facets: Facets that are coloured, over bodies of glass; None for all triangles.
-        loads: Draw the loads.
+        facets: Flags of facets that are coloured, over transparent bodies; None for all triangles.
+        loads: Whether the loads are drawn.
     """
 
     title: str
@@ -55,19 +55,19 @@ def panels(
     middle: bool = True,
     unique: bool = True,
 ) -> list[Panel]:
-    """Plastic zone, displacement or dissipation, contact pressure, slip and friction if any.
+    """Return the panels of a picture: plastic zone, displacement or dissipation, and contact.
 
     Args:
-        frames: One skin with one or more states: with ``displacement``, ``contact_pressure``,
-            ``yield_ratio`` unless bodies are rigid, the mark ``contact``, and ``dissipation`` where
-            it is to be shown. All frames have the same scales. Where there are ``slip`` and
-            ``friction_stress``, these are shown beside the displacement. Where the bodies remember,
-            and there is an ``accumulated_plastic_strain``, it is shown and not the displacement.
-        units: For the legends.
-        largest_dissipation: Largest dissipation of all cells, inner ones too; for mechanisms alone.
-        middle: Show displacement or dissipation, and not only the other two.
-        unique: Whether the stress is that of a level; that of a limit load is arbitrary where
-            nothing flows, which is said of the contact pressure.
+        frames: One skin in one or more states, with the same scales in all frames. They have
+            ``displacement``, ``contact_pressure``, ``yield_ratio`` unless bodies are rigid, the
+            mark ``contact``, and ``dissipation`` if it is to be shown. ``slip`` and
+            ``friction_stress`` are shown beside the displacement. An ``accumulated_plastic_strain``
+            is shown instead of the displacement.
+        units: Units of the legends.
+        largest_dissipation: Largest dissipation of all cells, inner ones too; only for mechanisms.
+        middle: Whether to show displacement or dissipation.
+        unique: Whether the stress is that of a level. The stress of a limit load is arbitrary where
+            nothing flows, which the label of the contact pressure says.
     """
     found = [_stress(frames)] if "yield_ratio" in frames[0].at_cells else []
     if "accumulated_plastic_strain" in frames[-1].at_cells and largest_dissipation is None:
@@ -105,13 +105,13 @@ def _friction(frames: Sequence[Surface], units: Units) -> list[Panel]:
 
 
 def _on_contact(surface: Surface, title: str, values: Floats, colours: str, label: str) -> Panel:
-    """Return values at points of the contact surfaces, over bodies of glass."""
+    """Return a panel of values at points of the contact surfaces, over transparent bodies."""
     panel = _graded(title, values, _from_zero(values), mpl.colormaps[colours], label)
     panel.facets = surface.marks["contact"]
     if not surface.plane:
         panel.title += ", seen through the bodies"
-        # In space, less than this share of the largest pressure is drawn with this opacity, lest
-        # surfaces that hardly touch hide others.
+        # In space, pressures below this share of the largest one are drawn with this opacity, so
+        # that surfaces that hardly touch hide nothing.
         pressed, faint = 0.02, 0.12
         opacity = np.where(values > pressed * values.max(), 1.0, faint)
         panel.colours = np.concatenate([panel.colours, opacity[..., None]], axis=2)
@@ -119,14 +119,14 @@ def _on_contact(surface: Surface, title: str, values: Floats, colours: str, labe
 
 
 def _flow(frames: Sequence[Surface]) -> Panel:
-    """Return the plastic strain that has accumulated so far."""
+    """Return a panel of the accumulated plastic strain."""
     flow = 100 * np.array([a.at_cells["accumulated_plastic_strain"] for a in frames])
     colours = mpl.colormaps["viridis"]
     return _graded("Accumulated plastic strain", flow, _from_zero(flow), colours, "in %")
 
 
 def _mechanism(frames: Sequence[Surface], largest_dissipation: float) -> Panel:
-    """Return the dissipation of a mechanism, or the speed where that is not known."""
+    """Return a panel of a mechanism's dissipation, or of the speed if that is not known."""
     if "dissipation" in frames[0].at_cells:
         work = np.array([a.at_cells["dissipation"] for a in frames])
         share = np.divide(work, largest_dissipation or 1.0, dtype=np.float64)
@@ -152,14 +152,14 @@ def _stress(frames: Sequence[Surface]) -> Panel:
     names = surface.names
     groups = [(name, [body]) for body, name in enumerate(names)]
     letters = len(names) * max(map(len, names))
-    # Bodies whose names have more letters, or that are more than the hues, have one colour.
+    # If names have more letters, or bodies are more than the hues, all bodies have one colour.
     most_letters = 40
     if len(names) > len(HUES) or (len(names) > 1 and letters > most_letters):
         groups = [(f"all {len(names)} bodies", list(range(len(names))))]
     # A yield ratio above this is plastic; the law gives 1 up to rounding.
     plastic_from = 0.9999
     for label, bodies in groups:
-        # pale to the body's colour for elastic stress, then red at once
+        # from pale to the body's colour for elastic stress, then red at once
         elastic = [(0.0, "#f6f6f2"), (plastic_from, hue(bodies[0]))]
         stops = [*elastic, (plastic_from, PLASTIC), (1.0, PLASTIC)]
         colormap = LinearSegmentedColormap.from_list("stress", stops, N=20_000)
@@ -174,15 +174,15 @@ def _graded(title: str, values: Floats, norm: Normalize, colours: Colormap, labe
 
 
 def _without_black(name: str) -> Colormap:
-    """Return a colour map that ends in black, up to where the mesh is still seen on it."""
+    """Return a colour map that ends in black, cut where the mesh is still visible on it."""
     return LinearSegmentedColormap.from_list(name, mpl.colormaps[name](np.linspace(0, 0.85, 256)))
 
 
 def _logarithmic(shares: Floats, areas: Floats) -> LogNorm:
     last = shares[-1]
-    # The colours of dissipation end where they leave out this share of the area
-    # that dissipates more than so much of the largest: at corners it is
-    # infinite. They go so many powers of ten down.
+    # The colours of dissipation leave out this share (``singular``) of the area that dissipates
+    # more than the share ``dissipates`` of the largest value, which is infinite at corners. They
+    # span ``decades`` powers of ten.
     dissipates, singular, decades = 1e-3, 0.01, 2.0
     order = np.argsort(last)[np.count_nonzero(last < dissipates) :]
     below = np.cumsum(areas[order])
@@ -208,12 +208,12 @@ def compose(
     """Put words and colour bars around the images of panels.
 
     Args:
-        shown: What the images are of.
-        images: One of each panel, shape (height, width, 3).
+        shown: Panels of the images.
+        images: Image of each panel, shape (height, width, 3).
         words: Title and subtitle.
-        view: From where the bodies are seen.
+        view: Direction of view.
         dpi: Pixels in 1/5.9 of the figure's height.
-        curve: Draws something in a last panel.
+        curve: Function that draws into a last panel.
     """
     columns = len(shown) + (curve is not None)
     figure = Figure(figsize=(5.4 * columns, 5.9), dpi=dpi)

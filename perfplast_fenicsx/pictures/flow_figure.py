@@ -1,7 +1,4 @@
-"""Water that flows through ground in the plane: pressure, heads, flow lines, free surface.
-
-Single-process.
-"""
+"""Draw seepage in the plane: pressure, heads, flow lines, free surface. Single-process."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -33,7 +30,7 @@ def save_flow(flow: StoredFlow, title: str, units: Mapping[str, str], path: Path
         flow: The flow.
         title: Heading.
         units: The unit of each quantity.
-        path: The png file.
+        path: The PNG file.
 
     Raises:
         OSError: If the file cannot be written.
@@ -74,7 +71,7 @@ def save_flow(flow: StoredFlow, title: str, units: Mapping[str, str], path: Path
 
 
 def free_surface(flow: StoredFlow) -> Floats:
-    """Return the free surface: where the pressure of saturated ground, continued, is zero.
+    """Return the free surface: zero pressure, extrapolated from saturated ground.
 
     Pressures are zero at all points above the free surface, so that the pressure is positive in the
     lower part of a cell and also above the surface. Therefore the pressure head of the saturated
@@ -111,12 +108,13 @@ def _saturated(flow: StoredFlow) -> npt.NDArray[np.bool_]:
 def _continued(flow: StoredFlow, saturated: npt.NDArray[np.bool_], crossed: Longs) -> Floats:
     """Return pressure heads that are negative at the points above the free surface.
 
-    A point above has the mean of what its neighbours below give. Each of these has the mean slope
-    of the total head in its saturated cells, which is zero without such a cell.
+    The head at a point above is the mean of the values that its neighbours below extrapolate. Each
+    neighbour extrapolates with the mean slope of the total head in its saturated cells, or with
+    zero slope if it has none.
 
     Args:
         flow: A flow in the plane.
-        saturated: Which points are below.
+        saturated: Flags of the points below.
         crossed: Cells that the surface crosses.
     """
     count, d = flow.points.shape

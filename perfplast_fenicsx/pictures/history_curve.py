@@ -1,4 +1,4 @@
-"""The curves of a loading history: each factor with its response. Single-process."""
+"""Draw the curves of a loading history: each factor with its response. Single-process."""
 
 from collections.abc import Sequence
 
@@ -15,14 +15,14 @@ def draw_history(
 ) -> None:
     """Draw the factor of each load over the work that it does with the factor 1.
 
-    Where no load has a factor, the driving forces of motions are drawn over theirs.
+    If no load has a factor, the driving forces of motions are drawn over their factors.
 
     Args:
         axes: Axes to draw into.
         reports: Reports of all levels, with the ``factors``, ``works`` and ``driving_forces`` of
             stages.
         unit: Unit of works.
-        now: The level to be marked.
+        now: Level to be marked.
     """
     solved = [report for report in reports if report.converged]
     bracket = f" ({unit})" if unit else ""

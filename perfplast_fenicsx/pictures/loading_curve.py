@@ -1,4 +1,4 @@
-"""The loading curve: load factor ζ over the work of the loads α, or force over stroke.
+"""Draw the loading curve: load factor ζ over the work of the loads α, or force over stroke.
 
 Single-process.
 """
@@ -23,23 +23,23 @@ LINE, ELASTIC, LIMIT = "#3b6ea5", "#707070", "#d62020"
 
 
 class Bounds(Protocol):
-    """A limit load as a curve shows it (:class:`limit_load.LimitLoad`)."""
+    """A limit load in the form that a curve needs (:class:`limit_load.LimitLoad`)."""
 
     @property
     def lower(self) -> float:
-        """The static side, or the most that a path has reached."""
+        """The static side, or the largest load that a path has reached."""
 
     @property
     def estimate(self) -> float | None:
-        """The estimate; None where the curve does not level off."""
+        """The estimate; None if the curve does not level off."""
 
     @property
     def upper(self) -> float | None:
-        """The kinematic side; None where none is known."""
+        """The kinematic side; None if it is not known."""
 
     @property
     def theorem(self) -> bool:
-        """Whether the sides bound a limit load, and not the load at which a path ends."""
+        """Whether the sides bound a limit load, not just the load at which a path ends."""
 
 
 def save_curve(
@@ -55,9 +55,9 @@ def save_curve(
     Args:
         reports: Reports of all levels.
         title: Heading.
-        path: The png file.
+        path: The PNG file.
         limit: Limit load, to be marked with its bounds.
-        unit: Of α.
+        unit: Unit of α.
         driven: Whether ζ moves supports and obstacles.
 
     Raises:
@@ -83,14 +83,7 @@ def draw_curve(
 ) -> None:
     """Draw ζ over α of the converged levels, and a line for the last one that failed.
 
-    Of a history the factors of loads are drawn (:func:`history_curve.draw_history`).
-
-    Args:
-        axes: Axes to draw into.
-        reports: Reports of all levels.
-        limit: Limit load, to be marked with its bounds.
-        unit: Of α.
-        now: The level to be marked.
+    For a history, the factors of loads are drawn (:func:`history_curve.draw_history`).
     """
     if any(report.factors for report in reports):
         draw_history(axes, reports, unit, now)
@@ -143,7 +136,7 @@ def draw_stroke(
         axes: Axes to draw into.
         reports: Reports of all levels.
         unit: Unit of works.
-        now: (ζ, force) to be marked.
+        now: Point (ζ, force) to be marked.
     """
     solved = [report for report in reports if report.converged]
     strokes = [report.zeta for report in solved]

@@ -1,6 +1,6 @@
-"""A picture of the bodies of a geometry, each in its colour, with the numbers of their free faces.
+"""Draw the bodies of a geometry, each in its colour, with the numbers of their free faces.
 
-Only the drawing process imports this (:mod:`drawing_process`).
+Only the drawing process imports this module (:mod:`drawing_process`).
 """
 
 from pathlib import Path
@@ -23,7 +23,7 @@ from perfplast_fenicsx.pictures.picture_file import replace_picture
 from perfplast_fenicsx.pictures.views import BACK, FRONT, LEFT, PLANE, RIGHT, View, draw_axes
 
 PIXELS, DPI = (1000, 800), 100
-"""Size of each view."""
+"""Size of each view (pixels), and pixels per inch."""
 
 Arrays = dict[str, npt.NDArray[np.generic]]
 
@@ -31,8 +31,8 @@ Arrays = dict[str, npt.NDArray[np.generic]]
 def save_parts(source: str | Path, output: Path) -> None:
     """Draw the skin in an .npz file (:func:`perfplast_fenicsx.geometry.skin.skin_of`).
 
-    Bodies in space are seen from the front and from the back, and from both sides as well where a
-    face is not seen from there.
+    Bodies in space are shown from the front and from the back. If a face is not visible in these
+    views, both sides are added.
 
     Args:
         source: The file.
@@ -54,7 +54,8 @@ def save_parts(source: str | Path, output: Path) -> None:
     columns = min(len(views), 2)
     lines = len(views) // columns
     names = [in_legend(str(name)) for name in skin["names"]]
-    most_names, names_in_line = 24, 6  # so many bodies are named below the picture at most
+    # largest number of bodies named below the picture, and of names in a line
+    most_names, names_in_line = 24, 6
     handles = [Patch(color=_hue(k), label=name) for k, name in enumerate(names) if k < most_names]
     if len(names) > most_names:
         handles.append(Patch(color="none", label=f"and {len(names) - most_names} more"))
@@ -87,7 +88,7 @@ def save_parts(source: str | Path, output: Path) -> None:
 
 
 def _write(axes: Axes, found: list[Label]) -> None:
-    """Put numbers on an image."""
+    """Write numbers on an image."""
     box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "#808080", "lw": 0.5, "alpha": 0.85}
     line: dict[str, Any] = {"arrowstyle": "-", "color": "black", "lw": 0.7, "shrinkA": 0}
     for label in found:
@@ -107,13 +108,13 @@ def _write(axes: Axes, found: list[Label]) -> None:
 
 
 def _hidden(skin: Arrays, seen: list[dict[int, tuple[float, float, float]]]) -> list[int]:
-    """Return numbers of faces that are in none of the views."""
+    """Return the numbers of faces that no view shows."""
     found = set().union(*seen)
     return [int(number) for number in skin["numbers"] if int(number) not in found]
 
 
 def _on_curves(skin: Arrays, view: View) -> list[Label]:
-    """Numbers on the edges of plane bodies, at their middles."""
+    """Return labels at the midpoints of the edges of plane bodies."""
     camera = _camera(skin, view)
     places = np.asarray(skin["places"], dtype=np.float64) @ view.frame[:2].T
     pixels = (places - camera.middle) * [1, -1] / camera.pixel + np.array(PIXELS) / 2
@@ -128,10 +129,10 @@ def _image(skin: Arrays, view: View) -> npt.NDArray[np.uint8]:
     points, triangles = _points(skin), _triangles(skin)
     plotter = _plotter(skin, view)
     flat = view is PLANE
-    sharp = 30.0  # edges between facets that differ by more degrees are drawn
+    sharp = 30.0  # angle (degrees) between facets above which their common edge is drawn
     for body in range(len(skin["names"])):
         own = triangles[skin["body"] == body]
-        if not len(own):  # others cover all of it
+        if not len(own):  # other bodies cover it completely
             continue
         mesh = _mesh(points, own).clean()
         plotter.add_mesh(mesh, color=_hue(body), lighting=not flat, ambient=0.5, diffuse=0.5)
@@ -142,9 +143,9 @@ def _image(skin: Arrays, view: View) -> npt.NDArray[np.uint8]:
 
 
 def _faces_at_pixels(skin: Arrays, view: View) -> Longs:
-    """Which free face is seen at each pixel, 0 where there is none, shape (height, width)."""
+    """Return the free face that is visible at each pixel, 0 for none, shape (height, width)."""
     face = np.asarray(skin["face"], dtype=np.int64)
-    factor = 0x9E3779B1  # odd: each number has a colour of its own, and neighbours differ much
+    factor = 0x9E3779B1  # odd: each number has its own colour, and neighbours differ much
     colours = face * factor & 0xFFFFFF
     split = (colours[:, None] >> np.array([16, 8, 0]) & 0xFF).astype(np.uint8)
     plotter = _plotter(skin, view)
@@ -158,13 +159,13 @@ def _faces_at_pixels(skin: Arrays, view: View) -> Longs:
 
 
 class _Camera:
-    """The middle of a view, its directions, and the size of a pixel."""
+    """The centre of a view, its limits, and the size of a pixel."""
 
     def __init__(self, points: Floats, view: View) -> None:
         seen = points @ view.frame.T
         self.low, self.high = seen.min(axis=0), seen.max(axis=0)
         self.middle = (self.low + self.high)[:2] / 2
-        margin = 1.06  # so much more than the bodies is seen
+        margin = 1.06  # size of the view relative to the bodies
         self.pixel = float(margin * np.max((self.high - self.low)[:2] / PIXELS))
 
 
@@ -173,7 +174,7 @@ def _camera(skin: Arrays, view: View) -> _Camera:
 
 
 def _plotter(skin: Arrays, view: View) -> pv.Plotter:
-    """Return an empty picture, with a camera that sees all bodies."""
+    """Return an empty picture, with a camera that shows all bodies."""
     plotter = pv.Plotter(off_screen=True, window_size=list(PIXELS))
     plotter.set_background("white")
     aim = _camera(skin, view)

@@ -1,4 +1,4 @@
-"""Pictures as files that are replaced as a whole."""
+"""Write pictures as files that are replaced as a whole."""
 
 import io
 from pathlib import Path
@@ -8,10 +8,10 @@ from perfplast_fenicsx.atomic_files import replace
 
 
 def replace_picture(path: Path, figure: Any) -> None:
-    """Save a figure of matplotlib in the format that the name ends in.
+    """Save a matplotlib figure in the format of the file name's suffix.
 
     Raises:
-        OSError: If the system refuses; the file is then as it was.
+        OSError: If the system refuses; the old file is then unchanged.
     """
     image = io.BytesIO()
     figure.savefig(image, format=path.suffix.lstrip(".") or "png")

@@ -1,7 +1,7 @@
-"""Images of the deformed bodies and what is around them, by VTK.
+"""Render images of the deformed bodies and their surroundings with VTK.
 
-A graphics system that fails may end the process: only the drawing process imports this
-(:mod:`drawing_process`).
+A failure of the graphics system may end the process. Therefore only the drawing process imports
+this module (:mod:`drawing_process`).
 """
 
 from collections.abc import Sequence
@@ -20,24 +20,24 @@ from perfplast_fenicsx.pictures.figure_panels import Panel, hue
 from perfplast_fenicsx.pictures.views import view_of
 
 Paint = dict[str, Any]
-"""How pyvista is to draw a mesh."""
+"""Options of pyvista for drawing a mesh."""
 
 
 DARK = 17
-"""Red, green and blue of the arrows of loads."""
+"""Value of red, green and blue in the colour of load arrows."""
 
 IN_FRONT = 1e-3
-"""In the plane, what is drawn upon the bodies is so far before them, relative to their size."""
+"""In the plane, distance of overlays in front of the bodies, relative to their size."""
 
 
 class Renderer:
     """The bodies and their surroundings, seen from one direction.
 
-    The frames of an animation differ in the deformation, the arrows and the colours. They have one
-    camera, which sees all of them.
+    The frames of an animation differ in the deformation, the arrows and the colours. They share one
+    camera, which shows all of them.
 
     Attributes:
-        view: From where they are seen.
+        view: Direction of view.
     """
 
     def __init__(
@@ -48,19 +48,19 @@ class Renderer:
         pixels: tuple[int, int],
         states: Sequence[Acting] = (Acting(),),
     ) -> None:
-        """Set the scene.
+        """Build the scene.
 
         Args:
-            frames: One skin with one or more states.
+            frames: One skin in one or more states.
             scene: Surroundings of the bodies.
-            scale: Of the displacements.
+            scale: Scale of the displacements.
             pixels: Width and height of each image.
-            states: What acts in the frames, which arrows and obstacles follow.
+            states: States of loads and obstacles in the frames.
         """
         self._skin = skin = frames[-1]
         self._pixels, self._flat, self._size = pixels, skin.plane, skin.size
         self._frames = np.array([a.points + scale * a.at_points["displacement"] for a in frames])
-        # of the same facets in all frames, so that arrows move with the bodies and do not jump
+        # on the same facets in all frames, so that arrows move with the bodies and do not jump
         lengths = shares(states, scene.on_surfaces)
         self._arrows = [
             load_arrows(skin, moved, scene.on_surfaces, lengths[number])
@@ -106,7 +106,7 @@ class Renderer:
         self._aim(plotter)
         plotter.enable_anti_aliasing("ssaa")
         image = np.asarray(plotter.screenshot(return_img=True))[..., :3]
-        if shows_loads:  # those that bodies hide are seen through them, faintly
+        if shows_loads:  # hidden loads show faintly through the bodies
             plotter.clear_actors()
             self._add_loads(plotter, frame)
             plotter.render()
@@ -122,7 +122,7 @@ class Renderer:
         plotter.add_arrows(arrows.starts, arrows.vectors, color=(DARK,) * 3, lighting=False)
 
     def _add_bodies(self, plotter: pv.Plotter, points: Floats, colours: Floats) -> None:
-        most_edges = 40_000  # the mesh is drawn where it has no more triangles than this
+        most_edges = 40_000  # largest number of triangles with which the mesh is drawn
         plotter.add_mesh(
             _mesh(points, self._skin.triangles),
             scalars=colours,
@@ -139,13 +139,13 @@ class Renderer:
     def _add_contact(
         self, plotter: pv.Plotter, points: Floats, colours: Floats, chosen: npt.NDArray[np.bool_]
     ) -> None:
-        """The chosen facets over bodies of glass: triangles, or thick lines with a rim."""
+        """Add the chosen facets over transparent bodies: triangles, or thick lines with a rim."""
         skin = self._skin
-        # Opacity of bodies in the plane, and of their skins in space.
+        # Opacity of bodies in the plane, and of skins in space.
         opacities = {True: 0.2, False: 0.12}
         for body in range(len(skin.names)):
             glass = skin.body == body
-            if not self._flat:  # two skins at the same place would be mixed up
+            if not self._flat:  # two skins at the same position would be mixed
                 glass &= ~(chosen | skin.marks["opposite"])
             if glass.any():
                 mesh = _mesh(points, skin.triangles[glass])
@@ -165,7 +165,7 @@ class Renderer:
     def _obstacles_at(
         self, scene: Scene, travels: Sequence[float]
     ) -> list[tuple[pv.DataSet, Paint]]:
-        """Return all obstacles, each so much of its move away from where it begins."""
+        """Return all obstacles, each displaced by a multiple of its move."""
         near = sample_obstacles(self._skin, self._frames.reshape(-1, 3), scene.obstacles, travels)
         return [
             part
@@ -176,12 +176,12 @@ class Renderer:
     def _obstacle(
         self, distances: Floats, corner: Floats, spacing: Floats
     ) -> list[tuple[pv.DataSet, Paint]]:
-        """Meshes of an obstacle near the bodies, from distances on a grid, and how to draw them."""
+        """Return meshes of an obstacle near the bodies with their options, given distances."""
         if distances.min() >= 0:
             return []
         grid = pv.ImageData(dimensions=distances.shape, spacing=spacing, origin=corner)
         grid.point_data["distance"] = distances.ravel(order="F")
-        # in space a little inside, since it would be mixed up with the surface that touches it
+        # in space slightly inside, since it would be mixed with the surface that touches it
         depth = 0.0 if self._flat else IN_FRONT * self._size
         skin = grid.contour([-depth], scalars="distance")
         if not self._flat:
@@ -191,7 +191,7 @@ class Renderer:
             inside.translate((0, 0, -IN_FRONT * self._size), inplace=True)
             across = inside.points[:, :2].sum(axis=1)
             inside.point_data["across"] = across
-            hatches = 60  # hatching has so many lines across the picture
+            hatches = 60  # number of hatching lines across the picture
             step = self._size / hatches
             lines = np.arange(across.min(), across.max() + step, step)
             parts = [
@@ -202,7 +202,7 @@ class Renderer:
         return [(mesh, paint) for mesh, paint in parts if mesh.n_points]
 
     def _aim(self, plotter: pv.Plotter) -> None:
-        """Fill the image with what there is to see, loads included, alike in all panels."""
+        """Fill the image with everything visible, loads included, in the same way in all panels."""
         axes, towards = self.view.frame[:2], self.view.frame[2]
         around = [mesh.points for parts in self._obstacles for mesh, _ in parts]
         arrows = [end for a in self._arrows for end in (a.starts, a.starts + a.vectors)]
@@ -228,11 +228,11 @@ class Renderer:
         return found
 
     def _sharp_edges(self, body: int) -> pv.PolyData:
-        """Sharp edges of a body; found before it bends, where an edge is sharp all along."""
+        """Return the sharp edges of a body, found before it deforms."""
         mesh = _mesh(self._skin.points, self._skin.triangles[self._skin.body == body])
         mesh.point_data["number"] = np.arange(len(self._skin.points))
-        # Edges between facets that differ by more degrees are drawn:
-        # none of a cylinder of ten facets.
+        # Angle (degrees) between facets above which their common edge is drawn; a cylinder of ten
+        # facets has no such edges.
         sharp = 40.0
         return mesh.clean().extract_feature_edges(
             sharp, boundary_edges=False, manifold_edges=False, non_manifold_edges=False
@@ -240,9 +240,10 @@ class Renderer:
 
 
 def _axis(skin: Surface) -> pv.PolyData:
-    """Return the axis of revolution beside the bodies, dashed and dotted."""
+    """Return the axis of revolution beside the bodies as a dash-dotted line."""
     low, high = skin.points[:, 1].min(), skin.points[:, 1].max()
-    # Of an axis of revolution, and how far it goes beyond the bodies, relative to their height.
+    # Number of dashes of an axis of revolution, and its extension beyond the bodies relative to
+    # their height.
     dashes, axis_beyond = 24, 0.05
     margin = axis_beyond * (high - low)
     begin = np.linspace(low - margin, high + margin, dashes, endpoint=False)

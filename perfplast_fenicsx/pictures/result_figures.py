@@ -1,7 +1,7 @@
 """Draw the pictures of a result folder (:mod:`perfplast_fenicsx.io.results.figures`).
 
-What needs matplotlib or VTK is imported when it is needed, so that the loading curve is drawn where
-there is no VTK, and a sentence says what is missing.
+Modules that need matplotlib or VTK are imported on use. So the loading curve is drawn without VTK,
+and a message names a missing package.
 """
 
 import dataclasses
@@ -24,14 +24,14 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
     """Draw the :func:`~perfplast_fenicsx.io.results.figures.figures` of a run.
 
     Args:
-        folder: Its results; it may still be going on.
-        output: Folder for the pictures; by default that of the results.
+        folder: The results of the run, which may still be running.
+        output: Folder for the pictures; by default the result folder.
 
     Yields:
-        The path of each picture once it is drawn, and what cannot be drawn for lack of data.
+        The path of each picture once it is drawn, and a sentence for each that lacks data.
 
     Raises:
-        InputError: If the folder has no results, nothing can be drawn, or not written.
+        InputError: If the folder has no results, or if nothing can be drawn or written.
     """
     reader, target = ResultReader(folder), Path(output or folder)
     if not reader.reports and reader.limit is None:
@@ -117,7 +117,7 @@ def strength(reader: ResultReader) -> Drawing | None:
 
 
 def envelope(reader: ResultReader) -> Drawing | None:
-    """Return a function that draws ``envelope.png``: the pairs of loads that are carried."""
+    """Return a function that draws ``envelope.png``: the combinations of loads that are carried."""
     pairs = _asked(reader, "envelope")
     if not pairs:
         return None
@@ -179,17 +179,17 @@ def _last(reader: ResultReader) -> Surface:
 
 
 def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
-    """Show the loading level by level, with the same scales in all frames.
+    """Animate the loading level by level, with the same scales in all frames.
 
     Args:
-        folder: The results of a run; it may still be going on.
+        folder: The results of a run, which may still be running.
         output: A GIF or WebP file; by default ``loading.gif`` in the folder.
 
     Yields:
         The path of the file once it is drawn.
 
     Raises:
-        InputError: If the folder has no fields, the file cannot be written, or nothing be drawn.
+        InputError: If the folder has no fields, or if nothing can be drawn or written.
     """
     reader = ResultReader(folder)
     target = Path(output) if output else reader.path / "loading.gif"
@@ -220,10 +220,10 @@ def parts(skin: str | Path, output: str | Path) -> Iterator[str]:
         output: A PNG file.
 
     Yields:
-        Its path once it is drawn.
+        The path of the picture once it is drawn.
 
     Raises:
-        InputError: If it cannot be drawn or written.
+        InputError: If the picture cannot be drawn or written.
     """
     with _drawing(Path(output)) as path:
         from perfplast_fenicsx.pictures.parts_figure import save_parts
@@ -233,17 +233,17 @@ def parts(skin: str | Path, output: str | Path) -> Iterator[str]:
 
 
 def case(arrays: str | Path, output: str | Path) -> Iterator[str]:
-    """Draw a case before it is solved: what is loaded, held, in contact and free.
+    """Draw a case before it is solved: loaded, held, touching and free surfaces.
 
     Args:
         arrays: An .npz file of :func:`perfplast_fenicsx.cli.understood.save_arrays`.
         output: A PNG file.
 
     Yields:
-        Its path once it is drawn.
+        The path of the picture once it is drawn.
 
     Raises:
-        InputError: If it cannot be drawn or written.
+        InputError: If the picture cannot be drawn or written.
     """
     with _drawing(Path(output)) as path:
         from perfplast_fenicsx.pictures.case_figure import save_case
@@ -253,7 +253,7 @@ def case(arrays: str | Path, output: str | Path) -> Iterator[str]:
 
 
 def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, float, str] | None:
-    """Return the mechanism: that of the limit load, else the increment between the last two levels.
+    """Return the mechanism: that of the limit load, otherwise the last increment of levels.
 
     Args:
         reader: The results.
@@ -261,7 +261,7 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
 
     Returns:
         The velocity with the stress of the last level or its own, the largest dissipation and a
-        caption; None where there is but one level, or no plastic cell.
+        caption; None if there is only one level, or no plastic cell.
     """
     found = reader.mechanism(surface)
     if found is not None:
@@ -271,7 +271,7 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
     if surface is None or len(levels) < 2 or levels[-1].report.plastic_cells == 0:
         return None
     if levels[-1].report.factors:
-        return None  # of a history no level is next to collapse
+        return None  # no level of a history is near collapse
     before, last = levels[-2:]
     work = last.report.alpha - before.report.alpha
     earlier = reader.surface(before).at_points["displacement"]
@@ -282,9 +282,9 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
 
 
 def _collapse(limit: StoredLimit) -> str:
-    """Return the limit load in words: of the body where its bracket is known, else of the mesh."""
+    """Return the limit load in words: for the body if its bracket is known, or for the mesh."""
     if not limit.theorem:
-        return f"velocity where this path has come to, ζ = {rounded_down(limit.lower)}"
+        return f"velocity at the end of this path, ζ = {rounded_down(limit.lower)}"
     if limit.strength:
         factor = limit.strength["upper"]
         reduced = "" if factor is None else f", strengths divided by F = {rounded_up(factor)}"
@@ -312,10 +312,10 @@ def _collapse(limit: StoredLimit) -> str:
 
 @contextmanager
 def _drawing(path: Path) -> Iterator[Path]:
-    """Make the folder of a picture; what goes wrong with the picture as a sentence.
+    """Create the folder of a picture, and turn failures into messages.
 
     Raises:
-        InputError: That says what.
+        InputError: With the cause.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
-"""The results of a run as they are on file, for pictures. Single-process: it reads whole fields.
+"""Read the results of a run from its files, for pictures. Single-process: it reads whole fields.
 
-The run may still be going on: it replaces files as a whole, and opens none again, so that reading
-does not disturb it. HDF5's locks are not used, since some file systems have none.
+The run may still be running. It replaces files as a whole and reopens none, so that reading does
+not disturb it. HDF5's locks are not used, since some file systems have none.
 """
 
 import csv
@@ -59,9 +59,9 @@ class StoredLevel:
     """A level whose fields are on file.
 
     Attributes:
-        number: From 1.
-        report: Its row of ``path.csv``.
-        file: With its fields, in the result folder.
+        number: Number of the level, from 1.
+        report: Row of ``path.csv``.
+        file: File with the fields, in the result folder.
     """
 
     number: int
@@ -76,9 +76,9 @@ class StoredFlow:
     Attributes:
         points: Coordinates, shape (num_points, d).
         cells: Points of each cell, shape (num_cells, d + 1).
-        pressure: At the points (stress).
+        pressure: Pore pressure at the points (stress).
         head: Total head at the points (length).
-        saturation: At the points; 1 below the free surface, 0 above it.
+        saturation: Saturation at the points; 1 below the free surface, 0 above it.
         axis: Number of the coordinate that points upwards.
     """
 
@@ -96,13 +96,13 @@ class StoredFlow:
 
 
 class ResultReader:
-    """A result folder, as it was when first looked at."""
+    """A result folder in the state of its first reading."""
 
     def __init__(self, path: str | Path) -> None:
-        """Look whether there are results.
+        """Check that the folder has results.
 
         Raises:
-            InputError: If there are none.
+            InputError: If it has none.
         """
         self.path = Path(path)
         if not self.path.is_dir():
@@ -145,12 +145,12 @@ class ResultReader:
 
     @property
     def scene(self) -> Scene:
-        """Return the data for what is drawn around the bodies."""
+        """Return the surroundings of the bodies."""
         return self.named.scene
 
     @cached_property
     def limit(self) -> StoredLimit | None:
-        """The limit load, where it has been found."""
+        """The limit load, if it has been found."""
         found = self.summary.limit
         if not found:
             return None
@@ -159,7 +159,7 @@ class ResultReader:
 
     @cached_property
     def reports(self) -> list[LevelReport]:
-        """All levels so far, without their reactions, which no picture shows."""
+        """All levels so far, without the reactions, which no picture shows."""
 
         def rows(path: Path) -> list[LevelReport]:
             with path.open(encoding="utf-8", newline="") as file:
@@ -172,7 +172,7 @@ class ResultReader:
 
     @cached_property
     def levels(self) -> list[StoredLevel]:
-        """The levels whose fields are on file; none where no fields were written."""
+        """The levels whose fields are on file; empty if no fields were written."""
         if not (self.path / SERIES).exists():
             return []
 
@@ -181,7 +181,7 @@ class ResultReader:
 
         names = self.read(SERIES, files)
         numbers = [int(self._arrays(name, LEVEL)[0][0]) for name in names]
-        return [  # a level is on file before it is in path.csv
+        return [  # a level has fields on file before its row is in path.csv
             StoredLevel(number, self.reports[number - 1], name)
             for number, name in zip(numbers, names, strict=True)
             if number <= len(self.reports)
@@ -208,11 +208,11 @@ class ResultReader:
         return dataclasses.replace(skin.surface, at_points=on_skin, at_cells=at_cells)
 
     def mechanism(self, surface: Surface | None) -> tuple[Surface, float] | None:
-        """Return the collapse mechanism, where the limit load has been found.
+        """Return the collapse mechanism, if the limit load has been found.
 
         Args:
-            surface: The last level, whose stress and contact pressure are shown with it; None where
-                the mechanism has its own, having been found without a level.
+            surface: The last level, whose stress and contact pressure are shown with it; None if
+                the mechanism was found without a level and has its own.
 
         Returns:
             The skin with the velocity as ``displacement`` and, unless bodies are rigid blocks, the
@@ -244,12 +244,12 @@ class ResultReader:
         """The skin without fields."""
         names = (POINTS, CONNECTIVITY, OFFSETS, BODY, SURFACES, SURFACE_TAGS)
         points, corners, offsets, body, facets, tags = self._arrays(MESH, *names)
-        cells = corners.reshape(len(offsets) - 1, -1)  # all have as many nodes
+        cells = corners.reshape(len(offsets) - 1, -1)  # all cells have the same number of nodes
         return make_skin(points, cells, body, facets, tags, self.named)
 
     @cached_property
     def flow(self) -> StoredFlow | None:
-        """The flow of water, None where no water flows."""
+        """The flow of water; None without seepage."""
         if self.summary.seepage is None:
             return None
         names = [f"{POINT_DATA}/{name}" for name in ("pressure", "head", "saturation")]
@@ -309,7 +309,7 @@ def _has(path: Path, place: str) -> bool:
 
 
 def _report(row: dict[str, Any]) -> LevelReport:
-    """Return the report of a row of path.csv; a column that later versions added may be absent."""
+    """Return the report of a row of path.csv; columns that later versions added may be absent."""
     values: dict[str, Any] = {}
     for key in NAMED:
         begin = f"{key}_"

@@ -1,4 +1,4 @@
-"""Bree's diagram: the pairs of varying loads to which bodies shake down. Single-process."""
+"""Draw Bree's diagram: the pairs of varying loads to which bodies shake down. Single-process."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,13 +14,13 @@ from perfplast_fenicsx.pictures.picture_file import replace_picture
 def save_shakedown(
     rows: Sequence[Mapping[str, Any]], names: Sequence[str], title: str, path: Path
 ) -> None:
-    """Draw the edge of the pairs that are shaken down to, and what is beyond it.
+    """Draw the edge of the region of shakedown, and the failures beyond it.
 
     Args:
-        rows: Of :class:`~perfplast_fenicsx.limit_analysis.shakedown.diagram.Direction`.
-        names: Names of the two that vary.
+        rows: Rows of :class:`~perfplast_fenicsx.limit_analysis.shakedown.diagram.Direction`.
+        names: Names of the two varying loads.
         title: Heading.
-        path: The png file.
+        path: The PNG file.
 
     Raises:
         OSError: If the file cannot be written.

@@ -1,4 +1,4 @@
-"""A limit load that is on file."""
+"""Represent a limit load that is on file."""
 
 import math
 from collections.abc import Mapping
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 FAR = 30.0
-"""Where α ends so many times above its first value, its axis is logarithmic."""
+"""Ratio of the last α to the first one above which its axis is logarithmic."""
 
 
 @dataclass(frozen=True)
@@ -14,16 +14,15 @@ class StoredLimit:
     """A limit load of a result folder (:class:`limit_load.LimitLoad`).
 
     Attributes:
-        lower: The static side of that of the mesh, no bound of the body; −∞ where none is known.
-        estimate: That of the mesh.
-        upper: The kinematic side of it, no bound of the body.
-        body: What ``summary.json`` says of the body, if anything.
-        theorem: Whether limit theorems hold for these; if not, a path loses equilibrium between
-            them.
-        standing: Whether constant loads alone are carried, in a sentence, where that was sought.
-        strength: A factor of safety, where that was (:meth:`safety_factor.FactorOfSafety.table`).
-        envelope: Which pairs of loads are carried, where that was.
-        shakedown: A shakedown load, where that was (:class:`shakedown_result.ShakedownLoad`).
+        lower: Static side of the mesh's limit load, no bound of the body; −∞ if it is not known.
+        estimate: Estimate of the mesh's limit load.
+        upper: Kinematic side of the mesh's limit load, no bound of the body.
+        body: Table of the body in ``summary.json``, if any.
+        theorem: Whether limit theorems hold; if not, a path loses equilibrium between both sides.
+        standing: Whether constant loads alone are carried, in a sentence, if that was sought.
+        strength: A factor of safety, if sought (:meth:`safety_factor.FactorOfSafety.table`).
+        envelope: Combinations of loads that are carried, if sought.
+        shakedown: A shakedown load, if sought (:class:`shakedown_result.ShakedownLoad`).
     """
 
     lower: float

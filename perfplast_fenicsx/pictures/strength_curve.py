@@ -1,6 +1,6 @@
-"""How many times loads that stay are carried, over the factor that divides all strengths.
+"""Draw the multiple of constant loads that is carried, over the factor that divides all strengths.
 
-Beside it, where there is one, that factor over the work of the loads. Single-process.
+If there is a path, the factor over the work of the loads is drawn beside it. Single-process.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,16 +19,16 @@ SIDES = {
     "lower": ("#3b6ea5", "carried for certain", "stands with F = "),
     "upper": ("#d62020", "carried at most", "falls at F = "),
 }
-"""Colour, what a bound says of the loads, and what its factor says of the strengths."""
+"""Colour, label of a bound of the loads, and label of the factor that follows from it."""
 
 
 def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
-    """Draw both strict bounds over the factor, with the two at which they are 1.
+    """Draw both strict bounds over the factor, with the two factors at which they are 1.
 
     Args:
-        table: Of :meth:`safety_factor.FactorOfSafety.table`; of an estimate the legend says so.
+        table: Table of :meth:`safety_factor.FactorOfSafety.table`; the legend marks an estimate.
         title: Heading.
-        path: The png file.
+        path: The PNG file.
 
     Raises:
         OSError: If the file cannot be written.
@@ -61,7 +61,7 @@ def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
 
 
 def _over_work(axes: Axes, points: Sequence[Mapping[str, Any]], table: Mapping[str, Any]) -> None:
-    """Draw the curve of the mesh, with the factors that are proven beside it."""
+    """Draw the curve of the mesh, together with the factors that are proven."""
     work, factor = ([point[key] for point in points] for key in ("work", "factor"))
     axes.plot(work, factor, "o-", color="black", markersize=4, label="mesh: an estimate")
     for side, (colour, _, proves) in SIDES.items():

@@ -1,4 +1,4 @@
-"""The results of a sweep over the first of the varied values. Single-process."""
+"""Draw the results of a sweep over the first varied key. Single-process."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,22 +16,22 @@ LINES = {
     "upper": ("v-", "upper bound, proven"),
     "zeta": ("o-", "last level that is solved"),
 }
-"""Columns that are drawn, with their marks and what they are."""
+"""Columns that are drawn, with their markers and labels."""
 
 
 def save_sweep(
     rows: Sequence[Mapping[str, Any]], keys: Sequence[str], title: str, path: Path
 ) -> bool:
-    """Draw what was found over the first key, a line for each value of the others.
+    """Draw the results over the first key, with a line for each value of the other keys.
 
     Args:
         rows: Rows of the sweep's table.
         keys: Keys that were varied.
         title: Heading.
-        path: The png file.
+        path: The PNG file.
 
     Returns:
-        Whether it is drawn, as it is where the first key has numbers alone.
+        Whether a picture was drawn: this needs numbers as values of the first key.
 
     Raises:
         OSError: If the file cannot be written.

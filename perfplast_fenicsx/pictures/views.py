@@ -1,4 +1,4 @@
-"""From where bodies are seen, the same in all pictures, and the axes that say so."""
+"""Define the directions of view, the same in all pictures, and draw their axes."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,13 +12,13 @@ from perfplast_fenicsx.pictures.boundary_surface import Surface
 
 @dataclass(frozen=True)
 class View:
-    """A direction from which something is seen, without perspective.
+    """A direction of view, without perspective.
 
     Attributes:
-        words: Such as "from the front"; empty where there is but one.
-        towards: From the bodies to who looks.
-        up: What points upwards; z of bodies in space.
-        axes: Names of the axes that are seen, those of x, y and z; an empty one is not drawn.
+        words: Name such as "from the front"; empty if there is only one view.
+        towards: Direction from the bodies to the viewer.
+        up: Direction that points upwards; z for bodies in space.
+        axes: Names of the axes x, y and z; an empty one is not drawn.
     """
 
     words: str
@@ -39,7 +39,8 @@ FRONT = View("from the front", (1.1, -1.9, 1.0))
 BACK = View("from behind and below", (-1.1, 1.9, -1.0))
 LEFT = View("from the left and below", (-1.9, -1.1, -1.0))
 RIGHT = View("from the right", (1.9, 1.1, 1.0))
-"""Two pairs of opposite directions: each face that nothing hides is seen from one of each pair."""
+"""Two pairs of opposite directions: each unhidden face is visible from one direction of each pair.
+"""
 
 PLANE = View("", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), ("x", "y", ""))
 REVOLVED = View("", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), ("r", "z", ""))
@@ -49,8 +50,9 @@ def view_of(surface: Surface, axisymmetric: bool) -> View:
     """Return the view of a result: the front, unless the back shows twice as much.
 
     Args:
-        surface: With the ``yield_ratio``, of which the stressed skin is to be seen, or rigid.
-        axisymmetric: Whether a plane one is half a section.
+        surface: Surface with the ``yield_ratio``, whose stressed part is to be visible, or of rigid
+            bodies.
+        axisymmetric: Whether a plane surface is half of a section.
     """
     if surface.plane:
         return REVOLVED if axisymmetric else PLANE
@@ -62,11 +64,11 @@ def view_of(surface: Surface, axisymmetric: bool) -> View:
 
 
 def draw_axes(axes: Axes, view: View) -> None:
-    """Arrows that say where x, y and z lead, in axes of their own.
+    """Draw arrows in the directions of x, y and z, into axes of their own.
 
     Args:
-        axes: Axes to draw into, which are empty.
-        view: From where the bodies are seen.
+        axes: Empty axes to draw into.
+        view: Direction of view.
     """
     axes.set(xlim=(-1.45, 1.45), ylim=(-1.45, 1.45), aspect="equal")
     axes.set_axis_off()
