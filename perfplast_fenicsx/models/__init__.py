@@ -1,4 +1,4 @@
-"""Models of other programs: their meshes, sets, materials, loads and contact."""
+"""Read models of other programs: their meshes, sets, materials, loads and contact."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
-"""A bulk data file of Nastran (``.bdf``, ``.nas``, ``.fem``) as a mesh with groups.
+"""Read a bulk data file of Nastran (``.bdf``, ``.nas``, ``.fem``) as a mesh with groups.
 
 Cards are read in fields of 8 or 16 characters or between commas (MSC Nastran's quick reference
-guide). Properties are bodies; supports are reported as groups of nodes.
+guide). Properties become bodies; supports are reported as groups of nodes.
 """
 
 import re
@@ -39,7 +39,7 @@ ELEMENTS: dict[str, tuple[Shape, int]] = {
     "CQUAD4": (QUADRILATERAL, 4),
     "CQUAD8": (QUADRILATERAL, 8),
 }
-"""Shapes by card, and nodes of a quadratic one."""
+"""Shape of each card, and number of nodes of a quadratic element."""
 
 TAKEN = {*ELEMENTS, "GRID", "PSOLID", "PSHELL", "MAT1", "SPC", "SPC1"}
 
@@ -58,7 +58,7 @@ Cards = dict[str, list[list[str]]]
 
 
 def read_bdf(path: Path) -> ForeignModel:
-    """Read a file.
+    """Return the model of a file.
 
     Raises:
         InputError: If it cannot be read, is damaged, or has no solids.
@@ -79,7 +79,7 @@ def _mesh(text: str) -> GroupedMesh:
     if systems:
         raise InputError(
             f"nodes are in the coordinate system {sorted(systems)[0]}; export the mesh in the basic"
-            " one."
+            " system."
         )
     index = NumberIndex(ids, 0, "node")
     found = GroupedMesh(_real(cards["GRID"], 3, 6), [])
@@ -93,7 +93,7 @@ def _mesh(text: str) -> GroupedMesh:
     for card in ("SPC", "SPC1"):
         _supports(card, cards.get(card, []), index, found)
     unknown = Counter({card: len(rows) for card, rows in cards.items() if card not in TAKEN})
-    # Cards that are read, and that say nothing of a limit load.
+    # Cards that are read, and that do not affect a limit load.
     silent = {"BEGIN", "BEGIN BULK", "ENDDATA", "PARAM", "CORD2R", "SPCADD", "EIGRL"}
     for card, number in unknown.items():
         if card not in silent:
@@ -102,12 +102,12 @@ def _mesh(text: str) -> GroupedMesh:
 
 
 def _cards(text: str) -> Cards:
-    """Return fields of the cards by name; field 0 is the name."""
+    """Return the fields of all cards by name; field 0 is the name."""
     begin = re.search(r"(?im)^\s*BEGIN\b.*$", text)
     lines = text[begin.end() if begin else 0 :].splitlines()
     cards: Cards = {}
     row: list[str] | None = None
-    small, large, last = 8, 16, 72  # characters of a field, and of the fields of a line
+    small, large, last = 8, 16, 72  # characters of a field, and of all fields of a line
     for line in lines:
         body = line.split("$", 1)[0].rstrip().expandtabs(small)
         if not body:
@@ -141,7 +141,7 @@ def _elements(
     names: dict[str, str],
     found: GroupedMesh,
 ) -> None:
-    """Take the elements of a card; those with all midsides, and those without."""
+    """Read the elements of a card; those with all midsides, and those without."""
     quadratic = [len(row) > most + 2 and all(row[3 : most + 3]) for row in rows]
     for whole in (True, False):
         mine = [row for row, full in zip(rows, quadratic, strict=True) if full == whole]
@@ -150,7 +150,7 @@ def _elements(
         count = most if whole else shape.corners
         table = _whole(mine, 2, count + 3)
         nodes = index.of(table[:, 1:])
-        if count in (15, 20):  # Nastran has the midsides along the height before those on top
+        if count in (15, 20):  # Nastran lists the midsides along the height before those on top
             base, edges = shape.corners, shape.corners // 2
             tops = [*range(base + 2 * edges, base + 3 * edges)]
             nodes = nodes[:, [*range(base + edges), *tops, *range(base + edges, base + 2 * edges)]]
@@ -163,7 +163,7 @@ def _elements(
 
 
 def _materials(cards: Cards, names: dict[str, str], found: GroupedMesh) -> None:
-    """MAT1 by the properties that have it."""
+    """Assign MAT1 materials to the properties that refer to them."""
     known = {}
     for row in cards.get("MAT1", []):
         young, shear, poisson, density, expansion = _real([row], 2, 7)[0]
@@ -179,7 +179,7 @@ def _materials(cards: Cards, names: dict[str, str], found: GroupedMesh) -> None:
 
 
 def _supports(card: str, rows: list[list[str]], index: NumberIndex, found: GroupedMesh) -> None:
-    """Nodes that are held, as groups: what holds them is for the case to say."""
+    """Store held nodes as groups; the case has to declare their supports."""
     for row in rows:
         cells = [cell for cell in row[2:] if cell]
         if card == "SPC":
@@ -191,7 +191,7 @@ def _supports(card: str, rows: list[list[str]], index: NumberIndex, found: Group
             some = [(cells[0], cells[1:])] if cells else []
         for components, nodes in some:
             if not _are_whole(nodes) or not components.isdigit():
-                raise InputError(f"{card} has '{' '.join(cells)[:40]}' where numbers are wanted.")
+                raise InputError(f"{card} has '{' '.join(cells)[:40]}' where numbers are expected.")
             name = f"held_{components}_of_set_{row[1]}"
             own = index.of(np.array(nodes, dtype=np.int64), missing_is_fine=True)
             found.node_groups[name] = np.union1d(found.node_groups.get(name, own), own)
@@ -202,7 +202,7 @@ def _are_whole(cells: list[str]) -> bool:
 
 
 def _whole(rows: list[list[str]], first: int, last: int) -> Longs:
-    """Fields as whole numbers, empty ones as 0, shape (rows, last - first)."""
+    """Return fields as integers, empty ones as 0, shape (rows, last - first)."""
     try:
         table = [[int(cell or 0) for cell in row[first:last]] for row in rows]
         return np.array(table, dtype=np.int64).reshape(len(rows), last - first)
@@ -211,7 +211,7 @@ def _whole(rows: list[list[str]], first: int, last: int) -> Longs:
 
 
 def _real(rows: list[list[str]], first: int, last: int) -> Floats:
-    """Fields as numbers, empty ones as 0, shape (rows, last - first)."""
+    """Return fields as numbers, empty ones as 0, shape (rows, last - first)."""
     try:
         table = [[_number(cell) for cell in (row + [""] * last)[first:last]] for row in rows]
     except ValueError as error:

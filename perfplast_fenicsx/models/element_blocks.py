@@ -1,4 +1,4 @@
-"""Elements of one type, as an array."""
+"""Hold elements of one type as an array."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,9 @@ class Block:
     """Elements of one type.
 
     Attributes:
-        kind: Their type.
-        first: Number of the first one in the model; the others follow.
-        nodes: Shape (n, kind.nodes), indices of points.
+        kind: Type of the elements.
+        first: Number of the first element in the model; the others follow.
+        nodes: Nodes of the elements, shape (n, kind.nodes), indices of points.
     """
 
     kind: ElementType

@@ -1,4 +1,4 @@
-"""Outer facets of a model: by faces of elements, sets of nodes, flat elements on faces."""
+"""Find outer facets of a model: by faces of elements, sets of nodes, flat elements on faces."""
 
 from collections.abc import Sequence
 
@@ -13,18 +13,18 @@ NONE: Longs = np.zeros(0, dtype=np.int64)
 
 
 class ElementFacets:
-    """Finds outer facets."""
+    """Search of outer facets."""
 
     def __init__(
         self, points: Floats, blocks: Sequence[Block], outer: OuterFacets, dim: int
     ) -> None:
-        """Take the mesh.
+        """Store the mesh.
 
         Args:
-            points: Shape (n, 3).
+            points: Coordinates of the points, shape (n, 3).
             blocks: All elements, flat ones too.
             outer: The outer facets.
-            dim: 3, or 2 in the plane.
+            dim: Dimension of the model: 3, or 2 in the plane.
         """
         self._points, self._every, self._outer, self._dim = points, blocks, outer, dim
         corners = np.zeros(len(points), dtype=bool)
@@ -32,7 +32,7 @@ class ElementFacets:
         self._corner = corners
 
     def of_faces(self, elements: Longs, face: str) -> Longs:
-        """Facets of a face (S1, P1, ...) of elements; all outer ones of theirs without a face."""
+        """Return the facets of a face (S1, P1, ...) of elements; all outer ones without a face."""
         found = [NONE]
         number = int(face[1:]) - 1 if face[1:].isdigit() and face[:1] in "SPF" else None
         for block in self._blocks(self._dim):
@@ -47,7 +47,7 @@ class ElementFacets:
         return np.unique(every[every >= 0])
 
     def of_flat_elements(self, elements: Longs) -> Longs:
-        """Facets on which flat elements (in the plane, lines) lie."""
+        """Return the facets on which flat elements (lines in the plane) lie."""
         found = [NONE]
         for block in self._blocks(self._dim - 1):
             mine = block.nodes[self._rows(block, elements)]
@@ -57,18 +57,18 @@ class ElementFacets:
         return np.unique(every[every >= 0])
 
     def count_of_flat(self, elements: Longs) -> int:
-        """Return how many facets flat elements would have: quadrilaterals have two in space."""
+        """Return the number of facets of flat elements; a quadrilateral has two in space."""
         return sum(
             len(self._rows(block, elements)) * (block.kind.shape.corners - self._dim + 1)
             for block in self._blocks(self._dim - 1)
         )
 
     def of_nodes(self, nodes: Longs) -> Longs:
-        """Return facets that have all their corners among nodes."""
+        """Return the facets whose corners are all among given nodes."""
         return self._outer.among(nodes, len(self._points))
 
     def covered(self, nodes: Longs, facets: Longs) -> bool:
-        """Return whether there are facets, with all those nodes that are corners of outer ones."""
+        """Return whether facets exist, with all given nodes that are corners of outer facets."""
         on = np.zeros(len(self._corner), dtype=bool)
         on[self._outer.corners[facets]] = True
         corners = nodes[self._corner[nodes]]

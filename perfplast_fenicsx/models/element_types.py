@@ -1,4 +1,4 @@
-"""The elements of Abaqus and CalculiX: corners, faces, midsides, by the names of their types."""
+"""Describe the elements of Abaqus and CalculiX: corners, faces, midsides, by type names."""
 
 import re
 from dataclasses import dataclass
@@ -8,13 +8,13 @@ Faces = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True)
 class Shape:
-    """Data that all elements of a shape share; numbers count from 0.
+    """Data that all elements of a shape share; indices start at 0.
 
     Attributes:
-        dim: 3 for solids, 2 for what is flat, 1 for lines.
-        corners: Vertices.
-        faces: Faces of each face S1, S2, ... the corners, around it.
-        midsides: Midsides of each midside that a quadratic one has after its corners, the two ends.
+        dim: Dimension: 3 for solids, 2 for flat elements, 1 for lines.
+        corners: Number of vertices.
+        faces: Corners of each face S1, S2, ..., in circular order.
+        midsides: Two ends of each midside node, which follow the corners of a quadratic element.
     """
 
     dim: int
@@ -74,11 +74,11 @@ SOLIDS = {
     20: HEXAHEDRON,
 }
 FLAT = {3: TRIANGLE, 6: TRIANGLE, 4: QUADRILATERAL, 8: QUADRILATERAL}
-"""By the number of nodes."""
+"""Flat shapes by the number of nodes."""
 
 PLANE = ("CPE", "CAX", "CPS", "S", "M3D", "SFM3D", "STRI", "R3D")
 LINES = {"T2D2": 2, "T3D2": 2, "T2D3": 3, "T3D3": 3, "B21": 2, "B31": 2, "B22": 3, "B32": 3}
-"""Beginnings of the names of flat elements, and nodes of lines by theirs."""
+"""Number of nodes of lines, by their names; ``PLANE`` has the prefixes of flat elements."""
 
 STRAIN, AXIS, STRESS = "plane strain", "axisymmetry", "plane stress"
 
@@ -88,9 +88,9 @@ class ElementType:
     """A type of elements.
 
     Attributes:
-        shape: Its shape.
-        nodes: Nodes of each element, midsides too.
-        model: What it means in the plane; "" in space, and of surfaces and lines.
+        shape: Shape of the elements.
+        nodes: Number of nodes of each element, midsides too.
+        model: Meaning in the plane, such as plane strain; "" in space, and for surfaces and lines.
     """
 
     shape: Shape
@@ -99,12 +99,12 @@ class ElementType:
 
 
 def element_type(name: str) -> ElementType | None:
-    """The type of a name such as ``C3D10M`` or ``CPE4R``; None where the program knows none."""
+    """Return the type of a name such as ``C3D10M`` or ``CPE4R``; None if it is not supported."""
     match = re.fullmatch(r"C3D(\d+)[A-Z]*", name)
     if match:
         nodes = int(match[1])
         return ElementType(SOLIDS[nodes], nodes) if nodes in SOLIDS else None
-    models = {"CPE": STRAIN, "CAX": AXIS, "CPS": STRESS}  # what elements in the plane mean
+    models = {"CPE": STRAIN, "CAX": AXIS, "CPS": STRESS}  # meaning of elements in the plane
     for kind in PLANE:
         match = re.fullmatch(rf"{kind}(\d)[A-Z]*\d?", name)
         if match and int(match[1]) in FLAT:

@@ -1,4 +1,4 @@
-"""Names for the flat ends of bodies, where a file has none for them."""
+"""Name the flat ends of bodies if a file has no names for them."""
 
 from dataclasses import replace
 
@@ -10,13 +10,14 @@ from perfplast_fenicsx.models.outer_facets import NOWHERE, OuterFacets
 
 
 def with_flat_ends(model: ForeignModel) -> ForeignModel:
-    """Return the model with names such as ``plate_z_low`` for outer facets that have none yet."""
+    """Return the model with names such as ``plate_z_low`` for flat outer facets without a name."""
     outer = OuterFacets(model.cells, len(model.points))
     free = np.ones(len(outer.corners), dtype=bool)
     named = outer.find(model.facets)
     free[named[named != NOWHERE]] = False
     wanted, found = [], []
-    off_plane = 1e-6  # share of a body's size by which nodes of a flat end may be off it
+    # largest distance of a flat end's nodes from its plane, relative to the body's size
+    off_plane = 1e-6
     for number, body in enumerate(model.bodies):
         mine = free & (model.body[outer.cells] == number)
         places = model.points[np.unique(model.cells[model.body == number])][:, : model.dim]

@@ -1,4 +1,4 @@
-"""A model of another program, as far as a case can express it, with remarks on the rest."""
+"""Represent a model of another program, as far as a case can express it, with remarks."""
 
 from dataclasses import dataclass, field
 
@@ -10,12 +10,12 @@ class ForeignMaterial:
     """Numbers of a material.
 
     Attributes:
-        young: Young's modulus, None where there is none.
+        young: Young's modulus; None if it is not given.
         poisson: Poisson's ratio.
-        yield_stress: The first one; None of elastic bodies.
-        hardening: Slope of the curve of yield stress after it, 0 where it is flat.
-        density: Mass per volume; None where there is none.
-        expansion: Thermal expansion.
+        yield_stress: Initial yield stress; None for elastic bodies.
+        hardening: Initial slope of the hardening curve, 0 if it is flat.
+        density: Mass per volume; None if it is not given.
+        expansion: Coefficient of thermal expansion.
     """
 
     young: float | None = None
@@ -74,21 +74,21 @@ class ForeignModel:
     """A model of simplices with names.
 
     Attributes:
-        dim: 3, or 2 for a plane one.
+        dim: Dimension: 3, or 2 for a plane model.
         turned: Whether a plane model is half a section of a body of revolution.
-        thickness: Thickness of sheets in plane stress (length); None for all else.
-        points: Shape (n, 3).
+        thickness: Thickness of sheets in plane stress (length); None otherwise.
+        points: Coordinates of the points, shape (n, 3).
         cells: Corners of the simplices, shape (m, dim + 1).
         body: Number of the body of each cell, shape (m,).
-        bodies: Their names.
+        bodies: Names of the bodies.
         facets: Corners of named facets, shape (k, dim); each facet once.
-        surface: Number of the surface of each of these, shape (k,).
+        surface: Number of the surface of each named facet, shape (k,).
         surfaces: Names of the surfaces.
-        materials: Materials by body; those that have none are missing.
+        materials: Materials by body; bodies without one are missing.
         held: Supports.
         pushed: Loads.
         joined: Contacts and ties.
-        remarks: Remarks on what was not understood or is not as it was, a sentence each.
+        remarks: Remarks on parts that were not understood or were changed, a sentence each.
     """
 
     dim: int

@@ -1,4 +1,4 @@
-"""A common material for a model whose file has none that yields."""
+"""Give a common material to a model whose file has none that yields."""
 
 from dataclasses import replace
 
@@ -10,23 +10,24 @@ from perfplast_fenicsx.units import SYSTEMS
 
 
 def with_material(model: ForeignModel, name: str) -> tuple[ForeignModel, str]:
-    """Return the model of one material, and the unit of its stresses.
+    """Return the model with one material, and the unit of its stresses.
 
     Young's moduli in the file show the unit; a file without them gets numbers in MPa.
 
     Raises:
-        InputError: If there is no such material, bodies yield already, or have Young's moduli that
-            are those of the material in no unit.
+        InputError: If there is no such material, if bodies yield already, or if their Young's
+            moduli fit the material in no unit.
     """
     common = find(name)
     yields = [body for body, given in model.materials.items() if given.yield_stress is not None]
     if yields:
         raise InputError(
-            f"'{yields[0]}' has a yield stress in the file; leave out --material, and change it in"
-            " the case where you want another one."
+            f"'{yields[0]}' has a yield stress in the file; leave out --material, and change the"
+            " yield stress in the case."
         )
     known = [given.young for given in model.materials.values() if given.young is not None]
-    # Ratio of two Young's moduli of one material in one unit: steels differ by less, units by more.
+    # Ratio of two Young's moduli of one material in the same unit: moduli of steels differ by less,
+    # units by more.
     alike = 2.0
     fitting = [
         system
@@ -35,8 +36,8 @@ def with_material(model: ForeignModel, name: str) -> tuple[ForeignModel, str]:
     ]
     if not fitting:
         raise InputError(
-            f"Young's moduli in the file ({', '.join(f'{young:g}' for young in known)}) are those"
-            f" of {name} in no unit; leave out --material, and fill in the yield stress."
+            f"Young's moduli in the file ({', '.join(f'{young:g}' for young in known)}) fit"
+            f" {name} in no unit; leave out --material, and fill in the yield stress."
         )
     one = common.in_system(fitting[0])
     given = ForeignMaterial(one.young, one.poisson, one.yield_stress)

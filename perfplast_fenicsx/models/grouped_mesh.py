@@ -1,4 +1,4 @@
-"""A mesh whose elements and nodes are in groups with names: what Salome, Nastran and VTK give."""
+"""Represent a mesh whose elements and nodes are in named groups, as in Salome, Nastran and VTK."""
 
 from dataclasses import dataclass, field
 
@@ -11,17 +11,18 @@ from perfplast_fenicsx.models.foreign_model import ForeignMaterial
 
 @dataclass
 class GroupedMesh:
-    """The content of a file with groups; :func:`grouped_model.model_of` makes a model of it.
+    """The content of a file with groups; :func:`grouped_model.model_of` turns it into a model.
 
     Attributes:
-        points: Shape (n, 3).
-        blocks: Elements; those of block k follow those of block k - 1.
-        groups: Numbers of elements by the name of their group.
-        node_groups: Numbers of points by the name of their group.
-        materials: Materials by the name of the group of elements that has it.
-        left_out: How many elements of types that the program does not know, by type.
-        turned: Whether a plane mesh is half a section about an axis; None where nothing says that.
-        remarks: Remarks on what has no counterpart, a sentence each.
+        points: Coordinates of the points, shape (n, 3).
+        blocks: Blocks of elements; their numbers continue from block to block.
+        groups: Numbers of elements by group name.
+        node_groups: Numbers of points by group name.
+        materials: Materials by the name of their group of elements.
+        left_out: Number of elements of unsupported types, by type.
+        turned: Whether a plane mesh is half a section about an axis; None if the file does not say
+            so.
+        remarks: Remarks on parts without a counterpart, a sentence each.
     """
 
     points: Floats
@@ -35,7 +36,7 @@ class GroupedMesh:
 
     @property
     def count(self) -> int:
-        """Elements in all."""
+        """Total number of elements."""
         return sum(len(block.nodes) for block in self.blocks)
 
     def dimensions(self) -> Longs:

@@ -1,4 +1,4 @@
-"""A mesh with groups as a model: groups of solids are bodies, those of their faces surfaces."""
+"""Turn a mesh with groups into a model: groups of solids are bodies, groups of faces surfaces."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from perfplast_fenicsx.models.solid_cells import SolidCells, solid_cells
 
 
 def model_of(mesh: GroupedMesh) -> ForeignModel:
-    """Return bodies and surfaces of a mesh.
+    """Return the model of a mesh with its bodies and surfaces.
 
     Raises:
         InputError: If there are no solids.
@@ -50,10 +50,10 @@ def model_of(mesh: GroupedMesh) -> ForeignModel:
 def _bodies(
     mesh: GroupedMesh, solid: SolidCells, remarks: list[str]
 ) -> tuple[list[str], Longs, list[str]]:
-    """Return names of bodies, the body of each simplex, and the group that each body is of.
+    """Return names of bodies, the body of each simplex, and the group of each body.
 
-    Where groups overlap the smaller one has what both have: a group of everything beside groups of
-    parts is then no body.
+    Where groups overlap, the smaller one gets the common elements. So a group of all elements is no
+    body if there are groups of parts.
     """
     solids = np.flatnonzero(mesh.dimensions() == solid.dim)
     inside = {name: np.intersect1d(members, solids) for name, members in mesh.groups.items()}
@@ -64,14 +64,16 @@ def _bodies(
     for number, name in enumerate(ordered):
         left = int((owner[inside[name]] == number).sum())
         if not left:
-            remarks.append(f"the group '{name}' is made of smaller ones, and is no body of its own")
+            remarks.append(
+                f"the group '{name}' consists of smaller ones, and is no body of its own"
+            )
         elif left < len(inside[name]):
             remarks.append(
-                f"{len(inside[name]) - left} elements of the group '{name}' are in smaller groups"
-                " too, whose bodies have them"
+                f"{len(inside[name]) - left} elements of the group '{name}' are also in smaller"
+                " groups, and belong to the bodies of these"
             )
     there, body = np.unique(owner[solid.parents], return_inverse=True)
-    rest = "rest"  # the body of elements without a group
+    rest = "rest"  # body of the elements without a group
     groups = [ordered[number] if number >= 0 else rest for number in there]
     return unique_names(groups), body.ravel(), groups
 
@@ -106,9 +108,9 @@ def _surfaces(
         else:
             no_surface.append(name)
     _without_skins(named, body[outer.cells], set(mesh.node_groups) - set(mesh.groups), remarks)
-    most_shown = 5  # names in a remark
+    most_shown = 5  # number of names that a remark shows
     for what, names in (
-        ("groups of faces that lie inside of the bodies, or on none, are left out there", inner),
+        ("groups of faces that lie inside the bodies, or on no body, are left out there", inner),
         ("groups of edges or points have no counterpart and are left out", lower),
         ("groups of nodes that are no surface are left out", no_surface),
     ):
@@ -120,7 +122,7 @@ def _surfaces(
     for name, some in stands.items():
         if len(some) > 1:
             remarks.append(
-                f"the surface '{name}' has faces in common with others, and stands for"
+                f"the surface '{name}' shares faces with others, and is replaced by"
                 f" {', '.join(map(repr, some))}"
             )
     return plain, facets, surface
@@ -129,15 +131,15 @@ def _surfaces(
 def _without_skins(
     named: NamedSurfaces, skins: Longs, of_nodes: set[str], remarks: list[str]
 ) -> None:
-    """Take away groups of whole skins that hold other groups: they would only divide these.
+    """Remove groups of whole skins that contain other groups, which they would only divide.
 
-    Those of nodes are taken away in any case: they are sets of all nodes.
+    Groups of nodes are removed in any case: they are sets of all nodes.
 
     Args:
         named: Surfaces by the names of their groups.
-        skins: The body of each outer facet.
+        skins: Body of each outer facet.
         of_nodes: Names of groups of nodes.
-        remarks: Gets what is taken away.
+        remarks: List to which a remark on each removed group is appended.
     """
     sizes = np.bincount(skins)
     for name in named.names():

@@ -1,4 +1,4 @@
-"""An ``.inp`` file of Abaqus or CalculiX as a model: mesh, and what a case can say of the rest."""
+"""Read an ``.inp`` file of Abaqus or CalculiX as a model: mesh, loads, supports, contact."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from perfplast_fenicsx.models.solid_cells import solid_cells
 
 
 def read_inp(path: Path) -> ForeignModel:
-    """Read a file.
+    """Return the model of a file.
 
     Raises:
         InputError: If it cannot be read, is damaged, or has no solids.
@@ -84,7 +84,7 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
 
 
 def _thickness(given: set[float]) -> float:
-    """Return the thickness of elements in the plane, 1 where sections give none."""
+    """Return the thickness of elements in the plane; 1 if sections give none."""
     if len(given) > 1 or any(not one > 0 for one in given):
         told = " and ".join(f"{one:g}" for one in sorted(given))
         raise InputError(
@@ -95,7 +95,7 @@ def _thickness(given: set[float]) -> float:
 
 
 def _groups(assembly: Assembly, statements: Statements, turned: bool) -> GroupedMesh:
-    """Return a file that is a mesh with sets alone, as gmsh and Salome write it."""
+    """Return the mesh of a file that has only sets, as gmsh and Salome write it."""
     groups, node_groups = (
         {name: members for (kind, name), members in assembly.sets.items() if kind == wanted}
         for wanted in ("ELSET", "NSET")
@@ -109,9 +109,9 @@ def _groups(assembly: Assembly, statements: Statements, turned: bool) -> Grouped
 def _bodies(
     assembly: Assembly, statements: Statements, parent: Longs
 ) -> tuple[list[InpBody], Longs]:
-    """Return bodies by their sections, and the body of each simplex."""
+    """Return the bodies defined by sections, and the body of each simplex."""
     of_element = np.full(assembly.count, -1)
-    rest = "rest"  # the body of elements without a section
+    rest = "rest"  # body of the elements without a section
     wanted, of = [rest], [""]
     for part, elset, material in statements.sections:
         alone = sum(one == part for one, _, _ in statements.sections) == 1

@@ -1,4 +1,4 @@
-"""The keywords of an ``.inp`` file of Abaqus or CalculiX, with their options and data lines."""
+"""Read the keywords of an ``.inp`` file of Abaqus or CalculiX, with options and data lines."""
 
 import math
 from collections import Counter
@@ -10,19 +10,19 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.proof.stored_file import check_regular
 
 MOST_BYTES = 4_000_000_000
-"""Largest size of all files together, so that a file that nobody typed is not taken into memory."""
+"""Largest total size of all files (bytes), so that no huge file is read into memory."""
 
 MOST_TIMES, MOST_INCLUDED = 100, 5000
-"""How often one file may be included, and all files together."""
+"""Number of times that one file may be included, and all files together."""
 
 
 @dataclass(frozen=True)
 class Keyword:
-    """A line with a star, and the data lines after it.
+    """A line that begins with a star, and the data lines that follow.
 
     Attributes:
-        name: Without the star, in capitals, single spaces.
-        options: Options by name in capitals; "" for those without a value.
+        name: Name without the star, in capitals, with single spaces.
+        options: Values of options by name in capitals; "" for options without a value.
         lines: Lines of data, without comments and blank lines.
         number: Number of the line.
     """
@@ -33,11 +33,11 @@ class Keyword:
     number: int
 
     def option(self, name: str, default: str = "") -> str:
-        """Return the value of an option, in capitals, since the program knows no others."""
+        """Return the value of an option in capitals, as all known values are."""
         return self.options.get(name, default).upper()
 
     def rows(self) -> list[list[str]]:
-        """Return the data lines as cells without blanks, but for empty ones at the end."""
+        """Return the data lines as cells without blanks, and without empty cells at the end."""
         found = []
         for line in self.lines:
             cells = [cell.strip() for cell in line.split(",")]
@@ -48,7 +48,7 @@ class Keyword:
 
 
 def number_of(cell: str, keyword: Keyword) -> float:
-    """Return the number of a cell, 0 of an empty one.
+    """Return the number in a cell, 0 for an empty one.
 
     Raises:
         InputError: If it is not a number, or not finite.
@@ -59,16 +59,17 @@ def number_of(cell: str, keyword: Keyword) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise InputError(
-            f"line {keyword.number}: *{keyword.name} has '{cell[:30]}' where a number is wanted."
+            f"line {keyword.number}: *{keyword.name} has '{cell[:30]}' where a number is expected."
         )
     return value
 
 
 def read_keywords(path: Path) -> list[Keyword]:
-    """Return the keywords of a file and of those that it includes, in their order.
+    """Return the keywords of a file and of its included files, in their order.
 
     Raises:
-        InputError: If a file cannot be read, is no such file, or includes one from elsewhere.
+        InputError: If a file cannot be read, is not an ``.inp`` file, or includes one from another
+            folder.
     """
     found = list(_keywords(path, _Included(path.resolve().parent, [path.resolve()])))
     if not found:
@@ -78,13 +79,13 @@ def read_keywords(path: Path) -> list[Keyword]:
 
 @dataclass
 class _Included:
-    """Record which files were read so far.
+    """A record of the files that were read so far.
 
     Attributes:
-        folder: Where all files have to be.
-        open: Files that are being read, each included by the one before.
-        times: How often each file was included.
-        size: Bytes of all that was read.
+        folder: Folder that must contain all files.
+        open: Files that are being read, each included by the previous one.
+        times: Number of inclusions of each file.
+        size: Number of bytes read so far.
     """
 
     folder: Path
@@ -96,7 +97,7 @@ class _Included:
         """Count a file that is about to be read.
 
         Raises:
-            InputError: If it is not a file, or too much is read.
+            InputError: If it is not a regular file, or if too much is read.
             OSError: If the system refuses.
         """
         check_regular(path)
@@ -111,8 +112,8 @@ def _keywords(path: Path, so_far: _Included) -> Iterator[Keyword]:
         if not line.startswith("*"):
             if now is None:
                 raise InputError(
-                    f"'{path}', line {number} ('{line[:30]}'): data stand before the first keyword;"
-                    " it is no .inp file."
+                    f"'{path}', line {number} ('{line[:30]}'): there are data before the first"
+                    " keyword; it is no .inp file."
                 )
             now.lines.append(line)
             continue
@@ -150,7 +151,7 @@ def _included(keyword: Keyword, path: Path, so_far: _Included) -> Iterator[Keywo
 
 
 def _lines(path: Path, so_far: _Included) -> Iterator[tuple[int, str]]:
-    """Lines without comments and blank ones, those that a comma continues put together."""
+    """Yield lines without comments and blank lines; lines that a comma continues are joined."""
     try:
         so_far.add(path)
         with path.open(encoding="utf-8-sig", errors="surrogateescape") as file:

@@ -1,4 +1,4 @@
-"""Nodes, elements, sets and instances of an ``.inp`` file, as arrays over the whole assembly."""
+"""Read nodes, elements, sets and instances of an ``.inp`` file into one assembly."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -23,21 +23,21 @@ from perfplast_fenicsx.models.inp_numbers import (
 )
 
 MESH_KEYWORDS = ("NODE", "ELEMENT", "NSET", "ELSET")
-"""Keywords that make nodes, elements and sets."""
+"""Keywords that define nodes, elements and sets."""
 
 
 SCOPES = ("PART", "END PART", "ASSEMBLY", "END ASSEMBLY", "INSTANCE", "END INSTANCE")
-"""Keywords that say which part or instance others belong to."""
+"""Keywords that define the part or instance of the following ones."""
 
 
 @dataclass
 class Part:
-    """Nodes and elements with common numbers: a part, or a whole file without parts.
+    """Nodes and elements with a common numbering: a part, or a whole file without parts.
 
     Attributes:
-        nodes: Numbers, shape (n,), and places, shape (n, 3), of each ``*NODE`` block.
+        nodes: Numbers, shape (n,), and coordinates, shape (n, 3), of each ``*NODE`` block.
         elements: Type, numbers and nodes' numbers of each ``*ELEMENT`` block.
-        sets: Sets by kind ("NSET", "ELSET") and name: numbers.
+        sets: Numbers of the members of each set, by kind ("NSET", "ELSET") and name.
     """
 
     nodes: list[tuple[Longs, Floats]] = field(default_factory=list)
@@ -50,13 +50,14 @@ class Assembly:
     """All instances together.
 
     Attributes:
-        points: Shape (n, 3).
+        points: Coordinates of the points, shape (n, 3).
         blocks: Blocks of elements.
-        count: Elements in all.
-        sets: Sets by kind and name (in capitals, ``INSTANCE.SET`` of a part's): indices.
-        left_out: Elements of types that the program does not know, by type.
-        numbers: Numbers by instance and kind: indices by number.
-        instances: Their names and parts; ("", "") of a file without them.
+        count: Total number of elements.
+        sets: Indices of the members of each set, by kind and name (in capitals, ``INSTANCE.SET``
+            for a set of a part).
+        left_out: Number of elements of unsupported types, by type.
+        numbers: Indices by number, for each instance and kind.
+        instances: Names and parts of the instances; ("", "") for a file without instances.
     """
 
     points: Floats
@@ -68,7 +69,10 @@ class Assembly:
     instances: list[tuple[str, str]]
 
     def members(self, kind: str, name: str) -> Longs | None:
-        """A set by its name, or the one node or element of a number; None where there is none."""
+        """Return the members of a set, or the node or element with a number.
+
+        None if it does not exist.
+        """
         plain = name.upper().strip("\"'")
         instance, _, number = plain.rpartition(".")
         if number.isdigit() and instance in self.numbers:
@@ -78,7 +82,7 @@ class Assembly:
 
 
 class MeshReader:
-    """Takes keywords in their order, and puts the assembly together in the end."""
+    """Read keywords in their order, and make the assembly in the end."""
 
     def __init__(self) -> None:
         self._parts: dict[str, Part] = {"": Part()}
@@ -88,7 +92,7 @@ class MeshReader:
         self._later: list[tuple[Keyword, str]] = []
 
     def take(self, keyword: Keyword) -> None:
-        """Take a keyword of :data:`MESH_KEYWORDS` or :data:`SCOPES`.
+        """Read a keyword of :data:`MESH_KEYWORDS` or :data:`SCOPES`.
 
         Raises:
             InputError: If its data cannot be understood.
@@ -116,10 +120,10 @@ class MeshReader:
                 self._later.append((keyword, instance))
 
     def assembly(self) -> Assembly:
-        """Return all that was read.
+        """Return the assembly of all that was read.
 
         Raises:
-            InputError: If an element or set names what there is not.
+            InputError: If an element or set refers to something that does not exist.
         """
         instances = self._instances or [("", "", [])]
         points: list[Floats] = []
@@ -163,7 +167,7 @@ class MeshReader:
 
     def _nodes(self, keyword: Keyword) -> None:
         table = table_of(keyword)
-        most_columns = 7  # of `*NODE`: number, coordinates, direction of a normal
+        most_columns = 7  # columns of `*NODE`: number, coordinates, direction of a normal
         if not 3 <= table.shape[1] <= most_columns:
             raise InputError(f"line {keyword.number}: *NODE needs a number and coordinates.")
         places = np.zeros((len(table), 3))
@@ -184,7 +188,7 @@ class MeshReader:
             return
         cells = ",".join(keyword.lines).replace(",,", ",").strip(", ").split(",")
         width = 1 + kind.nodes
-        # Elements for which CalculiX accepts the nodes of inner modes, and their number.
+        # Element type for which CalculiX accepts the nodes of inner modes, and their number.
         with_inner_nodes, inner = "C3D8I", 3
         if name == with_inner_nodes and first_has(keyword, 1 + kind.nodes + inner):
             width += inner
@@ -195,13 +199,13 @@ class MeshReader:
                 f"line {keyword.number}: *ELEMENT has a text that is not a number ({error})."
             ) from error
         if len(table) % width and kind.shape is LINE:
-            # beams have an extra node for their direction at times, and are left out in any case
+            # beams sometimes have an extra node for their direction; they are left out in any case
             self._left_out[name] = self._left_out.get(name, 0) + len(keyword.lines)
             return
         if len(table) % width:
             raise InputError(
-                f"line {keyword.number}: elements of type {name} have {kind.nodes} nodes each, and"
-                f" {len(table)} numbers stand there; the file is cut off or damaged."
+                f"line {keyword.number}: elements of type {name} have {kind.nodes} nodes each, but"
+                f" there are {len(table)} numbers; the file is cut off or damaged."
             )
         table = table.reshape(-1, width)
         part = self._parts[self._now]
@@ -213,7 +217,7 @@ class MeshReader:
 def _add_later(
     keyword: Keyword, instance: str, numbers: dict[str, dict[str, NumberIndex]], sets: Sets
 ) -> None:
-    """Add a set of the assembly: of an instance's numbers and sets, or of sets by name."""
+    """Add a set of the assembly, defined by an instance's numbers and sets, or by named sets."""
     kind = keyword.name
     before = f"{instance}." if instance else ""
     named = [sets[key] for n in names_of(keyword) if (key := (kind, before + n.upper())) in sets]
@@ -225,7 +229,7 @@ def _add_later(
 
 
 def _moved(points: Floats, moves: Sequence[Iterable[str]], name: str) -> Floats:
-    """Return where an instance puts a part: a translation, then a turn about an axis (degrees)."""
+    """Return points of a part after an instance's translation and rotation (degrees)."""
     try:
         rows = [list(map(float, row)) for row in moves if row]
     except ValueError as error:

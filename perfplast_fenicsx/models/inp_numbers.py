@@ -1,4 +1,4 @@
-"""Numbers in the data lines of an ``.inp`` file: tables, sets, and where a number is."""
+"""Read numbers in the data lines of an ``.inp`` file: tables, sets, and indices of numbers."""
 
 import numpy as np
 
@@ -9,18 +9,18 @@ from perfplast_fenicsx.models.inp_keywords import Keyword
 NOBODY: Longs = np.zeros(0, dtype=np.int64)
 
 Sets = dict[tuple[str, str], Longs]
-"""Numbers by the kind of set ("NSET", "ELSET") and its name."""
+"""Numbers of members by the kind of set ("NSET", "ELSET") and its name."""
 
 
 class NumberIndex:
-    """Finds the index in the assembly of what has a number in its part."""
+    """The index in the assembly of each node or element, by its number in a part."""
 
     def __init__(self, ids: Longs, first: int, what: str) -> None:
         self._order = np.argsort(ids, kind="stable")
         self._sorted, self._first, self._what = ids[self._order], first, what
 
     def of(self, numbers: Longs, missing_is_fine: bool = False) -> Longs:
-        """Indices, the last one's where a number is given twice."""
+        """Return the indices of numbers; if a number occurs twice, that of its last occurrence."""
         if not len(self._sorted):
             if numbers.size and not missing_is_fine:
                 raise InputError(f"there is no {self._what} {numbers.ravel()[0]}.")
@@ -38,7 +38,7 @@ class NumberIndex:
 
 
 def first_has(keyword: Keyword, count: int) -> bool:
-    """Return whether the first element has so many numbers, its own among them."""
+    """Return whether the first element has ``count`` numbers, including its own number."""
     found = 0
     for line in keyword.lines:
         found += len([cell for cell in line.split(",") if cell.strip()])
@@ -48,7 +48,7 @@ def first_has(keyword: Keyword, count: int) -> bool:
 
 
 def table_of(keyword: Keyword) -> Floats:
-    """Data lines as a table; cells that are left out are zero."""
+    """Return the data lines as a table; missing cells are zero."""
     if not keyword.lines:
         return np.zeros((0, 4))
     lines = [line.rstrip(", ") for line in keyword.lines]
@@ -98,6 +98,6 @@ def members_of(keyword: Keyword, kind: str, known: Sets) -> Longs:
 
 
 def add_to(sets: Sets, key: tuple[str, str], members: Longs) -> None:
-    """Sets that are given again grow."""
+    """Add members to a set, which is created if it does not exist."""
     before = sets.get(key)
     sets[key] = members if before is None else np.union1d(before, members)

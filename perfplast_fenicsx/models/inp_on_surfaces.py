@@ -1,4 +1,4 @@
-"""Supports, loads, contact and ties of an ``.inp`` file, on surfaces that share no facets."""
+"""Turn supports, loads, contact and ties of an ``.inp`` file into ones on disjoint surfaces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +14,7 @@ from perfplast_fenicsx.models.inp_statements import LOADS
 from perfplast_fenicsx.models.inp_used_surfaces import UsedSurfaces, missing
 
 NAMED_SUPPORTS = {"ENCASTRE": "123", "PINNED": "123", "XSYMM": "1", "YSYMM": "2", "ZSYMM": "3"}
-"""Components that names of supports hold."""
+"""Components that named supports hold."""
 
 AXES = "xyz"
 
@@ -24,10 +24,10 @@ class InpBody:
     """A body.
 
     Attributes:
-        name: Its name in the case.
-        material: Name of its material, "" without.
-        elements: Its elements.
-        density: Mass per volume, if it is known.
+        name: Name in the case.
+        material: Name of the material, "" without one.
+        elements: Numbers of its elements.
+        density: Mass per volume; None if it is not known.
     """
 
     name: str
@@ -38,14 +38,14 @@ class InpBody:
 
 @dataclass
 class Made:
-    """Statements on surfaces that share no facets.
+    """Supports, loads and joints on surfaces that share no facets.
 
     Attributes:
         surfaces: See :meth:`NamedSurfaces.divided`.
         held: Supports.
         pushed: Loads.
         joined: Contacts and ties.
-        remarks: Remarks on what could not be made of it.
+        remarks: Remarks on parts that could not be converted.
     """
 
     surfaces: tuple[list[str], Longs, Longs, dict[str, list[str]]]
@@ -56,7 +56,7 @@ class Made:
 
 
 class OnSurfaces:
-    """Finds the surfaces of statements, and divides those that overlap."""
+    """Find the surfaces of statements, and divide those that overlap."""
 
     def __init__(
         self,
@@ -66,14 +66,15 @@ class OnSurfaces:
         dim: int,
         thickness: float = 1.0,
     ) -> None:
-        """Take the mesh.
+        """Store the mesh.
 
         Args:
             assembly: The mesh.
-            surfaces: Finds facets.
-            bodies: Their elements and densities.
-            dim: 3, or 2 in the plane.
-            thickness: Thickness of elements in the plane, over which forces at nodes are spread.
+            surfaces: Search of facets.
+            bodies: Bodies with their elements and densities.
+            dim: Dimension: 3, or 2 in the plane.
+            thickness: Thickness of elements in the plane, over which forces at nodes are
+                distributed.
         """
         self._thickness = thickness
         self._assembly, self._find = assembly, surfaces
@@ -153,7 +154,7 @@ class OnSurfaces:
         return held
 
     def _nodal(self, keyword: Keyword) -> list[Pushed]:
-        """Return forces at nodes: on sets that are surfaces, and on the rest of them together."""
+        """Return forces at nodes: on sets that are surfaces, and together on all other nodes."""
         forces: dict[str, list[float]] = {}
         rest: dict[str, list[Longs]] = {}
         for row in keyword.rows():
@@ -215,7 +216,7 @@ class OnSurfaces:
         return pushed
 
     def _pressed(self, elset: str, face: str, pressure: float) -> str | None:
-        """Return the surface that is pressed; one for all single elements of a pressure."""
+        """Return the surface of a pressure; single elements with the same pressure share one."""
         members = self._assembly.members("ELSET", elset)
         if members is None:
             raise missing(f"*DLOAD {face}", elset)
@@ -227,7 +228,7 @@ class OnSurfaces:
         return self._use.use(name, facets)
 
     def _weight(self, elset: str, given: list[float]) -> list[Pushed]:
-        """Return the gravity of a set that has whole bodies."""
+        """Return the gravity loads of a set, for the bodies that it contains completely."""
         size, direction = given[0], given[1 : 1 + self._dim]
         members = self._assembly.members("ELSET", elset)
         found = []

@@ -1,4 +1,4 @@
-"""Statements of an ``.inp`` file beside its mesh: materials, sections, and keywords on surfaces."""
+"""Read statements of an ``.inp`` file besides its mesh: materials, sections, loads, contact."""
 
 from collections import Counter
 from dataclasses import replace
@@ -15,20 +15,20 @@ SILENT = {
     *("SURFACE BEHAVIOR", "SYSTEM", "MONITOR", "CONTROLS", "PRINT", "DATA CHECK", "INCLUDE"),
     *("ELEMENT PRINT", "ENERGY OUTPUT", "ENERGY FILE", "ENERGY PRINT", "SOLID SECTION", *SCOPES),
 }
-"""Keywords that say nothing of a limit load, or are taken elsewhere."""
+"""Keywords that do not affect a limit load, or that are read elsewhere."""
 
 LOADS = ("CLOAD", "DLOAD", "DSLOAD")
 
 
 class Statements:
-    """Takes keywords, and makes statements of them once the mesh is known.
+    """Read keywords, and turn them into statements once the mesh is known.
 
     Attributes:
         sections: Part, element set and material of each section.
         materials: Materials by name, in capitals.
         surfaces: ``*SURFACE`` keywords.
         frictions: Coefficients by interaction.
-        thicknesses: Thicknesses of elements in the plane, those that sections give.
+        thicknesses: Thicknesses of elements in the plane that sections give.
     """
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class Statements:
 
     @property
     def remarks(self) -> list[str]:
-        """Keywords that have no counterpart, and what was taken otherwise."""
+        """Remarks on keywords without a counterpart, and on changes."""
         told = [
             f"*{name} ({number} times) has no counterpart and is left out"
             if number > 1
@@ -69,7 +69,7 @@ class Statements:
         return [keyword for step, keyword in self._on_surfaces if step <= last]
 
     def take(self, keyword: Keyword) -> None:
-        """Take a keyword that does not belong to the mesh."""
+        """Read a keyword that does not belong to the mesh."""
         name = keyword.name
         if name == "SOLID SECTION":
             elset, material = keyword.option("ELSET"), keyword.option("MATERIAL")
@@ -99,7 +99,7 @@ class Statements:
             self._steps += 1
 
     def _property(self, keyword: Keyword) -> None:
-        """A property of the last material."""
+        """Read a property of the last material."""
         now, rows = self.materials.get(self._material), [row for row in keyword.rows() if row]
         if now is None or not rows:
             raise InputError(f"line {keyword.number}: *{keyword.name} belongs to no *MATERIAL.")
@@ -109,7 +109,7 @@ class Statements:
             if kind not in ("ISO", "ISOTROPIC") or len(values[0]) < 2:
                 self._noted.append(
                     f"*ELASTIC of '{self._material}' is {kind.lower()}, which the program does not"
-                    " know: its body has no material yet"
+                    " support: its body has no material yet"
                 )
                 return
             now = replace(now, young=values[0][0], poisson=values[0][1])

@@ -1,4 +1,4 @@
-"""Surfaces that statements of an ``.inp`` file refer to, and invalid ones."""
+"""Collect the surfaces that statements of an ``.inp`` file refer to, and invalid ones."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from perfplast_fenicsx.models.named_surfaces import NamedSurfaces
 
 
 def missing(what: str, name: str) -> InputError:
-    """Return the refusal of a statement on what the file does not have."""
+    """Return the error for a statement on a set or surface that the file does not have."""
     return InputError(
         f"{what} refers to '{name}', which the file does not have; export the model with all its"
         " sets and surfaces, or mend the name."
@@ -21,19 +21,19 @@ def missing(what: str, name: str) -> InputError:
 
 
 class UsedSurfaces:
-    """Takes surfaces by name, by sets of nodes and by faces, as statements ask for them.
+    """Surfaces by name, by sets of nodes and by faces, as statements refer to them.
 
     Attributes:
-        remarks: Remarks on what is no surface.
+        remarks: Remarks on sets that are no surfaces.
     """
 
     def __init__(self, assembly: Assembly, find: ElementFacets, dim: int) -> None:
-        """Take the mesh.
+        """Store the mesh.
 
         Args:
             assembly: The mesh.
-            find: Finds facets.
-            dim: 3, or 2 in the plane.
+            find: Search of facets.
+            dim: Dimension: 3, or 2 in the plane.
         """
         self._assembly, self._find, self._dim = assembly, find, dim
         self._named = NamedSurfaces()
@@ -42,7 +42,7 @@ class UsedSurfaces:
         self.remarks: list[str] = []
 
     def declare(self, keyword: Keyword) -> None:
-        """Take a ``*SURFACE``."""
+        """Read a ``*SURFACE``."""
         name = keyword.option("NAME")
         every: list[Longs] = [np.zeros(0, dtype=np.int64)]
         for row in keyword.rows():
@@ -60,12 +60,12 @@ class UsedSurfaces:
         self._facets[name] = np.unique(np.concatenate(every))
 
     def use(self, name: str, facets: Longs) -> str:
-        """Return facets by a name, which is given back."""
+        """Add facets under a name, and return the name."""
         self._named.add(name, facets)
         return name
 
     def of_nodes(self, name: str, what: str) -> str | None:
-        """A set of nodes as a surface, if it is one; else ``what`` refers to it is left out."""
+        """Return a set of nodes as a surface; None and a remark on ``what`` if it is no surface."""
         nodes = self._assembly.members("NSET", name)
         if nodes is None:
             raise missing(what, name)
@@ -76,7 +76,7 @@ class UsedSurfaces:
         return self.use(name, facets)
 
     def named(self, name: str, what: str) -> str | None:
-        """A surface of a ``*SURFACE``; without outer faces ``what`` refers to it is left out."""
+        """Return a surface of a ``*SURFACE``; None and a remark on ``what`` without outer faces."""
         facets = self._facets.get(name.upper())
         if facets is None:
             raise missing(what, name)
@@ -92,8 +92,8 @@ class UsedSurfaces:
         return float(self._find.areas(self._named.facets(name)).sum())
 
     def divided(self, taken: Sequence[str]) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:
-        """See :meth:`NamedSurfaces.divided`; afterwards ``remarks`` are whole."""
-        most_shown = 5  # names in a remark
+        """Divide the surfaces as :meth:`NamedSurfaces.divided`, and complete ``remarks``."""
+        most_shown = 5  # number of names that a remark shows
         for what, names in self._no_surface.items():
             shown = ", ".join(repr(name) for name in names[:most_shown])
             more = f" and {len(names) - most_shown} more" if len(names) > most_shown else ""
@@ -105,7 +105,7 @@ class UsedSurfaces:
         return self._named.divided(taken)
 
     def _is_flat(self, elements: Longs) -> bool:
-        """Return whether the elements of a set are those of surfaces."""
+        """Return whether the elements of a set are surface elements."""
         blocks = [b for b in self._assembly.blocks if b.kind.shape.dim == self._dim]
         solid = [np.arange(b.first, b.first + len(b.nodes)) for b in blocks]
         return not np.isin(elements, np.concatenate(solid)).any()

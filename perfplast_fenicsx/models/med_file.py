@@ -1,8 +1,7 @@
-"""A ``.med`` file of Salome or Code_Aster as a mesh with groups.
+"""Read a ``.med`` file of Salome or Code_Aster as a mesh with groups.
 
-The format is HDF5 (MED 2.3 to 4, https://docs.salome-platform.org): nodes and elements of a mesh
-lie under ``ENS_MAA``, each with the number of a family, and families under ``FAS`` name their
-groups.
+The format is HDF5 (MED 2.3 to 4, https://docs.salome-platform.org). Nodes and elements of a mesh
+are under ``ENS_MAA``, each with the number of a family. Families under ``FAS`` name their groups.
 """
 
 from pathlib import Path
@@ -39,15 +38,15 @@ TYPES = {
     **{"QU8": ElementType(QUADRILATERAL, 8), "QU9": ElementType(QUADRILATERAL, 9)},
     **{"SE2": ElementType(LINE, 2), "SE3": ElementType(LINE, 3), "SE4": ElementType(LINE, 4)},
 }
-"""Elements by MED's names, whose corners and midsides follow each other as Abaqus' do."""
+"""Elements by MED's names; their corners and midsides have the order of Abaqus."""
 
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-"""Beginning of an HDF5 file."""
+"""First bytes of an HDF5 file."""
 
 
 def read_med(path: Path) -> ForeignModel:
-    """Read a file.
+    """Return the model of a file.
 
     Raises:
         InputError: If it cannot be read, is damaged, or has no solids.
@@ -66,7 +65,7 @@ def read_med(path: Path) -> ForeignModel:
         raise InputError(f"'{path}' cannot be read: {reason}; export the mesh again.") from error
     except (KeyError, ValueError, TypeError, RuntimeError, AttributeError, MemoryError) as error:
         raise InputError(
-            f"'{path}' is no MED file as this program knows it ({_line(error)}); export the mesh"
+            f"'{path}' is not a MED file of a supported form ({_line(error)}); export the mesh"
             " again."
         ) from error
 
@@ -78,7 +77,7 @@ def _line(error: Exception) -> str:
 def _mesh(file: Any) -> GroupedMesh:
     meshes = sorted(file["ENS_MAA"]) if "ENS_MAA" in file else []
     if not meshes:
-        raise InputError("there is no mesh in it; export the mesh, not the study or results alone.")
+        raise InputError("the file has no mesh; export the mesh, not only the study or results.")
     name, remarks = meshes[0], []
     if len(meshes) > 1:
         remarks.append(f"of the meshes {', '.join(map(repr, meshes))} the first one is taken")
@@ -108,9 +107,9 @@ def _mesh(file: Any) -> GroupedMesh:
 
 
 def _elements(kinds: Any, found: GroupedMesh) -> Longs:
-    """Take the elements; the family of each."""
+    """Read the elements, and return the family of each."""
     families: list[Longs] = [np.zeros(0, dtype=np.int64)]
-    point = "PO1"  # elements of a point, which say nothing
+    point = "PO1"  # point elements, which have no meaning here
     for name in sorted(kinds):
         kind = TYPES.get(name)
         flat = np.asarray(kinds[name]["NOD"][()], dtype=np.int64)
@@ -135,7 +134,7 @@ def _elements(kinds: Any, found: GroupedMesh) -> Longs:
 
 
 def _group(families: Any, own: Longs, groups: dict[str, Longs]) -> None:
-    """Put members of families into the groups that these name."""
+    """Add members of families to the groups that the families name."""
     for family in families.values():
         if "GRO" not in family or "NUM" not in family.attrs:
             continue

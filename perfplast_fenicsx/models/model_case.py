@@ -1,4 +1,4 @@
-"""The first case file of a model of another program, and a survey of what is in it."""
+"""Write the first case file for a model of another program, and a survey of its content."""
 
 import json
 from collections.abc import Sequence
@@ -40,18 +40,18 @@ until = 1.0                     # times their displacements
 
 
 FURTHER: dict[str, Any] = {"subsequent_indent": "#   ", "break_long_words": False}
-"""How a comment goes on."""
+"""Format of the continuation lines of a comment."""
 
 
 def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str = "") -> str:
-    """Return a case file with all that is known.
+    """Return a case file with all known data.
 
     Args:
         model: The model.
         title: Title of the case.
-        source: Name of its file.
-        mesh: Name of the mesh beside the case.
-        stress: The unit of stresses, where it is known.
+        source: Name of the model's file.
+        mesh: Name of the mesh file in the folder of the case.
+        stress: The unit of stresses, if it is known.
     """
     text = ""
     if model.turned:
@@ -91,7 +91,7 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str
 
 
 def survey_of(model: ForeignModel) -> Survey:
-    """Return the survey of the model, as of a geometry."""
+    """Return the survey of the model, in the form of a geometry's survey."""
     dim, points = model.dim, model.points
     volumes = _volumes(points, model.cells, dim)
     bodies = []
@@ -132,14 +132,14 @@ def survey_of(model: ForeignModel) -> Survey:
 def skin_of_model(
     model: ForeignModel, survey: Survey, outer: Longs, body: Longs, face: Longs
 ) -> dict:
-    """Return the content of a picture: outer triangles and the places of named surfaces.
+    """Return the content of a picture: outer triangles and the positions of named surfaces.
 
     Args:
         model: The model.
         survey: Survey of it.
-        outer: Corners of the triangles that are seen, shape (n, 3).
-        body: Body of each.
-        face: Number of the named surface of each from 1, 0 where there is none.
+        outer: Corners of the visible triangles, shape (n, 3).
+        body: Body of each triangle.
+        face: Number of the named surface of each triangle, from 1; 0 for none.
     """
     places = []
     for number, one in enumerate(survey.faces):
@@ -191,7 +191,7 @@ def _volumes(points: Floats, cells: Longs, dim: int) -> Floats:
 
 
 def _qualities(points: Floats, cells: Longs, dim: int) -> Floats:
-    """Volume over that of an equilateral cell with the same mean square of edges."""
+    """Return volumes over those of equilateral cells with the same mean square of edges."""
     ends = [(i, j) for i in range(dim + 1) for j in range(i)]
     squares = sum(
         ((points[cells[:, i], :dim] - points[cells[:, j], :dim]) ** 2).sum(axis=1) for i, j in ends
@@ -201,7 +201,7 @@ def _qualities(points: Floats, cells: Longs, dim: int) -> Floats:
 
 
 def _normals(points: Floats, facets: Longs, dim: int) -> Floats:
-    """Return normals of the size of the facets, all to one side of the first one."""
+    """Return normals with the facets' areas as norms, all on the side of the first normal."""
     p = points[facets]
     if dim == 2:
         along = p[:, 1] - p[:, 0]

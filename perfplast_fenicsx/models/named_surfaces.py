@@ -1,4 +1,4 @@
-"""Surfaces that may share facets, as surfaces that share none."""
+"""Turn surfaces that may share facets into surfaces that share none."""
 
 from collections.abc import Sequence
 
@@ -9,10 +9,10 @@ from perfplast_fenicsx.geometry.part_names import unique_names
 
 
 class NamedSurfaces:
-    """Takes surfaces as they are named, and divides them where they overlap.
+    """Surfaces by name, which are divided where they overlap.
 
-    A facet has one physical name in a mesh. Those that several surfaces have become surfaces of
-    their own, and a name then stands for several of these.
+    A facet has one physical name in a mesh. Facets of several surfaces become surfaces of their
+    own. A name then represents several of these.
     """
 
     def __init__(self) -> None:
@@ -38,14 +38,14 @@ class NamedSurfaces:
     def divided(
         self, taken: Sequence[str] = ()
     ) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:
-        """Surfaces without common facets.
+        """Return surfaces without common facets.
 
         Args:
-            taken: Names that bodies have.
+            taken: Names of bodies.
 
         Returns:
-            Their names; the facets, shape (k,), and the surface of each, shape (k,); of each name
-            that was added, those it stands for.
+            Names of the surfaces; the facets, shape (k,), and the surface of each, shape (k,); the
+            new surfaces that each added name represents.
         """
         names = [name for name, facets in self._members.items() if len(facets)]
         members = [self._members[name] for name in names]

@@ -1,4 +1,4 @@
-"""Text files of numbers, read as arrays."""
+"""Read text files of numbers as arrays."""
 
 import re
 import warnings
@@ -14,10 +14,10 @@ from perfplast_fenicsx.proof.stored_file import check_regular
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file, in UTF-8 or else in Latin-1, which any text is.
+    """Return the text of a file in UTF-8, or in Latin-1 if it is not UTF-8.
 
     Raises:
-        InputError: If it cannot be read, or is no text.
+        InputError: If the file cannot be read, or is not text.
     """
     try:
         check_regular(path)
@@ -27,7 +27,7 @@ def text_of(path: Path) -> str:
     except OSError as error:
         raise InputError(f"'{path}' cannot be read: {error.strerror}; check the path.") from error
     if b"\0" in raw:
-        raise InputError(f"'{path}' is no text; export the mesh again.")
+        raise InputError(f"'{path}' is not text; export the mesh again.")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -35,23 +35,23 @@ def text_of(path: Path) -> str:
 
 
 def whole_numbers(lines: Iterable[str], what: str) -> Longs:
-    """Return all whole numbers of lines.
+    """Return all integers in lines.
 
     Args:
-        lines: With blanks between the numbers.
-        what: They are of, for refusals.
+        lines: Lines with blanks between the numbers.
+        what: Name of the numbers, for messages.
 
     Raises:
-        InputError: If there is something else.
+        InputError: If a line has anything else.
     """
     return np.asarray(_numbers(" ".join(lines), np.int64, what), dtype=np.int64)
 
 
 def real_numbers(lines: Iterable[str], what: str) -> Floats:
-    """Return all numbers of lines, with exponents of Fortran too (1.0D+00).
+    """Return all numbers in lines, with exponents of Fortran too (1.0D+00).
 
     Raises:
-        InputError: If there is something else, or one is not finite.
+        InputError: If a line has anything else, or a number is not finite.
     """
     text = re.sub("[dD]", "e", " ".join(lines))
     found = np.asarray(_numbers(text, np.float64, what), dtype=np.float64)
@@ -64,10 +64,10 @@ def _numbers(text: str, kind: type[np.generic], what: str) -> np.ndarray:
     if not text.strip():
         return np.zeros(0, dtype=kind)
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # what NumPy says of other text
+        warnings.simplefilter("error", DeprecationWarning)  # NumPy's reaction to other text
         try:
             return np.fromstring(text, dtype=kind, sep=" ")
         except (DeprecationWarning, ValueError) as error:
             raise InputError(
-                f"{what} have something else where numbers should be; the file is damaged."
+                f"{what} have something else where numbers are expected; the file is damaged."
             ) from error

@@ -1,4 +1,4 @@
-"""The outer facets of a mesh of simplices, found by their corners."""
+"""Find the outer facets of a mesh of simplices by their corners."""
 
 from itertools import combinations
 
@@ -11,24 +11,24 @@ NOWHERE = -1
 
 
 class OuterFacets:
-    """Facets that one cell alone has.
+    """Facets that belong to a single cell.
 
     Attributes:
-        corners: Sorted by number, shape (num_facets, dim).
-        cells: The cell of each, shape (num_facets,).
+        corners: Corners of each facet, sorted by number, shape (num_facets, dim).
+        cells: Cell of each facet, shape (num_facets,).
     """
 
     def __init__(self, cells: Longs, num_points: int) -> None:
-        """Find them.
+        """Find the outer facets.
 
         Args:
             cells: Corners of all simplices, shape (m, dim + 1).
-            num_points: So many points have numbers.
+            num_points: Number of points.
 
         Raises:
             InputError: If there are too many points.
         """
-        # With more the key of a triangle would not fit into 63 bits.
+        # With more points the key of a triangle would not fit into 63 bits.
         most_points = 2_000_000
         if num_points > most_points:
             raise InputError(
@@ -49,11 +49,11 @@ class OuterFacets:
         self.corners, self.cells = every[chosen], owners[chosen]
 
     def outwards(self, points: Floats, cells: Longs) -> Longs:
-        """Return corners of triangles, turned so that they are seen from outside.
+        """Return corners of triangles, counterclockwise as seen from outside.
 
         Args:
-            points: Shape (n, 3).
-            cells: Those that the facets were found of.
+            points: Coordinates of the points, shape (n, 3).
+            cells: The cells given to the constructor.
         """
         a, b, c = (points[self.corners[:, k]] for k in range(3))
         inside = points[cells[self.cells]].mean(axis=1)
@@ -75,7 +75,7 @@ class OuterFacets:
         return np.where(there, at, NOWHERE)
 
     def among(self, points: Longs, num_points: int) -> Longs:
-        """Return numbers of the facets that have all their corners among some points."""
+        """Return the numbers of the facets whose corners are all among some points."""
         chosen = np.zeros(num_points, dtype=bool)
         chosen[points] = True
         return np.flatnonzero(chosen[self.corners].all(axis=1))

@@ -1,4 +1,4 @@
-"""Bodies of a model that share nodes: they are one piece there."""
+"""Report bodies of a model that share nodes, and thus form one piece."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from perfplast_fenicsx.models.foreign_model import ForeignModel
 
 
 def told_of_shared_nodes(model: ForeignModel) -> list[str]:
-    """Return a sentence on the bodies that share nodes, which a mesh alone does not show."""
+    """Return a remark on the bodies that share nodes, which a picture of the mesh does not show."""
     bodies = np.repeat(model.body, model.cells.shape[1])
     first = np.full(len(model.points), len(model.bodies))
     last = np.full(len(model.points), -1)

@@ -1,9 +1,9 @@
-"""Hexahedra, wedges, pyramids and quadrilaterals divided into simplices whose faces match.
+"""Divide hexahedra, wedges, pyramids and quadrilaterals into simplices whose faces match.
 
-A quadrilateral face is cut by the diagonal from its corner of the smallest number, which both cells
-at it know (J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero, How to subdivide pyramids, prisms and
-hexahedra into tetrahedra, 8th Int. Meshing Roundtable, 1999). A cell is then the cone of its own
-smallest corner over the faces that do not have it.
+A quadrilateral face is cut by the diagonal from its corner with the smallest number, which both
+cells at it share (J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero, How to subdivide pyramids,
+prisms and hexahedra into tetrahedra, 8th Int. Meshing Roundtable, 1999). A cell is then divided
+into the cones of its own smallest corner over the faces without this corner.
 """
 
 import numpy as np
@@ -17,11 +17,11 @@ def divided(cells: Longs, shape: Shape) -> tuple[Longs, Longs]:
 
     Args:
         cells: Corners by number, shape (num_cells, shape.corners).
-        shape: Shape of all of them.
+        shape: Shape of all cells.
 
     Returns:
-        Corners of the simplices, shape (n, dim + 1), in no particular orientation; the cell of
-        each, shape (n,).
+        Corners of the simplices, shape (n, dim + 1), in any orientation; the cell of each simplex,
+        shape (n,).
     """
     count = np.arange(len(cells))
     if shape.corners == shape.dim + 1:
@@ -41,13 +41,13 @@ def divided(cells: Longs, shape: Shape) -> tuple[Longs, Longs]:
 
 
 def pieces(faces: Longs) -> list[tuple[Longs, Longs]]:
-    """Faces as simplices: of lines and triangles they are, quadrilaterals are cut in two.
+    """Return faces as simplices: quadrilaterals are cut in two, others remain.
 
     Args:
-        faces: Corners around each, shape (num_faces, 2, 3 or 4).
+        faces: Corners around each face, shape (num_faces, 2, 3 or 4).
 
     Returns:
-        Pairs of corners, shape (n, 2 or 3), and the face of each, shape (n,).
+        Pairs of corners, shape (n, 2 or 3), and the face of each simplex, shape (n,).
     """
     count = np.arange(len(faces))
     if faces.shape[1] < 4:

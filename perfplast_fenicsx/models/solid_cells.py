@@ -1,4 +1,4 @@
-"""The solid elements of a model as simplices."""
+"""Turn the solid elements of a model into simplices."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from perfplast_fenicsx.models.element_blocks import Block
 from perfplast_fenicsx.models.simplices import divided
 
 BENT = 1e-3
-"""Share of an edge by which a midside may be off its middle and the edge still be straight."""
+"""Largest distance of a midside from the midpoint of a straight edge, over the edge's length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,11 +19,11 @@ class SolidCells:
     """Simplices of a model.
 
     Attributes:
-        dim: 3, or 2 where there are flat elements alone.
+        dim: Dimension: 3, or 2 if there are only flat elements.
         blocks: The elements of this dimension.
         cells: Corners of the simplices, shape (m, dim + 1), with positive volumes.
-        parents: The element of each, shape (m,).
-        remarks: Remarks on what became of elements, a sentence each.
+        parents: Element of each simplex, shape (m,).
+        remarks: Remarks on changed elements, a sentence each.
     """
 
     dim: int
@@ -34,12 +34,12 @@ class SolidCells:
 
 
 def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, int]) -> SolidCells:
-    """Divide the elements of the highest dimension.
+    """Return the elements of the highest dimension as simplices.
 
     Args:
-        points: Shape (n, 3).
+        points: Coordinates of the points, shape (n, 3).
         blocks: All elements.
-        left_out: How many elements of types that the program does not know, by type.
+        left_out: Number of elements of unsupported types, by type.
 
     Raises:
         InputError: If there are no solid elements, or one has no volume.
@@ -48,7 +48,7 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
     if not solids:
         left = ", ".join(left_out) or "none"
         raise InputError(
-            f"there are no solid elements (types that are not known: {left}); give tetrahedra,"
+            f"there are no solid elements (unsupported types: {left}); give tetrahedra,"
             " hexahedra, wedges or pyramids (C3D4, C3D10, C3D8, C3D20, C3D6, C3D15), or triangles"
             " and quadrilaterals in the plane (CPE, CAX)."
         )
@@ -63,7 +63,8 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
         parents.append(block.first + of)
     every, parent = np.concatenate(cells), np.concatenate(parents)
     once = (np.diff(np.sort(every, axis=1), axis=1) > 0).all(axis=1)
-    every, parent = every[once], parent[once]  # of a hexahedron that is collapsed to a wedge, say
+    # for example of a hexahedron that is collapsed to a wedge
+    every, parent = every[once], parent[once]
     full = _with_volume(points, every, dim)
     if not (full.all() and len(every)):
         place = points[every[~full][0]].mean(axis=0) if len(every) else points[0]
@@ -89,7 +90,7 @@ def _check_plane(points: Floats, solids: Sequence[Block]) -> None:
 def _with_volume(points: Floats, cells: Longs, dim: int) -> np.ndarray:
     edges = points[cells[:, 1:], :dim] - points[cells[:, :1], :dim]
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
-    # Volume of a simplex in terms of its longest edge, below which it has none.
+    # Volume relative to the cube (square) of the longest edge, below which a simplex has no volume.
     flat = 1e-10
     return np.asarray(np.abs(np.linalg.det(edges)) > flat * longest**dim)
 
@@ -108,7 +109,7 @@ def _told(
 ) -> list[str]:
     """Return remarks on elements that are left out, divided or bent."""
     remarks = [
-        f"{number} lines of elements of type {name}, which the program does not know, are left out"
+        f"{number} lines of elements of the unsupported type {name} are left out"
         for name, number in left_out.items()
     ]
     whole = sum(len(block.nodes) for block in solids)

@@ -1,7 +1,7 @@
-"""A ``.unv`` file (I-DEAS universal file: Salome, NX, Femap) as a mesh with groups.
+"""Read a ``.unv`` file (I-DEAS universal file: Salome, NX, Femap) as a mesh with groups.
 
-Datasets stand between lines of -1: 2411 or 781 has nodes, 2412 elements, 2467 and its likes groups
-(SDRC's universal file format). All others say nothing of a mesh.
+Datasets are enclosed by lines of -1: 2411 or 781 has nodes, 2412 elements, and 2467 and similar
+numbers groups (SDRC's universal file format). All others do not matter for a mesh.
 """
 
 import re
@@ -33,7 +33,8 @@ GROUPS = ("2429", "2430", "2432", "2435", "2452", "2467", "2477")
 
 
 AROUND_3, AROUND_4 = [0, 2, 4, 1, 3, 5], [0, 2, 4, 6, 1, 3, 5, 7]
-"""Quadratic elements go around with their midsides: where corners are, and then midsides."""
+"""Order of quadratic elements, whose corners and midsides alternate: corners first, then midsides.
+"""
 
 FACES = {
     1: (ElementType(TRIANGLE, 3), [0, 1, 2]),
@@ -57,11 +58,11 @@ KINDS: dict[int, tuple[ElementType, list[int]]] = {
     22: (ElementType(LINE, 3), [0, 2, 1]),
     24: (ElementType(LINE, 3), [0, 2, 1]),
 }
-"""Elements by their descriptor: plane, thin and solid ones."""
+"""Elements by their descriptor: plane, thin and solid elements."""
 
 
 def read_unv(path: Path) -> ForeignModel:
-    """Read a file.
+    """Return the model of a file.
 
     Raises:
         InputError: If it cannot be read, is damaged, or has no solids.
@@ -78,8 +79,8 @@ def _mesh(text: str) -> GroupedMesh:
     nodes = [lines for number, lines in datasets if number in NODES]
     if not nodes:
         raise InputError(
-            "there are no nodes (dataset 2411 or 781), so it is no mesh in the UNV format, or one"
-            " of the eighties; export the mesh again."
+            "there are no nodes (dataset 2411 or 781), so it is no mesh in the UNV format, or a"
+            " very old one; export the mesh again."
         )
     heads = np.concatenate([whole_numbers(lines[::2], "nodes") for lines in nodes])
     places = np.concatenate([real_numbers(lines[1::2], "nodes") for lines in nodes])
@@ -99,7 +100,7 @@ def _mesh(text: str) -> GroupedMesh:
 
 
 def _datasets(text: str) -> list[tuple[str, list[str]]]:
-    """Return numbers of datasets, and the lines of each."""
+    """Return the number and the lines of each dataset."""
     found = []
     for body in re.split(r"(?m)^ *-1 *\r?$", text)[1::2]:
         lines = body.strip("\r\n").splitlines()
@@ -109,11 +110,11 @@ def _datasets(text: str) -> list[tuple[str, list[str]]]:
 
 
 def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[Longs]:
-    """Take the elements, which follow each other in runs of one kind; their own numbers."""
+    """Read the elements, which are grouped by kind, and return their numbers."""
     ids, at = [], 0
-    # Numbers before the nodes of an element: the last one says how many nodes follow.
+    # Count of numbers before the nodes of an element; the last one is the number of nodes.
     before_nodes = 6
-    # Elements of lines that have numbers of their own, and so many.
+    # Line elements with additional numbers, and the count of these.
     beams, of_beams = (11, 21, 22, 23, 24), 3
     while at + before_nodes <= len(numbers):
         kind, nodes = int(numbers[at + 1]), int(numbers[at + before_nodes - 1])
@@ -141,9 +142,9 @@ def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[L
 def _groups(
     lines: list[str], points: NumberIndex, elements: NumberIndex, found: GroupedMesh
 ) -> None:
-    """Take the groups of a dataset."""
+    """Read the groups of a dataset."""
     at = 0
-    # Kinds of members of groups, and numbers in a line of them.
+    # Kinds of members of groups, and the count of numbers in a line.
     node, element, in_a_line = 7, 8, 8
     while at + 1 < len(lines):
         if not lines[at].strip():  # after groups without members
@@ -155,7 +156,8 @@ def _groups(
             raise InputError(f"the group '{name[:40]}' is damaged; export the mesh again.")
         what = f"members of '{name[:40]}'"
         first = whole_numbers(lines[at + 2 : at + 3], what) if count else NOBODY
-        # kind, number and two zeros of each, two in a line; in older datasets without the zeros
+        # kind, number and two zeros for each member, two members in a line; older datasets lack the
+        # zeros
         fields = 4 if len(first) > 2 and first[2] == 0 else 2
         tall = -(-count * fields // in_a_line)
         rows = whole_numbers(lines[at + 2 : at + 2 + tall], what)

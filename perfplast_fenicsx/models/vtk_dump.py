@@ -1,7 +1,7 @@
-"""A program of its own: VTK reads a file of cells, and what is in it goes into an .npz file.
+"""Read a file of cells with VTK in a separate program, and write its content to an .npz file.
 
-Broken files make VTK crash, or allocate without end. That ends this process, not the ranks. It
-imports nothing of this package, as that might start MPI.
+Broken files make VTK crash, or allocate without limit. This ends this process, not the ranks. The
+module imports nothing of this package, as that might start MPI.
 
     python3 -P vtk_dump.py FILE.vtu TARGET.npz
 """
@@ -16,8 +16,8 @@ import pyvista
 
 
 def limit(size: int) -> None:
-    """Bound what this process may take, for a file of ``size`` bytes."""
-    least_memory, memory_per_byte = 8 << 30, 100  # address space that it may take
+    """Limit the memory of this process, for a file of ``size`` bytes."""
+    least_memory, memory_per_byte = 8 << 30, 100  # address space (bytes)
     memory, most = least_memory + memory_per_byte * size, resource.getrlimit(resource.RLIMIT_AS)[1]
     if most == resource.RLIM_INFINITY or memory < most:
         resource.setrlimit(resource.RLIMIT_AS, (memory, most))
@@ -25,7 +25,7 @@ def limit(size: int) -> None:
 
 
 def dump(source: str, target: str) -> None:
-    """Read one file, write the other."""
+    """Read a file of cells, and write its arrays."""
     grid: Any = pyvista.read(source)
     if not isinstance(grid, pyvista.UnstructuredGrid):
         grid = (

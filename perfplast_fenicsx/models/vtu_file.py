@@ -1,7 +1,7 @@
-"""A ``.vtu`` or ``.vtk`` file of cells as a mesh with groups.
+"""Read a ``.vtu`` or ``.vtk`` file of cells as a mesh with groups.
 
-Such files have no names of bodies and surfaces, but whole numbers at cells or points: each number
-of an array such as "region" is a group ``region_3``.
+Such files have no names of bodies and surfaces, but integers at cells or points. Each number of an
+array such as "region" is a group ``region_3``.
 """
 
 import signal
@@ -42,15 +42,15 @@ KINDS = {
     **{13: ElementType(WEDGE, 6), 26: ElementType(WEDGE, 15)},
     **{14: ElementType(PYRAMID, 5), 27: ElementType(PYRAMID, 13)},
 }
-"""Elements by VTK's numbers, whose corners and midsides follow each other as Abaqus' do."""
+"""Elements by VTK's numbers; their corners and midsides have the order of Abaqus."""
 
 
 USUAL = ("gmsh:physical", "CellEntityIds", "medit:ref", "region", "material", "part")
-"""Arrays that have groups in files of gmsh, meshio and others; another one without these."""
+"""Arrays with groups in files of gmsh, meshio and others; without them, another array is used."""
 
 
 def read_vtu(path: Path) -> ForeignModel:
-    """Read a file.
+    """Return the model of a file.
 
     Raises:
         InputError: If it cannot be read, is damaged, or has no solids.
@@ -65,7 +65,7 @@ def read_vtu(path: Path) -> ForeignModel:
         target = Path(folder) / "mesh.npz"
         program = Path(__file__).with_name("vtk_dump.py")
         command = [sys.executable, "-P", str(program), str(path.absolute()), str(target)]
-        most_seconds = 600  # longest time that VTK gets
+        most_seconds = 600  # time limit of VTK
         try:
             done = subprocess.run(
                 command,
@@ -95,7 +95,7 @@ def _mesh(arrays: Any) -> GroupedMesh:
     if not np.isfinite(found.points).all():
         raise InputError("nodes have coordinates that are not finite; the file is damaged.")
     places = np.full(len(kinds), -1)
-    points = (1, 2)  # elements of points, which say nothing
+    points = (1, 2)  # point elements, which have no meaning here
     for number in np.unique(kinds):
         mine = np.flatnonzero(kinds == number)
         kind = KINDS.get(int(number))
@@ -124,7 +124,7 @@ def _group(
         for key in arrays.files
         if key.startswith(where) and key[-1].isdigit()
     }
-    most_groups = 200  # an array of more numbers counts cells, and does not give groups
+    most_groups = 200  # an array with more different numbers counts cells, and defines no groups
     usable = {
         name: values for name, values in found.items() if 1 < len(np.unique(values)) <= most_groups
     }
@@ -141,5 +141,5 @@ def _group(
         members = np.flatnonzero(usable[name] == number)
         members = places[members] if where == "cell" else members
         members = members[members >= 0]
-        if len(members) and (where == "cell" or number):  # 0 is what points have by default
+        if len(members) and (where == "cell" or number):  # 0 is the default of points
             groups[f"{name}_{number}"] = members

@@ -64,8 +64,8 @@ def test_groups_are_bodies_and_surfaces(tmp_path: Path, how: str) -> None:
     assert "footnodes" in foot  # the same faces: one surface of both names
     assert measured == pytest.approx({foot: 1.0, "top": 1.0, "side": 2.5})
     told = " ".join(found.remarks)
-    assert "'all' is made of smaller ones" in told
-    assert "inside of the bodies, or on none, are left out there: 'between'" in told
+    assert "'all' consists of smaller ones" in told
+    assert "or on no body, are left out there: 'between'" in told
     assert "nodes that are no surface are left out: 'edge'" in told
 
 
@@ -153,11 +153,11 @@ def test_med_names_have_as_many_nodes_as_they_say() -> None:
 BROKEN_TEXT = {
     "nothing": ("", "no nodes"),
     "other words": ("hello\n", "no nodes"),
-    "no text": ("\0\0", "no text"),
+    "no text": ("\0\0", "not text"),
     "unv cut off": (unv_text()[:700], "cut off or damaged|no solid elements|no nodes"),
     "unv with a word for a number": (
         unv_text().replace("1.0000000000000000D+00", "x"),
-        "should be",
+        "are expected",
     ),
     "unv without a node": (unv_text().replace(f"{15:10}\n", f"{99:10}\n"), "no node 99"),
     "unv with an infinite place": (
