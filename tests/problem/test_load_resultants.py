@@ -1,16 +1,20 @@
 """Forces and moments of loads and supports against statics, at ζ = 1 and at the limit load."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 
+from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx import (
     BodyForce,
     Contact,
+    Elastic,
     Force,
+    MohrCoulomb,
     Pressure,
     Problem,
     Support,
@@ -21,10 +25,12 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.limit_analysis.body.limit_forces import LimitForces, limit_forces
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
+from perfplast_fenicsx.limit_analysis.statements.bound import Scope
+from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.judged.resultants import load_resultants
 from tests.contact.blocks_apart import blocks_apart
-from tests.models import STEEL, touching_blocks
+from tests.models import STEEL, Read, touching_blocks
 
 COMM = MPI.COMM_WORLD
 
@@ -189,3 +195,50 @@ def test_statics_of_the_full_turn() -> None:
     found = limit_forces(problem, interior_point(problem))
     assert found is not None
     assert found.reactions["support bottom"][1] == pytest.approx(3 * np.pi * found.zeta, rel=DIGITS)
+
+
+SOIL = MohrCoulomb(young=1e3, poisson=0.3, cohesion=1.0, friction_angle=20.0)
+
+
+def punched_ground(read: Read, law: Material, tresca: float | None, weight: float) -> Problem:
+    """Ground under a strong punch of radius 1, around an axis."""
+    mesh = read(write_strip_footing, size=1.0, punch=True, width=3.0, depth=2.0).turned()
+    loads: list[Load] = [Pressure("top", 3.0)]
+    if weight:
+        loads.append(BodyForce("ground", (0.0, -weight), constant=True))
+    return Problem(
+        mesh,
+        {"ground": law, "punch": Elastic(1e6, 0.3)},
+        [Support("side", "x"), Support("bottom")],
+        loads,
+        [Contact("ground_footing", "punch_footing", tresca=tresca)],
+        degree=2,
+    )
+
+
+@pytest.mark.mpi2("dilates")
+@pytest.mark.parametrize(
+    ("law", "tresca", "weight"),
+    [(SOIL, None, 0.0), (SOIL, 0.5, 0.7), (STEEL, None, 0.0)],
+    ids=["dilates", "weight and friction", "metal"],
+)
+def test_statics_of_a_lower_bound_around_an_axis(
+    read: Read, law: Material, tresca: float | None, weight: float
+) -> None:
+    """The support carries π times the pressure, the weight of the ground, and no more."""
+    body = limit_bounds(punched_ground(read, law, tresca, weight), 0.1)
+    assert body.strict, body.why_not
+    found = limit_forces(body.problem, body.mesh, body)
+    assert found is not None
+    assert found.strict
+    assert found.balance < DIGITS
+    assert found.zeta == body.lower.value
+    pressed = found.zeta * 3 * np.pi
+    carried = pressed + weight * 18 * np.pi
+    assert found.reactions["loads"][1] == pytest.approx(-carried, rel=DIGITS)
+    assert found.reactions["support bottom"][1] == pytest.approx(carried, rel=DIGITS)
+    on_ground = found.reactions["contact ground_footing punch_footing"][1]
+    assert on_ground == pytest.approx(-pressed, rel=DIGITS)
+    # the stress of the mesh's limit load is not in balance with nodal forces of displacements
+    unproven = replace(body.lower, of=Scope.MESH, why_not=("not proven",))
+    assert limit_forces(body.problem, body.mesh, replace(body, lower=unproven)) is None

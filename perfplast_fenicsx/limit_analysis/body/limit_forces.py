@@ -3,13 +3,20 @@
 import math
 from dataclasses import dataclass, replace
 
+import basix.ufl
+import numpy as np
+import ufl
 from dolfinx import fem
 
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.mesh.ring_polynomials import polynomials
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.assembled.spaces import assemble_force
-from perfplast_fenicsx.problem.judged.certificate import contact_forces, friction_forces
+from perfplast_fenicsx.problem.judged.certificate import forces_between
 from perfplast_fenicsx.problem.judged.resultants import resultants
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -48,45 +55,95 @@ def limit_forces(
         body: Bounds with the lower bound, which may be on another mesh.
 
     Returns:
-        None if there is no stress, or if it carries nothing.
+        None if there is no stress, or if it carries nothing. In axisymmetry also if bounds have no
+        strict lower one: the limit load of their mesh is one of velocities v = ru
+        (:mod:`ring_flux`), and its stress is not in balance with nodal forces of displacements.
     """
     if body is not None and (found := _of_bound(body)) is not None:
         return found
+    if body is not None and body.by_flux is not None:
+        return None
     stress, zeta = limit.stress, limit.lower
     if stress is None and limit.theorem and limit.levels:  # the last level of a path
         stress, zeta = limit.levels[-1].stress, limit.levels[-1].state.zeta
     if stress is None or zeta == 0 or not math.isfinite(zeta):
         return None
-    return _forces(problem, stress, zeta)
+    return _forces(problem, problem.internal_form(stress), zeta)
 
 
 def _of_bound(body: BodyBounds) -> LimitForces | None:
     """Return the forces of a strict lower bound, if nodal forces balance its stress. Collective."""
     problem, value = body.problem, body.lower.value
-    around_axis = (
-        problem.tagged_mesh.axisymmetric
-    )  # in axisymmetry r times the stress is not linear
-    if body.stress is None or around_axis or not body.lower.strict or not value:
+    if body.stress is None or not body.lower.strict or not value:
         return None
     if body.question is not Question.LIMIT:
         return None
-    space = fem.functionspace(problem.tagged_mesh.mesh, ("DG", 1, body.stress.shape[2:]))
-    stress = fem.Function(space)
-    values = stress.x.array.reshape(-1, body.stress.shape[2])
-    values[space.dofmap.list[: len(body.stress)]] = body.stress
-    stress.x.scatter_forward()
-    found = _forces(problem, stress, float(value))
+    around_axis = problem.tagged_mesh.axisymmetric
+    form = (_form_of_rings if around_axis else _form_of_cells)(problem, body.stress)
+    found = _forces(problem, form, float(value))
     # Forces with a larger relative residual are not printed: surfaces with different divisions
     # transfer tractions that nodal forces do not represent.
     balanced = 1e-9
     return replace(found, strict=True) if found.balance <= balanced else None
 
 
-def _forces(problem: Problem, stress: fem.Function, zeta: float) -> LimitForces:
+def _form_of_cells(problem: Problem, stress: Floats) -> ufl.Form:
+    """Return ⟨σ, ε(v)⟩ of stresses that are linear in cells. Collective.
+
+    Args:
+        problem: Problem with the displacements v.
+        stress: At the vertices of the cells, shape (num_cells, d + 1, m).
+    """
+    space = fem.functionspace(problem.tagged_mesh.mesh, ("DG", 1, stress.shape[2:]))
+    return problem.internal_form(_filled(space, stress))
+
+
+def _form_of_rings(problem: Problem, stress: Floats) -> ufl.Form:
+    """Return ⟨σ, ε(u)⟩ of stresses around an axis. Collective.
+
+    The product 2πrσ:ε(u) of quadratic rσ and u is cubic, with σ_θ linear (:mod:`ring_cells`).
+    Points of a rule for cubic functions are therefore enough.
+
+    Args:
+        problem: Problem with the displacements u.
+        stress: Bernstein coefficients of rσ, shape (num_cells, 6, 4).
+    """
+    mesh, cubic = problem.tagged_mesh.mesh, 3
+    element = basix.ufl.quadrature_element(
+        mesh.topology.cell_name(), value_shape=stress.shape[2:], degree=cubic
+    )
+    space = fem.functionspace(mesh, element)
+    at = interpolation_points(space.element)
+    shares = np.hstack([1 - at.sum(axis=1, keepdims=True), at])
+    vertices, places = corners(mesh)
+    radii = places[vertices[: len(stress)], 0] @ shares.T
+    values = np.einsum("pi,cim->cpm", polynomials(shares), stress) / radii[..., None]
+    metadata = {"quadrature_degree": cubic, "quadrature_scheme": "default"}
+    strain = problem.kinematics.strain(ufl.TestFunction(problem.V))
+    dx = problem.kinematics.measure(ufl.Measure("dx", domain=mesh, metadata=metadata))
+    return ufl.dot(_filled(space, values), strain) * dx
+
+
+def _filled(space: fem.FunctionSpace, values: Floats) -> fem.Function:
+    """Return a function with the values of each owned cell, shape (num_cells, n, m). Collective."""
+    found = fem.Function(space)
+    rows = found.x.array.reshape(-1, values.shape[2])
+    rows[space.dofmap.list[: len(values)]] = values
+    found.x.scatter_forward()
+    return found
+
+
+def _forces(problem: Problem, form: ufl.Form, zeta: float) -> LimitForces:
+    """Return the forces of a stress at a load factor. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        form: Work of the stress on displacements.
+        zeta: The load factor.
+    """
     internal = problem.create_vector()
-    assemble_force(internal, fem.form(problem.internal_form(stress)), [])
-    pushed = contact_forces(problem, stress, zeta)
-    rubbed = friction_forces(problem, stress, zeta)
+    assemble_force(internal, fem.form(form), [])
+    pushed, rubbed = forces_between(problem, internal, zeta)
     found = resultants(problem, internal, pushed, rubbed, zeta)
     internal.destroy()
     return LimitForces(zeta, False, dict(found.forces), dict(found.moments), found.balance)

@@ -153,10 +153,42 @@ def friction_forces(problem: Problem, stress: fem.Function, zeta: float) -> Floa
     return forces
 
 
+def forces_between(problem: Problem, internal: PETSc.Vec, zeta: float) -> tuple[Floats, Floats]:
+    """Return the contact and friction forces that balance nodal forces and the loads. Collective.
+
+    Args:
+        problem: The bodies.
+        internal: ⟨σ, ε(·)⟩ in nodal unknowns.
+        zeta: Load factor ζ of the live loads.
+
+    Returns:
+        Forces as of :func:`contact_forces` and :func:`friction_forces`.
+    """
+    residual = internal.copy()
+    fem_petsc.set_bc(residual, problem.bcs)
+    r = _in_jumps(problem, residual, zeta)
+    pushed, rubbed = -r.array_r[problem.basis.index], -problem.friction.jumps(r)
+    r.destroy()
+    return pushed, rubbed
+
+
 def _left(problem: Problem, stress: fem.Function, zeta: float, times: float = 1.0) -> PETSc.Vec:
     """Return the forces that contact must balance, in the jump basis. Collective."""
-    residual, r = problem.create_vector(), problem.create_vector()
+    residual = problem.create_vector()
     assemble_force(residual, fem.form(problem.internal_form(stress)), problem.bcs)
+    return _in_jumps(problem, residual, zeta, times)
+
+
+def _in_jumps(problem: Problem, residual: PETSc.Vec, zeta: float, times: float = 1.0) -> PETSc.Vec:
+    """Return nodal forces less the loads, in the jump basis; the former are destroyed. Collective.
+
+    Args:
+        problem: The bodies.
+        residual: Nodal forces, zero at supports.
+        zeta: Load factor ζ of the live loads.
+        times: Factor of the permanent loads.
+    """
+    r = problem.create_vector()
     problem.loads.subtract_from(residual, zeta, times)
     problem.basis.T.multTranspose(residual, r)
     residual.destroy()
