@@ -93,7 +93,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     joints = [measured_joint(dim, parts, k, s, shared) for k, s in enumerate(seams, start=1)]
     measured = measured_faces(dim, parts, faces, names, extent)
     named, left_out = measured_sets(dim, parts, faces, sets, seams, of_file)
-    np.savez(target.with_suffix(".npz"), **skin_of(dim, parts, faces, measured))
+    np.savez(target.with_suffix(".npz"), **skin_of(dim, parts, faces, measured, seams))
     write_split(target)
     remarks += left_out + [
         f"the worst element of '{body.name}' has quality {body.worst:.1e}: it is nearly flat; a"

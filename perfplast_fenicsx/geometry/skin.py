@@ -9,11 +9,16 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.geometry.free_faces import FreeFace
 from perfplast_fenicsx.geometry.parts import Part
+from perfplast_fenicsx.geometry.seams import Seam
 from perfplast_fenicsx.geometry.survey import Face
 
 
 def skin_of(
-    dim: int, parts: Sequence[Part], free: Sequence[FreeFace], faces: Sequence[Face]
+    dim: int,
+    parts: Sequence[Part],
+    free: Sequence[FreeFace],
+    faces: Sequence[Face],
+    seams: Sequence[Seam],
 ) -> dict[str, Any]:
     """Return the visible triangles of the bodies in gmsh's current mesh.
 
@@ -22,11 +27,14 @@ def skin_of(
         parts: The bodies.
         free: Free faces.
         faces: The same faces, measured.
+        seams: Faces at which bodies touch.
 
     Returns:
         ``points``, shape (n, 3); ``triangles``, shape (m, 3), with the index ``body`` of each and
         that of its free face from 1, ``face`` (0 for plane bodies, whose faces are curves);
-        ``names`` of the bodies; ``places`` on free faces, shape (k, 3), and their ``numbers``.
+        ``names`` of the bodies; ``places`` on free faces, shape (k, 3), and their ``numbers``;
+        ``outlines`` of seams, shape (s, 2), with the index ``seam`` of each line. Plane bodies have
+        also lines of free faces, ``segments``, shape (t, 2), with the ``segment_face`` of each.
     """
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(tags)
@@ -46,7 +54,11 @@ def skin_of(
         middles = points[np.searchsorted(tags, _corners([one.tag], dim - 1))].mean(axis=1)
         distance = np.linalg.norm(middles - face.centre, axis=1)
         places.append(middles[np.argmin(distance)])
+    ends = {number: _ends(tags, dim, seam.faces[0]) for number, seam in enumerate(seams)}
+    free_ends = {face.number: _ends(tags, dim, [face.tag]) for face in free if dim == 2}
     return {
+        **_numbered(ends, "outlines", "seam"),
+        **_numbered(free_ends, "segments", "segment_face"),
         "points": points,
         "triangles": np.concatenate(triangles),
         "body": np.concatenate(owners),
@@ -54,6 +66,27 @@ def skin_of(
         "names": np.array([part.name for part in parts]),
         "places": np.array(places).reshape(-1, 3),
         "numbers": np.array([face.number for face in faces]),
+    }
+
+
+def _ends(tags: npt.NDArray[np.uint64], dim: int, faces: Sequence[int]) -> npt.NDArray[np.int64]:
+    """Return the ends of the outline of faces, shape (n, 2); in the plane of all their lines."""
+    corners = np.searchsorted(tags, _corners(faces, dim - 1)).astype(np.int64)
+    if dim == 2:
+        return corners
+    edges = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    once, counts = np.unique(edges, axis=0, return_counts=True)
+    return np.asarray(once[counts == 1], dtype=np.int64)
+
+
+def _numbered(
+    ends: dict[int, npt.NDArray[np.int64]], lines: str, numbers: str
+) -> dict[str, npt.NDArray[np.int64]]:
+    """Return lines and the number of each as arrays with these names."""
+    counts = [len(one) for one in ends.values()]
+    return {
+        lines: np.concatenate([np.zeros((0, 2), dtype=np.int64), *ends.values()]),
+        numbers: np.repeat(np.array(list(ends), dtype=np.int64), counts),
     }
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from perfplast_fenicsx._version import __version__
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.report.frame import SCRIPTS, asset, framed, scripts_of
 from perfplast_fenicsx.report.packing import pack_integers, pack_numbers
@@ -17,8 +18,11 @@ from perfplast_fenicsx.report.page import VIEW
 from perfplast_fenicsx.report.tables import scrolled
 from perfplast_fenicsx.report.view_data import view_mesh
 
-SETUP = ("toml", "case_check", "setup")
+SETUP = ("toml", "case_check", "case_marks", "setup")
 """Files of the forms, read in this order after those of the view."""
+
+BAND = 0.006
+"""Half the width of the band along a face of a plane body, relative to the bodies."""
 
 
 @dataclass(frozen=True)
@@ -72,16 +76,22 @@ def setup_page(
     """
     with np.load(skin) as file:
         arrays = {name: file[name] for name in file.files}
-    order = np.lexsort((arrays["face"], arrays["body"]))
     used, corners = np.unique(arrays["triangles"], return_inverse=True)
     triangles = corners.reshape(arrays["triangles"].shape).astype(np.int64)
     points = np.asarray(arrays["points"][used], dtype=np.float64)
     plane = bool(np.ptp(points[:, 2]) == 0)
+    body, face = arrays["body"].astype(np.int64), arrays["face"].astype(np.int64)
+    segments = _segments(arrays, triangles, body, used)
+    if plane:
+        points, triangles = _with_bands(points, triangles, segments)
+        body = np.append(body, np.repeat(segments.body, 2))
+        face = np.append(face, np.repeat(segments.face, 2))
+    order = np.lexsort((-face, body))  # bands hide the triangles of plane bodies
     surface = Surface(
         points=points,
         triangles=triangles,
         edges=np.zeros((int(plane), 2), dtype=np.int64),
-        body=arrays["body"].astype(np.int64),
+        body=body,
         names=[str(name) for name in arrays["names"]],
         at_points={},
         at_cells={},
@@ -92,7 +102,16 @@ def setup_page(
     data = view_mesh(surface, order) | {
         "axisymmetric": False,
         "marks": [],
-        "faces": {"of": pack_integers(arrays["face"][order].astype(np.int64)), "words": words},
+        "faces": {"of": pack_integers(face[order]), "words": words},
+        "lines_of_faces": {
+            "face": pack_integers(segments.face),
+            "ends": [pack_numbers(axis) for axis in segments.ends.reshape(-1, 3).T],
+            "outwards": [pack_numbers(axis) for axis in segments.outwards.T],
+        },
+        "outlines": {
+            "seam": pack_integers(arrays["seam"]),
+            "ends": [pack_numbers(axis) for axis in arrays["points"][arrays["outlines"].ravel()].T],
+        },
         "states": [{"title": "", "mechanism": False, "motion": still, "largest": 0, "fields": {}}],
         "fields": [],
         "setup": setup,
@@ -106,6 +125,62 @@ def setup_page(
         scripts=scripts_of(data, (*VIEW, *SETUP)),
     )
     return framed(body, title, ["page.css", "setup.css"], SCRIPTS)
+
+
+@dataclass(frozen=True)
+class _Segments:
+    """Lines of the free faces of plane bodies.
+
+    Attributes:
+        face: Number of the face, shape (n,).
+        body: Index of the body, shape (n,).
+        ends: Both ends, shape (n, 2, 3).
+        outwards: Unit normals out of the body, shape (n, 3).
+    """
+
+    face: Longs
+    body: Longs
+    ends: Floats
+    outwards: Floats
+
+
+def _segments(arrays: Mapping[str, Any], triangles: Longs, body: Longs, used: Longs) -> _Segments:
+    """Return the lines of free faces; none for bodies in space.
+
+    Args:
+        arrays: Arrays of the skin.
+        triangles: Triangles of the bodies, with points numbered among those used.
+        body: Body of each triangle.
+        used: Numbers of the points in the skin.
+    """
+    ends = np.searchsorted(used, arrays["segments"]).astype(np.int64)
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    keys = edges[:, 0] * len(used) + edges[:, 1]
+    wanted = np.sort(ends, axis=1) @ np.array([len(used), 1])
+    order = np.argsort(keys, kind="stable")
+    at = order[np.searchsorted(keys[order], wanted)]
+    points = np.asarray(arrays["points"][used], dtype=np.float64)
+    inside = points[triangles[at // 3]].mean(axis=1)
+    both = points[ends]
+    along = both[:, 1] - both[:, 0]
+    outwards = np.stack([along[:, 1], -along[:, 0], np.zeros(len(along))], axis=1)
+    outwards /= np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), 1e-300)
+    turned = np.einsum("nk,nk->n", outwards, both.mean(axis=1) - inside) < 0
+    outwards[turned] *= -1
+    return _Segments(arrays["segment_face"].astype(np.int64), body[at // 3], both, outwards)
+
+
+def _with_bands(points: Floats, triangles: Longs, segments: _Segments) -> tuple[Floats, Longs]:
+    """Return points and triangles with a band along each line of a face, to be clicked."""
+    half = BAND * float(np.linalg.norm(np.ptp(points, axis=0))) * segments.outwards[:, None]
+    corners = np.concatenate([segments.ends - half, segments.ends + half], axis=1)
+    first = len(points) + 4 * np.arange(len(corners))[:, None, None]
+    bands = (first + np.array([[0, 1, 3], [0, 3, 2]])).reshape(-1, 3)
+    # Triangles of a plane body are seen from both sides, so that their order is free.
+    return (
+        np.concatenate([points, corners.reshape(-1, 3)]),
+        np.concatenate([triangles, bands]).astype(np.int64),
+    )
 
 
 def _face_table(faces: Sequence[FaceRow], size: str) -> str:

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import gmsh
+import numpy as np
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.parser import SOLVED
+from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
+from perfplast_fenicsx.formulas import evaluate
 from perfplast_fenicsx.mesh import gmsh_session
 from perfplast_fenicsx.report.frame import asset
 from tests.functional.browser_page import Page, alone
@@ -208,44 +210,399 @@ def test_clicks_make_the_case_of_the_tutorial(
     assert sum(url.startswith("file:") for url in sent) == 1
 
 
+RICH = """
+[material.beam]
+law = "von-mises"
+young = 210000.0
+poisson = 0.3
+yield_stress = 235.0
+expansion = 1.2e-5
+
+[material.block]
+law = "mohr-coulomb"
+young = 20000.0
+poisson = 0.2
+cohesion = 3.0
+friction_angle = 35.0
+dilatancy_angle = 30.0
+nonassociated = "davis-a"
+tensile_strength = 0.5
+
+[[contact]]
+primary = "beam_joint_1"
+secondary = "block_joint_1"
+coulomb = 0.2
+tresca = 1.0
+gap = 0.0
+
+[[support]]
+on = "beam_x_low"
+components = "xyz"
+value = 0.0
+
+[[support]]
+on = "block_z_low"
+components = "z"
+
+[[load]]
+on = "beam_z_high"
+pressure = 1.0
+name = "push"
+
+[[load]]
+on = "beam_x_high"
+force = [0.0, 0.0, -10.0]
+point = [400.0, 25.0, 125.0]
+constant = true
+name = "hook"
+
+[[load]]
+on = "beam_y_low"
+traction = [0.0, "z / 100", 0.0]
+name = "side"
+
+[gravity]
+acceleration = [0.0, 0.0, -9810.0]
+density = { beam = 7.85e-9 }
+
+[[temperature]]
+on = "beam"
+change = 20.0
+
+[design]
+strength = 1.1
+
+[[combination]]
+name = "A"
+factors = { push = 1.5, hook = 1.0 }
+strength = 1.0
+
+[element]
+degree = 2
+
+[loading]
+control = "bounds"
+limit_tolerance = 5e-3
+design = 1.0
+
+[mesh]
+adapt = { until = 0.1, cells = 12000 }
+
+[units]
+system = "mm-N-MPa"
+"""
+"""Tables of the case whose entries are spoilt; its first ones are those of the drawing."""
+
 WRONG_FIELDS = (
+    ("geometry--size", "-5", "-5 is not positive"),
+    ("geometry--size", "5 mm", "'5 mm' has a unit; give the number alone"),
+    ("geometry--size", "0", "0 is not positive"),
+    ("geometry--file", "", "is missing; give a text"),
+    ("geometry--sizes", "{ blok = 80 }", "'blok' is not a name of the drawing"),
+    ("geometry--sizes", "{ block = -1 }", "-1 is not positive"),
+    ("geometry--curvature", "400", "400 is not between 0 and 360"),
+    ("material-beam--young", "210.000,5", "'210.000,5' is not a number"),
+    ("material-beam--young", "0", "0 is not positive"),
+    ("material-beam--young", "210 GPa", "'210 GPa' has a unit; give the number alone, in MPa"),
+    ("material-beam--young", "1e40", "1e+40 is too large to compute with"),
+    ("material-beam--poisson", "0.5", "0.5 is not between −1 and 0.5"),
+    ("material-beam--poisson", "30 %", "'30 %' is not a number"),
+    ("material-beam--poisson", "-1", "-1 is not between −1 and 0.5"),
+    ("material-beam--yield_stress", "-235", "-235 is not positive"),
+    ("material-beam--yield_stress", "235MPa", "'235MPa' is not a value"),
+    ("material-beam--yield_stress", "235 +", "'+' is too much"),
+    ("material-beam--yield_stress", "235 * q", "'* q' is too much"),
+    ("material-beam--expansion", "hot", "'hot' is not a number"),
+    ("material-block--cohesion", "-3", "-3 is negative"),
+    ("material-block--friction_angle", "95", "95 is not an angle from 0° to below 90°"),
+    ("material-block--friction_angle", "35°", "'35°' is neither a number nor a formula"),
+    ("material-block--dilatancy_angle", "40", "40 is larger than friction_angle = 35"),
+    ("material-block--dilatancy_angle", "-5", "-5 is not an angle from 0° to below 90°"),
+    ("material-block--tensile_strength", "0", "0 is not positive"),
+    ("material-block--tensile_strength", "-1", "-1 is not positive"),
+    ("contact-0-primary", "beam_join_1", "'beam_join_1' is not a name of the drawing"),
+    ("contact-0-secondary", "beam_joint_1", "'beam_joint_1' is the primary surface as well"),
+    ("contact-0-secondary", "", "is missing; give a text"),
+    ("contact-0-coulomb", "-0.2", "-0.2 is negative"),
+    ("contact-0-coulomb", "0,2", "'0,2' has a comma; write 0.2"),
+    ("contact-0-coulomb", "20 %", "'20 %' is not a number"),
+    ("contact-0-tresca", "-1", "-1 is negative"),
+    ("contact-0-gap", "wide", "'wide' is not known in a formula"),
+    ("support-0-on", "beam_x_lo", "'beam_x_lo' is not a name of the drawing"),
+    ("support-0-on", "", "is missing; give a text"),
+    ("support-0-components", "xw", "'xw' is not a choice of the letters x, y, z"),
+    ("support-0-components", "normale", "'normale' is not a choice of the letters x, y, z"),
+    ("support-0-components", "", "is missing; give a text"),
+    ("support-0-value", "1 mm", "'1 mm' has a unit; give the number alone, in mm"),
+    ("load-0-on", "beam", "'beam' is not a name of the drawing"),
     ("load-0-pressure", "1,5", "'1,5' has a comma; write 1.5"),
+    ("load-0-pressure", "0", "is zero; give another value, or remove the load"),
     ("load-0-pressure", "10 kPa", "'10 kPa' has a unit; give the number alone, in MPa"),
     ("load-0-pressure", "much", "'much' is not known in a formula"),
-    ("load-0-pressure", "x^2", "write ** for powers"),
+    ("load-0-pressure", "x^2", "'^' is not known in a formula; write ** for powers"),
     ("load-0-pressure", "", "is missing; give a number or a formula"),
-    ("load-0-on", "beam_z_hihg", "the nearest is 'beam_z_high'"),
-    ("support-0-on", "wall", "'wall' is not a name of the drawing"),
-    ("material-beam--young", "-210000", "-210000 is not positive"),
-    ("material-beam--poisson", "0.5", "0.5 is not between −1 and 0.5"),
-    ("material-beam--young", "steel", "'steel' is not a number"),
-    ("contact-0-secondary", "beam_joint_1", "is the primary surface as well"),
+    ("load-0-pressure", "(x + 1", "a bracket is missing"),
+    ("load-0-pressure", "1e999", "1e999 is not finite"),
+    ("load-0-pressure", "[1, 2, 3]", "[1, 2, 3] is not a number or a formula"),
+    ("load-1-force", "[0.0, -10.0]", "has 2 numbers; give 3, one for each direction"),
+    ("load-1-force", "0, 0, -10 kN", "'-10 kN' has a unit; give the number alone"),
+    ("load-1-force", "0 0 -10", "'0 0 -10' is not a number"),
+    ("load-1-force", "[0, 0, 0]", "is zero; give another value, or remove the load"),
+    ("load-1-force", '[0, 0, "z"]', '"z" is not a number'),
+    ("load-1-point", "[400.0, 25.0]", "has 2 numbers; give 3, one for each direction"),
+    ("load-2-traction", "[0.0, 1.0]", "has 2 numbers; give 3, one for each direction"),
+    ("load-2-traction", "0, sin(t), 0", "'t' is not known in a formula"),
+    ("load-2-traction", "0, 1.5,0", "'0, 1.5,0' may be one number or several"),
+    ("gravity--acceleration", "[0, -9810]", "has 2 numbers; give 3, one for each direction"),
+    ("gravity--acceleration", "9.81", "has 1 number; give 3, one for each direction"),
+    ("gravity--density", "{ bem = 7.85e-9 }", "'bem' is not a name of the drawing"),
+    ("gravity--density", "{ beam = -7.85e-9 }", "-7.85e-9 is negative"),
+    ("gravity--density", "7.85e-9", "7.85e-9 is not a table"),
+    ("temperature-0-on", "beem", "'beem' is not a name of the drawing"),
+    ("temperature-0-change", "warm", "'warm' is not known in a formula"),
+    ("design--strength", "-1.1", "-1.1 is not positive"),
+    ("design--strength", "0", "0 is not positive"),
+    ("combination-0-name", "", "is missing; give a text"),
+    ("combination-0-factors", "{ pusch = 1.5 }", "'pusch' is not a load; the nearest is 'push'"),
+    ("combination-0-factors", "1.5", "1.5 is not a table"),
+    ("combination-0-strength", "0", "0 is not positive"),
     ("loading--limit_tolerance", "2", "2 is not between 0 and 1"),
-    ("mesh--adapt", "{ until = 0.1, cell = 9 }", "the nearest key is 'cells'"),
-    ("element--degree", "3", None),
+    ("loading--limit_tolerance", "0", "0 is not between 0 and 1"),
+    ("loading--design", "-1", "-1 is not positive"),
+    ("loading--design", "0", "0 is not positive"),
+    ("mesh--adapt", "{ until = 0.1, cell = 9 }", "is not a key here; the nearest key is 'cells'"),
+    ("mesh--adapt", "{ until = 2.0, cells = 100 }", "until = 2 is not between 0 and 1"),
+    ("mesh--adapt", "{ until = 0.1, cells = -5 }", "-5 is not a whole number from 1 on"),
+    ("mesh--adapt", "yes", "'yes' is not a value"),
+    ("combination-0-factors", "{ push = 0, hook = 0 }", "has no factor above 0"),
 )
-"""Field of a card, what is typed, and the words beside it; None where it is not offered."""
+"""Field of a card, what is typed, and words beside it."""
+
+SPOILT = """
+const done = arguments[1];
+const frame = () => new Promise((ready) => setTimeout(ready));
+const idle = async () => {
+  do await frame(); while (document.getElementById("cards").ariaBusy !== "false");
+};
+const type = async (name, text) => {
+  const field = document.getElementById(name);
+  field.value = text;
+  field.dispatchEvent(new Event("change"));
+  await idle();
+};
+(async () => {
+  const found = [];
+  for (const [name, text] of arguments[0]) {
+    const right = document.getElementById(name).value;
+    await type(name, text);
+    found.push({
+      wrong: document.getElementById(name).getAttribute("aria-invalid"),
+      beside: document.getElementById(`${name}-fault`).textContent,
+      left: [...document.querySelectorAll("#left li")].map((line) => line.textContent),
+      save: document.getElementById("save").textContent,
+    });
+    await type(name, right);
+    found.at(-1).after = [...document.querySelectorAll("#left li")].length;
+  }
+  return found;
+})().then(done);
+"""
+"""Type wrong texts one after the other; return what the page says of each."""
+
+
+def rich(prop: Path) -> str:
+    """Return a case of the drawing that has tables of many kinds."""
+    head = (prop / "case.toml").read_text(encoding="utf-8").split("# Materials")[0]
+    return head.replace("size = 100", "size = 100\nsizes = { block = 80 }\ncurvature = 8") + RICH
 
 
 def test_wrong_entries_are_named_at_their_field(prop: Path, browser: Any) -> None:
     """Each has its words beside the field and in the list, and right entries have none."""
     page = SetupPage(browser, prop / "setup.html")
-    page.drop(by_hand(prop))
+    page.drop(rich(prop))
     page.wait(COMPLETE)
-    for field, text, words in WRONG_FIELDS:
-        name = f"e-{field}"
-        right = page(f"document.getElementById('{name}').value")
-        if words is None:
-            options = f"[...document.getElementById('{name}').options]"
-            assert text not in page(f"{options}.map((a) => a.value)")
+    before = page.case
+    entries = [(f"e-{field}", text) for field, text, _ in WRONG_FIELDS]
+    assert len(entries) >= 60
+    found = browser.execute_async_script(SPOILT, entries)
+    for (field, text, words), one in zip(WRONG_FIELDS, found, strict=True):
+        assert one["wrong"] == "true", (field, text)
+        assert words in one["beside"], (field, text, one["beside"])
+        assert any(words in line for line in one["left"]), (field, text)
+        assert one["save"] == f"Save case.toml ({len(one['left'])} left)"
+        assert one["after"] == 1, (field, text)
+    page.wait(COMPLETE)
+    assert tomllib.loads(page.case) == tomllib.loads(before)
+    page.type("e-load-0-pressure", "1,5")  # by keys, too
+    page.wait("document.getElementById('e-load-0-pressure').ariaInvalid === 'true'")
+    assert "write 1.5" in page.part("e-load-0-pressure-fault").text
+    options = "[...document.getElementById('e-element--degree').options].map((a) => a.value)"
+    assert page(options) == ["", "1", "2"]
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("undrawn")
+def test_the_program_refuses_the_same_entries(
+    prop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The page refuses nothing that the program accepts, but for a list that reads two ways."""
+    text = rich(prop)
+    case = prop / "spoilt.toml"
+    for field, typed, _ in WRONG_FIELDS:
+        table, number, key = (*field.split("-")[:2], field.split("-")[-1])
+        try:
+            value = tomllib.loads(f"key = {typed}")["key"]
+            spoilt = typed
+        except tomllib.TOMLDecodeError:
+            value = typed
+            spoilt = json.dumps(typed, ensure_ascii=False)
+        if (key, value) in (("components", ""), ("force", [0, 0, 0])) or typed == "0, 1.5,0":
             continue
-        page.type(name, text)
-        page.wait(f"document.getElementById('{name}').getAttribute('aria-invalid') === 'true'")
-        assert words in page.part(f"{name}-fault").text, (field, text)
-        assert any(words in line for line in page(LEFT)), (field, text)
-        page.type(name, right)
-        page.wait(COMPLETE)
-    assert tomllib.loads(page.case) == tomllib.loads(by_hand(prop))
+        head = rf"\[material\.{number}\]" if table == "material" else rf"\[+{table}\]+"
+        start = [found.start() for found in re.finditer(rf"^{head}", text, re.M)]
+        at = start[int(number) if number.isdigit() else 0]
+        line = f"{key} = {spoilt}".replace("\\", r"\\")
+        after = re.sub(rf"^{key} = .*$", line, text[at:], count=1, flags=re.M)
+        assert after != text[at:]
+        case.write_text(text[:at] + after, encoding="utf-8")
+        assert main(["check", str(case)]) == BAD_INPUT, (field, typed)
+        capsys.readouterr()
+
+
+SCRIPTS = ("decode", "camera", "toml", "case_check", "case_marks")
+
+SCENE = """
+const done = arguments[0];
+const data = JSON.parse(document.getElementById("data").textContent);
+const value = parseToml(document.getElementById("text").value).value;
+const drawn = new Drawn(data.setup);
+(async () => {
+  const [points, triangles, faces] = [
+    await vectors(data.points), await integers(data.triangles), await integers(data.faces.of),
+  ];
+  const mesh = { ...data, points, triangles, faces };
+  const marked = await MarkedFaces.of(data, mesh);
+  const camera = new Camera(points, data.plane, 0.12 * data.size, []);
+  return RESULT;
+})().then(done);
+"""
+"""Read the page again with its own functions, which no other script can call."""
+
+
+def in_scene(browser: Any, result: str) -> Any:
+    """The value of an expression in the words of the page's scripts."""
+    text = "".join(map(asset, [f"{name}.js" for name in SCRIPTS]))
+    return browser.execute_async_script(text + SCENE.replace("RESULT", result))
+
+
+def marks(browser: Any, kind: str, name: str) -> np.ndarray[Any, Any]:
+    """The lines that show one entry of the case, shape (n, 2, 3)."""
+    faces = f"drawn.surfacesOf(value)['{name}'].faces"
+    row = f"value.{kind}.find((one) => one.on === '{name}')"
+    return np.array(in_scene(browser, f"{kind}Lines({row}, {faces}, marked)")).reshape(-1, 2, 3)
+
+
+def test_entries_are_marked_on_the_bodies(prop: Path, browser: Any) -> None:
+    """Arrows push where the loads push; ticks lie on held faces along held axes."""
+    page = SetupPage(browser, prop / "setup.html")
+    page.wait("document.getElementById('drawn').dataset.ready === ''")
+    told = "document.getElementById('drawn').textContent"
+    assert page(told) == "In the picture: 1 contact."
+    bare = page.pixels()
+    page.drop(rich(prop))
+    page.wait(f"{told} === 'In the picture: 4 loads, 2 supports, 1 contact.'")
+    page.changed(bare)
+
+    pressed = marks(browser, "load", "beam_z_high")
+    tips = pressed[0::3, 1]  # the first of three lines is the shaft
+    assert tips[:, 2] == pytest.approx(150, abs=1e-2)
+    shafts = tips - pressed[0::3, 0]
+    assert np.abs(shafts[:, :2]).max() < 1e-3
+    assert (shafts[:, 2] < 0).all()
+    assert len(tips) >= 10
+    pulled = marks(browser, "load", "beam_x_high")
+    assert pulled[0, 0] == pytest.approx([400, 25, 125], abs=1e-2)
+    assert pulled[0, 1, 2] < 125
+    formula = marks(browser, "load", "beam_y_low")
+    lengths = np.linalg.norm(formula[0::3, 1] - formula[0::3, 0], axis=1)
+    heights = formula[0::3, 1, 2]
+    assert lengths / heights == pytest.approx(lengths[0] / heights[0], rel=1e-3)
+    ticks = marks(browser, "support", "block_z_low")
+    assert ticks.mean(axis=1)[:, 2] == pytest.approx(0, abs=1e-2)
+    along = np.abs(ticks[:, 1] - ticks[:, 0])
+    assert along[:, :2].max() < 1e-3 < along[:, 2].min()
+    assert [line["message"] for line in browser.get_log("browser")] == []
+
+
+FORMULAS = (
+    *("1 + 2 * x - y / 4", "-x**2 + 3", "2**-1 * z", "maximum(0, 8 - y) * where(x > 1, 2, 3)"),
+    *("sin(pi * x) + arctan2(y, z)", "(x < 2) & (y >= 1)", "10 % 3 - -x", "1.5e-2 * abs(z - 3)"),
+)
+
+
+def test_formulas_have_the_values_of_the_program(prop: Path, browser: Any) -> None:
+    SetupPage(browser, prop / "setup.html")
+    point = np.array([1.25, 2.5, 0.75])
+    for formula in FORMULAS:
+        found = in_scene(browser, f"formulaAt({json.dumps(formula)}, {point.tolist()})")
+        assert found == pytest.approx(evaluate(formula, point[None], "")[0], rel=1e-12), formula
+    assert in_scene(browser, "formulaAt('2 * (x', [1, 2, 3])") is None  # NaN
+
+
+@pytest.fixture(scope="module")
+def section(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a plane drawing: a block on a wider one."""
+    folder = tmp_path_factory.mktemp("section")
+    drawing = folder / "section.geo"
+    boxes = ("Rectangle(1) = {0, 0, 0, 4, 1};", "Rectangle(2) = {1, 1, 0, 2, 1};")
+    drawing.write_text("\n".join(['SetFactory("OpenCASCADE");', *boxes]), encoding="utf-8")
+    arguments = ["mesh", str(drawing), "-o", str(folder / "case"), "--size", "1", "--trust"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
+        assert main([*arguments, "--material", "s235"]) == SOLVED
+    return folder / "case"
+
+
+def test_a_click_chooses_a_line_of_a_plane_drawing(section: Path, browser: Any) -> None:
+    from selenium.webdriver import ActionChains
+
+    page = SetupPage(browser, section / "setup.html")
+    page.wait("document.getElementById('drawn').dataset.ready === ''")
+    for name, (x, y) in {"part_1_y_low": (2, 0), "part_2_x_high": (3, 1.5)}.items():
+        where = in_scene(
+            browser,
+            f"""(() => {{
+            const {{ clientWidth, clientHeight }} = document.getElementById("canvas");
+            const scale = clientHeight / 2 / camera.half(clientWidth, clientHeight);
+            const seen = [{x}, {y}].map((a, k) => scale * (a - camera.centre[k]));
+            return [seen[0], -seen[1]];
+            }})()""",
+        )
+        chain = ActionChains(browser)
+        chain.move_to_element_with_offset(page.part("canvas"), *map(round, where)).click()
+        chain.perform()
+        page.wait(f"document.getElementById('chosen').textContent.includes('{name}')")
+    page.press("Choose nothing", "part_2_x_high")
+    page.add("pressure", pressure="1 + x")
+    arrows = marks(browser, "load", "part_2_x_high")
+    assert (arrows[0::3, 1, 0] < arrows[0::3, 0, 0]).all()  # from the outside
+    assert arrows[0::3, 1, 0] == pytest.approx(3, abs=1e-3)
+
+
+def test_combinations_are_asked_for(prop: Path, browser: Any) -> None:
+    page = SetupPage(browser, prop / "setup.html")
+    page.drop(re.sub(r"\[\[combination\]\](.|\n)*?\n\n", "", rich(prop)))
+    page.wait(COMPLETE)
+    page.add("combination", **{"name": "B", "factor-0": "0"})
+    assert page.part("add-fault").text == "give at least one load a factor above 0"
+    page.add(
+        "combination", **{"name": "B", "factor-0": "1.35", "factor-3": "1", "strength": "1.25"}
+    )
+    page.wait(COMPLETE)
+    factors = {"push": 1.35, "gravity": 1}
+    assert tomllib.loads(page.case)["combination"] == [
+        {"name": "B", "factors": factors, "strength": 1.25}
+    ]
 
 
 def test_forms_add_what_they_say(prop: Path, browser: Any) -> None:

@@ -25,7 +25,7 @@ class Adaptation:
             only one.
 
     Raises:
-        InputError: For a gap that is not valid.
+        InputError: For a gap or a number of cells that is not valid.
     """
 
     until: float | Literal["decided"] = 0.01
@@ -36,6 +36,8 @@ class Adaptation:
             raise InputError(
                 f'until = {self.until} is not between 0 and 1; try 0.01, or "decided".'
             )
+        if self.cells < 1:
+            raise InputError(f"cells = {self.cells} is less than 1; give a number of cells.")
 
     def check_design(self, design: float | None) -> None:
         """Refuse "decided" without a design load.

@@ -138,21 +138,31 @@ const atLeast0 = (value) => (value >= 0 ? "" : "is negative");
 const share = (value) => (value > 0 && value < 1 ? "" : "is not between 0 and 1");
 const angle = (value) => (value >= 0 && value < 90 ? "" : "is not an angle from 0° to below 90°");
 
+const between = (low, high) => (value) => (value >= low && value <= high ? "" : `is not between ${low} and ${high}`);
+const count = (value) => (Number.isInteger(value) && value > 0 ? "" : "is not a whole number from 1 on");
+
 /** Ranges of numbers by their keys, where a key has one meaning in all tables. */
 const RANGES = {
-  young: positive, yield_stress: positive, size: positive, thickness: positive, design: positive,
-  radius: positive, coulomb: atLeast0, tresca: atLeast0, cohesion: atLeast0,
-  friction_angle: angle, dilatancy_angle: angle, limit_tolerance: share,
-  cells: positive, density: atLeast0,
+  young: positive, yield_stress: positive, size: positive, sizes: positive, thickness: positive, design: positive,
+  radius: positive, coulomb: atLeast0, tresca: atLeast0, cohesion: atLeast0, tensile_strength: positive,
+  friction_angle: angle, dilatancy_angle: angle, limit_tolerance: share, tolerance: share,
+  cells: count, max_iterations: count, steps: count, density: atLeast0, strength: positive,
+  curvature: between(0, 360), close_gaps: atLeast0, patience: positive, isotropic: atLeast0, kinematic: atLeast0,
+  r11: positive, r22: positive, r33: positive, r12: positive, r13: positive, r23: positive,
   poisson: (value) => (value > -1 && value < 0.5 ? "" : "is not between −1 and 0.5"),
 };
 
+/** Tables of numbers, each of which has the range of the whole table. */
+const OF_NUMBERS = ["density", "sizes", "strength"];
+
 /** Return what is wrong with the range of a key's value, or "". */
 function outOfRange(key, value) {
+  const some = (typeof value === "object" ? Object.values(value) : [value]).flat().filter((one) => typeof one === "number");
+  if (some.some((one) => !Number.isFinite(one))) return `${toToml(value)} is not finite`;
+  const far = some.find((one) => one && !(Math.abs(one) >= 1e-30 && Math.abs(one) <= 1e30));
+  if (far !== undefined) return `${far} is too ${Math.abs(far) > 1 ? "large" : "small"} to compute with`;
   const test = RANGES[key];
-  const some = typeof value === "object" ? Object.values(value) : [value];
-  if (some.some((one) => typeof one === "number" && !Number.isFinite(one))) return `${toToml(value)} is not finite`;
-  const bad = test && some.find((one) => typeof one === "number" && test(one));
+  const bad = test && some.find((one) => test(one));
   return bad === undefined || !test ? "" : `${bad} ${test(bad)}`;
 }
 
@@ -225,15 +235,28 @@ function faultsOfCase(value, schema, drawn) {
     add(path, `'${name}' is not a name of the drawing${near ? `; the nearest is '${near}'` : ""}`);
   };
   const ranges = (table, path) => Object.entries(table).forEach(([key, one]) => {
-    if (typeof one === "object" && !Array.isArray(one)) ranges(one, [...path, key]);
-    const words = typeof one === "object" && key !== "density" ? "" : outOfRange(key, one);
+    const inside = typeof one === "object" && !Array.isArray(one) && !OF_NUMBERS.includes(key);
+    if (inside) ranges(one, [...path, key]);
+    const words = inside ? "" : outOfRange(key, one);
     if (words) add([...path, key], words);
   });
   for (const [name, one] of Object.entries(value)) {
     if (Array.isArray(one)) one.forEach((row, k) => ranges(row, [name, k]));
     else if (typeof one === "object") ranges(one, [name]);
   }
-  rows("support").forEach((row, k) => unknown(row.on, Object.keys(surfaces), ["support", k, "on"]));
+  for (const kind of ["support", "obstacle", "rigid_surface"]) {
+    rows(kind).forEach((row, k) => unknown(row.on, Object.keys(surfaces), [kind, k, "on"]));
+  }
+  for (const kind of ["temperature", "initial_stress", "bolt"]) {
+    rows(kind).forEach((row, k) => unknown(row.on, drawn.bodies, [kind, k, "on"]));
+  }
+  rows("support").forEach(({ components }, k) => {
+    if (typeof components !== "string" || components === "normal") return;
+    const axes = ["x", "y", "z"].slice(0, drawn.dim);
+    if (![...components].every((letter, at) => axes.includes(letter) && components.indexOf(letter) === at)) {
+      add(["support", k, "components"], `'${components}' is not a choice of the letters ${axes.join(", ")}; write for instance "x", or "normal"`);
+    }
+  });
   rows("load").forEach((row, k) => loadFaults(row, k, drawn, add, (names) =>
     unknown(row.on, names, ["load", k, "on"]), Object.keys(surfaces)));
   for (const kind of ["contact", "tie"]) {
@@ -244,9 +267,16 @@ function faultsOfCase(value, schema, drawn) {
   }
   const { acceleration } = value.gravity ?? {};
   if (Array.isArray(acceleration) && acceleration.length !== drawn.dim) {
-    add(["gravity", "acceleration"], `has ${acceleration.length} numbers; give ${drawn.dim}, one for each direction`);
+    add(["gravity", "acceleration"], countWords(acceleration, drawn.dim));
   }
   Object.keys(value.gravity?.density ?? {}).forEach((body) => unknown(body, drawn.bodies, ["gravity", "density"]));
+  Object.keys(value.geometry?.sizes ?? {}).forEach((body) => unknown(body, drawn.bodies, ["geometry", "sizes"]));
+  const until = value.mesh?.adapt?.until;
+  if (typeof until === "number" && share(until)) add(["mesh", "adapt"], `until = ${until} ${share(until)}`);
+  for (const [body, { friction_angle: friction, dilatancy_angle: dilatancy }] of Object.entries(value.material ?? {})) {
+    if (dilatancy > friction) add(["material", body, "dilatancy_angle"], `${dilatancy} is larger than friction_angle = ${friction}`);
+  }
+  combinationFaults(value, rows, add);
   const materials = Object.keys(value.material ?? {});
   materials.forEach((body) => unknown(body, drawn.bodies, ["material", body]));
   const bare = drawn.bodies.filter((body) => !materials.includes(body) && !value.geometry?.without?.includes(body));
@@ -254,6 +284,31 @@ function faultsOfCase(value, schema, drawn) {
   loadingFaults(value, rows, add);
   holdFaults(value, rows, surfaces, drawn, add);
   return found;
+}
+
+const countWords = (given, wanted) =>
+  `has ${given.length} number${given.length === 1 ? "" : "s"}; give ${wanted}, one for each direction`;
+
+/** The names of loads, as combinations and stages use them. */
+const loadNames = (value) => [
+  ...(Array.isArray(value.load) ? value.load : []).map((row) => row.name || row.on),
+  ...(value.gravity ? [value.gravity.name ?? "gravity"] : []),
+  ...(value.water || value.seepage ? ["water"] : []), ...(value.earthquake ? ["earthquake"] : []),
+].filter(Boolean);
+
+/** Faults of combinations beside their schema. */
+function combinationFaults(value, rows, add) {
+  const names = loadNames(value);
+  rows("combination").forEach(({ name, factors }, k) => {
+    if (rows("combination").findIndex((one) => one.name === name) < k) add(["combination", k, "name"], `'${name}' is the name of another combination, too`);
+    if (typeof factors !== "object" || Array.isArray(factors)) return;
+    for (const load of Object.keys(factors)) {
+      if (names.includes(load)) continue;
+      const near = nearest(load, names);
+      add(["combination", k, "factors"], `'${load}' is not a load${near ? `; the nearest is '${near}'` : names.length ? `; loads are ${names.join(", ")}` : ""}`);
+    }
+    if (!Object.values(factors).some((one) => one > 0)) add(["combination", k, "factors"], "has no factor above 0");
+  });
 }
 
 /** Faults of a load beside its schema. */
@@ -267,11 +322,13 @@ function loadFaults(row, k, drawn, add, unknown, surfaces) {
   for (const kind of kinds) {
     const given = row[kind];
     const wanted = kind === "moment" && drawn.dim === 2 ? 1 : drawn.dim;
-    if (Array.isArray(given) && given.length !== wanted) add(["load", k, kind], `has ${given.length} numbers; give ${wanted}, one for each direction`);
+    if (Array.isArray(given) && given.length !== wanted) add(["load", k, kind], countWords(given, wanted));
     [given].flat().filter((one) => typeof one === "string").forEach((one) => {
       const words = formulaFault(one, "");
       if (words) add(["load", k, kind], words);
     });
+    const { point } = row;
+    if (Array.isArray(point) && point.length !== drawn.dim) add(["load", k, "point"], countWords(point, drawn.dim));
     if ([given].flat().every((one) => one === 0)) add(["load", k, kind], "is zero; give another value, or remove the load");
   }
 }
@@ -333,6 +390,7 @@ function fromField(key, schema, text, unit = "") {
   if (!typed) return wrong(`is missing; give ${expected(schema)}`);
   let toml = typed;
   const numeric = kinds.includes("number") || kinds.includes("integer");
+  if (numeric && Math.abs(Number(typed)) === Infinity) return wrong(`${typed} is not finite`);
   if (/^[[{]/.test(typed) || kinds.includes("object") || kinds.includes("boolean")) {
     try {
       parseValue(typed);

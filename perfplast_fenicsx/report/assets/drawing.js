@@ -38,6 +38,21 @@ class Drawing {
     return bundle;
   }
 
+  /** Take other marks: of each its colour and the coordinates of the ends of its lines. */
+  setMarks(kinds) {
+    const { gl } = this;
+    for (const { array, buffers } of this.marks) {
+      buffers.forEach((buffer) => gl.deleteBuffer(buffer));
+      gl.deleteVertexArray(array);
+    }
+    this.marks = kinds.map(({ colour, ends }) => {
+      const bundle = this.bundle(new Uint32Array(ends.length / 3));
+      this.fill(bundle, 0, ends);
+      this.fill(bundle, 1, new Float32Array(ends.length));
+      return { ...bundle, colour };
+    });
+  }
+
   fill(bundle, which, values) {
     const { gl } = this;
     gl.bindBuffer(gl.ARRAY_BUFFER, bundle.buffers[which]);
@@ -109,6 +124,7 @@ class Drawing {
       this.uniform("1f", "amount", look.amount);
     }
     if (!look.marked) return;
+    this.uniform("1f", "nearer", 4e-4);
     for (const { array, corners, colour } of this.marks) {
       gl.bindVertexArray(array);
       this.uniform("3fv", "colour", colour);

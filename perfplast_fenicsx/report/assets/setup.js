@@ -10,6 +10,7 @@ let caseText = "";
 let parsed = null;
 let shape = "";
 let painter = null;
+let marked = null; // the places of marks on faces
 
 const AXES = ["x", "y", "z"].slice(0, setup.dim);
 const made = (tag, properties = {}, ...inside) => {
@@ -106,12 +107,24 @@ function paintFaces() {
   (parsed?.value.load ?? []).forEach?.((row) => mark(row.on, 2));
   chosen.forEach((name) => mark(name, 4));
   painter?.markFaces(marks);
+  drawMarks();
   document.querySelectorAll("tr[data-face] button").forEach((button) =>
     button.setAttribute("aria-pressed", String(chosen.has(button.textContent))));
   const names = [...chosen];
   part("chosen").textContent = names.length
     ? `Chosen: ${names.join(", ")}` : "Nothing is chosen. Click faces, or choose them by name.";
   part("clear").disabled = !names.length;
+}
+
+/** Draw the marks of the case, and say in words what they show. */
+function drawMarks() {
+  if (!painter || !marked || !parsed) return;
+  const { counts, kinds } = marksOfCase(parsed.value, drawn, marked);
+  painter.drawing.setMarks(kinds);
+  painter.redraw();
+  const words = { load: "loads", support: "supports", contact: "contacts", tie: "ties" };
+  const shown = Object.entries(counts).filter(([, count]) => count).map(([kind, count]) => `${count} ${count === 1 ? words[kind].slice(0, -1) : words[kind]}`);
+  part("drawn").textContent = shown.length ? `In the picture: ${shown.join(", ")}.` : "No entry is in the picture yet.";
 }
 
 function toggle(name) {
@@ -254,6 +267,28 @@ const KINDS = {
     least: 0,
     single: true,
     refused: (given) => (given.slice(AXES.length).some(Boolean) ? "" : "give the density of at least one body"),
+  },
+  combination: {
+    label: "Combination of loads, with factors",
+    fields: () => [
+      formField({ id: "add-name", label: "Name", key: "name", schema: { type: "string" } }),
+      ...loadNames(parsed.value).map((name, k) => formField({
+        id: `add-factor-${k}`, label: `Factor of ${name}`, key: "factor", schema: NUMBER_SCHEMA, optional: true,
+      })),
+      formField({ id: "add-strength", label: "Partial factor of strengths", key: "strength", schema: NUMBER_SCHEMA, optional: true }),
+    ],
+    tables: (given) => {
+      const factors = loadNames(parsed.value).map((name, k) => [name, given[k + 1]]).filter(([, one]) => one);
+      const inside = factors.map(([name, one]) => `${bare(name)} = ${one}`).join(", ");
+      const strength = given.at(-1);
+      return [[["combination"], true, { name: given[0], factors: `{ ${inside} }`, ...(strength && { strength }) }]];
+    },
+    least: 0,
+    refused: (given) => {
+      if (!loadNames(parsed.value).length) return "add a load or gravity first";
+      if (parsed.value.combination?.some((one) => quoted(one.name) === given[0])) return `${given[0]} is the name of another combination`;
+      return given.slice(1, -1).some((one) => Number(one) > 0) ? "" : "give at least one load a factor above 0";
+    },
   },
   contact: {
     label: "Contact of two surfaces",
@@ -461,11 +496,23 @@ const findTable = (path, number) =>
   parsed.tables.find((one) => one.path.join("\n") === path.join("\n") && one.number === number)
   ?? parsed.tables.find((one) => !path.length && !one.path.length);
 
+/** The text of a field whose key is in no schema, such as a tolerance of the method by default. */
+function withoutSchema(key, text) {
+  const toml = /^[[{"'\d.+-]|^(true|false)$/.test(text.trim()) ? text.trim() : quoted(text);
+  try {
+    const words = outOfRange(key, parseValue(toml));
+    return words ? { words } : { toml };
+  } catch (error) {
+    if (!(error instanceof CaseFault)) throw error;
+    return { words: error.message };
+  }
+}
+
 function changeField(path, number, key, schema, input) {
   if (!editable()) return;
   const table = findTable(path, number);
   const boolean = schema?.type === "boolean";
-  const found = schema ? fromField(key, schema, input.value, unitOf(schema)) : { toml: quoted(input.value) };
+  const found = schema ? fromField(key, schema, input.value, unitOf(schema)) : withoutSchema(key, input.value);
   if (boolean && input.value) found.toml = input.value;
   if (found.words) {
     wrongFields.set(input.id, { text: input.value, words: found.words, place: `${cardWords(table)}, ${key}` });
@@ -597,7 +644,8 @@ function refresh() {
       ...Object.keys(drawn.surfacesOf(parsed.value)).map((name) => new Option(name))));
     if (focused) document.getElementById(focused)?.focus();
     offerNames();
-    if (shape === "" || JSON.parse(shape)[1] !== system()) showKind();
+    const asked = part("kind").value === "combination"; // its fields are the loads
+    if (shape === "" || asked || JSON.parse(shape)[1] !== system()) showKind();
     shape = now;
   }
   showFaults(cards);
@@ -694,9 +742,12 @@ document.addEventListener("drop", async (event) => {
   open(await file.text(), file.name);
 });
 part("canvas").addEventListener("pick", ({ detail }) => (detail ? toggleFace(detail) : undefined));
-part("canvas").addEventListener("ready", ({ detail }) => {
+part("canvas").addEventListener("ready", async ({ detail }) => {
   painter = detail;
   paintFaces();
+  marked = await MarkedFaces.of(data, detail.mesh);
+  drawMarks();
+  part("drawn").dataset.ready = "";
 });
 open(setup.case, "The first case");
 showQuestion();
