@@ -1,4 +1,4 @@
-"""Results for other programs: VTK's XML files, tables, notebooks."""
+"""Export results for other programs: VTK's XML files, tables, notebooks."""
 
 import lazy_loader
 

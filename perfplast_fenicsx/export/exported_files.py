@@ -1,4 +1,4 @@
-"""Files for other programs, made of a result folder. Single-process."""
+"""Write files for other programs from a result folder. Single-process."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -24,7 +24,7 @@ TABLES: dict[str, Callable[[ResultReader], list[Row]]] = {
     "resultants.csv": resultant_rows,
     "bounds.csv": bound_rows,
 }
-"""Rows of each table, by the file."""
+"""Function for the rows of each table, by the file's name."""
 
 
 def export(
@@ -35,22 +35,22 @@ def export(
     csv: bool = True,
     say: Callable[[str], None] = lambda line: None,
 ) -> list[Path]:
-    """Write results of a run, which may still be going on, for other programs. Not collective.
+    """Write results of a run, which may still be running, for other programs. Not collective.
 
     Args:
-        folder: The results.
-        output: The folder for the files; by default ``export`` in that of the results.
-        vtu: Write each level, points of the quadrature and the mechanism, as far as they are on
-            file, as ``.vtu``, with ``fields.pvd`` that lists the levels.
-        csv: Write the tables of :data:`TABLES` that have rows.
+        folder: The result folder.
+        output: The folder for the files; by default ``export`` in the result folder.
+        vtu: Whether to write each level, quadrature points and the mechanism, as far as they are on
+            file, as ``.vtu``, and ``fields.pvd`` with a list of the levels.
+        csv: Whether to write the tables of :data:`TABLES` that have rows.
         say: Called with each file.
 
     Returns:
-        The files.
+        The paths of the files.
 
     Raises:
-        InputError: If there are no results, or none of what is asked for, they cannot be read, or
-            the files not be written.
+        InputError: If there are no results of the requested kinds, if they cannot be read, or if
+            the files cannot be written.
     """
     reader = ResultReader(folder)
     target = Path(output) if output else reader.path / EXPORTED
@@ -89,7 +89,7 @@ def export(
 def _write_series(
     reader: ResultReader, series: str, listed: str, write: Callable[[str, bytes], None]
 ) -> None:
-    """All files of a series, and the list of them that ParaView opens."""
+    """Write all files of a series, and the list of them that ParaView opens."""
     if not (reader.path / series).is_file():
         return
     entries = reader.read(series, lambda path: json.loads(path.read_text("utf-8"))["files"])

@@ -1,6 +1,6 @@
-"""Tables of a run: its levels, its forces and moments, its limit load and bounds.
+"""Make tables of a run: its levels, its forces and moments, its limit load and bounds.
 
-Rows are dicts, all of one table with the same keys.
+Rows are dicts; all rows of a table have the same keys.
 """
 
 import dataclasses
@@ -21,8 +21,9 @@ def level_rows(reader: ResultReader) -> list[Row]:
         reader: The results.
 
     Returns:
-        Rows with the ``level`` (from 1) and what :class:`~state.LevelReport` has, reactions apart
-        (:func:`resultant_rows`); of stages a column such as ``factor_push`` for each name.
+        Rows with the ``level`` (from 1) and the fields of :class:`~state.LevelReport`, without
+        reactions (:func:`resultant_rows`). With stages there is a column such as ``factor_push``
+        for each name.
 
     Raises:
         InputError: If a file cannot be read.
@@ -42,13 +43,13 @@ def _flat(report: Any) -> Row:
 
 
 def bound_rows(reader: ResultReader) -> list[Row]:
-    """A row for each mesh on which a limit load or bounds were sought; none where they were not.
+    """Return a row for each mesh on which a limit load or bounds were sought.
 
     Args:
         reader: The results.
 
     Returns:
-        What :func:`~limit_rows.limit_rows` says.
+        Rows of :func:`~limit_rows.limit_rows`.
 
     Raises:
         InputError: If a file cannot be read.
@@ -66,11 +67,16 @@ def resultant_rows(reader: ResultReader) -> list[Row]:
         reader: The results.
 
     Returns:
-        Rows with ``state`` ("level", "given" at ζ = 1, "lower" and "upper" bound of the bodies,
-        "limit" load of the mesh), ``level`` (empty but for levels), ``zeta`` (empty where a load is
-        constant), ``quantity`` ("force" or "moment", about the origin), its ``name``, such as
-        "support bottom", one column for each axis, empty where a moment has no such part, and
-        ``unit``, empty where it is unknown.
+        Rows with these columns:
+
+        - ``state``: "level", "given" at ζ = 1, "lower" and "upper" bound of the bodies, or "limit"
+          load of the mesh;
+        - ``level``: number of the level, otherwise empty;
+        - ``zeta``: load factor, empty for a constant load;
+        - ``quantity``: "force", or "moment" about the origin;
+        - ``name``: for example "support bottom";
+        - one column for each axis, empty where a moment has no such component;
+        - ``unit``: empty if it is unknown.
 
     Raises:
         InputError: If a file cannot be read.

@@ -1,4 +1,4 @@
-"""A run in a notebook: its tables are data frames, and a cell shows its report."""
+"""Show a run in a notebook: its tables are data frames, and a cell shows its report."""
 
 from html import escape
 from pathlib import Path
@@ -13,9 +13,9 @@ from perfplast_fenicsx.report.view_data import view_data
 
 
 class RunResults:
-    """The results of a run on file, which may still be going on. Single-process.
+    """The results of a run on file, which may still be running. Single-process.
 
-    The last line of a notebook's cell shows the report, with the bodies to turn::
+    The last line of a notebook's cell shows the report, with bodies that can be rotated::
 
         RunResults("results/blocks")
 
@@ -27,13 +27,13 @@ class RunResults:
     """
 
     def __init__(self, folder: str | Path) -> None:
-        """Look whether there are results.
+        """Check that the folder has results.
 
         Args:
             folder: DIR of ``perfplast run``, or that of a :class:`~result_folder.ResultFolder`.
 
         Raises:
-            InputError: If there are none.
+            InputError: If it has none.
         """
         self.folder = Path(folder)
         self._reader  # noqa: B018 (raises where there are none)
@@ -42,11 +42,11 @@ class RunResults:
         return f"RunResults({str(self.folder)!r}: {self._reader.scene.title}; {self.verdict})"
 
     def _repr_html_(self) -> str:
-        """Return the report, in a frame of its own that may do nothing but run its programs."""
+        """Return the report in its own frame, in which only its scripts may run."""
         reader = self._reader
         check_summary(reader)
         page = escape(page_of(reader, view_data(reader)))
-        # Height of the report in a notebook (pixels): a verdict and the bodies below it.
+        # Height of the report in a notebook (pixels): the verdict, with the bodies below it.
         height = 760
         return (
             f'<iframe title="{escape(reader.scene.title or "A run")}" sandbox="allow-scripts"'
@@ -55,7 +55,7 @@ class RunResults:
 
     @property
     def verdict(self) -> str:
-        """The outcome in words, as far as the run has come."""
+        """The outcome so far, in words."""
         summary = self._reader.summary
         if summary.limit and (found := summary.limit.get("verdict")):
             return str(found)
@@ -79,7 +79,7 @@ class RunResults:
 
     @property
     def _reader(self) -> ResultReader:
-        """A new one each time, since the run may be going on."""
+        """Return a new reader each time, since the run may still be running."""
         return ResultReader(self.folder)
 
 

@@ -1,4 +1,4 @@
-"""VTK's XML files of cells (``.vtu``), from the VTKHDF files of a run. NumPy and h5py alone."""
+"""Write VTK's XML files of cells (``.vtu``) from the VTKHDF files of a run. NumPy and h5py only."""
 
 import base64
 from collections.abc import Iterator, Mapping
@@ -33,13 +33,14 @@ def vtu_of(path: Path) -> bytes:
     """Return a file of fields, with its mesh, as a ``.vtu`` file.
 
     Args:
-        path: A VTKHDF file of :class:`vtkhdf.FieldWriter`; the mesh it is linked to is beside it.
+        path: A VTKHDF file of :class:`vtkhdf.FieldWriter`; its mesh file is in the same folder.
 
     Returns:
-        Its content, numbers as they are, in base64, tensors of nine components, texts as UTF-8.
+        Content of the file: numbers of the same type in base64, tensors with nine components, texts
+        in UTF-8.
 
     Raises:
-        OSError, KeyError, ValueError: If the file is damaged, or numbers are elsewhere.
+        OSError, KeyError, ValueError: If the file is damaged, or arrays are missing.
     """
     with stored_file(path, BESIDE) as file:
         return "".join(_parts(file)).encode()
@@ -68,14 +69,14 @@ def _group(kind: str, arrays: Mapping[str, Any], fields: bool = False) -> str:
 
 
 def _array(name: str, values: npt.NDArray[Any], field: bool) -> str:
-    """Return numbers of one kind, or texts, each with a zero after it."""
+    """Return a data array of numbers, or of texts that each end with a zero byte."""
     count = f' NumberOfTuples="{len(values)}"' if field else ""
     if values.dtype.kind in "OS":
         content = b"".join(bytes(text) + b"\0" for text in values)
         kind, width = "String", ""
     else:
         content = np.ascontiguousarray(values.astype(values.dtype.newbyteorder("<"))).tobytes()
-        # What VTK calls numbers, by NumPy's letters.
+        # VTK's names of number types, by NumPy's letters.
         kinds = {"f": "Float", "i": "Int", "u": "UInt"}
         kind = f"{kinds[values.dtype.kind]}{8 * values.dtype.itemsize}"
         width = f' NumberOfComponents="{int(np.prod(values.shape[1:]))}"'
