@@ -20,7 +20,7 @@ class Head:
         drawdown: Level to which the water outside has fallen so quickly that none has left the
             ground (length). The pressure in the pores is that of the steady flow, less the pressure
             that the water outside has lost vertically above (A. W. Bishop, 1954, with B = 1).
-        name: What messages and tables call it; the surface where it is missing.
+        name: Name in messages and tables; by default the surface.
     """
 
     on: str
@@ -99,8 +99,8 @@ class Seepage:
         """Return the conductivity of a body in each direction.
 
         Args:
-            body: Its name.
-            dim: How many directions there are.
+            body: Name of the body.
+            dim: Number of directions.
 
         Raises:
             InputError: If there are too few or too many, or one is not positive.

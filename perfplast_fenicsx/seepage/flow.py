@@ -49,13 +49,14 @@ from perfplast_fenicsx.seepage.declared import Head, Seepage
 from perfplast_fenicsx.solvers.linear.petsc_options import SEEPAGE, check_snes_vi, own_prefix
 
 COINCIDE = 1e-9
-"""Distance of two vertices that are one for the water, over the size of the ground."""
+"""Largest distance of two vertices that are connected for the water, over the size of the ground.
+"""
 
 PASSES = 1e-6
-"""Water at a point of an outlet that counts as none, over the largest at any point."""
+"""Outflow at a point of an outlet that counts as zero, over the largest one at any point."""
 
 ROUNDING = 1e-9
-"""Discharge of a surface that counts as none, over the largest one."""
+"""Discharge of a surface that counts as zero, over the largest one."""
 
 MOST_COMPARED = 50_000
 """Cells of a mesh up to which the flow is compared with that on a finer one."""
@@ -86,8 +87,8 @@ class SteadyFlow:
     Attributes:
         points: Coordinates, shape (num_points, d).
         cells: Points of each cell, shape (num_cells, d + 1).
-        bodies: Cells of each body by its name, as slices.
-        pressure_heads: Pressure over unit weight (length), shape (num_points,); 0 where it is dry.
+        bodies: Cells of each body by name, as slices.
+        pressure_heads: Pressure over unit weight (length), shape (num_points,); 0 in dry ground.
         saturation: 1 below the free surface, 0 above it, shape (num_points,).
         outflow: Water that leaves the ground at each point (volume per time), shape (num_points,).
         discharges: Water that enters the ground (positive) or leaves it, of each head and outlet by
@@ -125,14 +126,14 @@ class SteadyFlow:
         """Return the pressure in a body (stress).
 
         Args:
-            body: Its name.
+            body: Name of the body.
         """
         cells = self.cells[self.bodies[body]]
         return FlowPressure(self, self.points[cells], self.pressures[cells])
 
     @property
     def imbalance(self) -> float:
-        """Return the sum of all discharges over the largest one: rounding, if all is well."""
+        """Return the sum of all discharges over the largest one, which should be rounding."""
         each = np.array(list(self.discharges.values()))
         return float(abs(each.sum()) / np.abs(each).max(initial=np.finfo(float).tiny))
 
@@ -214,7 +215,7 @@ class _Options:
 
 
 def _judged(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
-    """Return the flow on a mesh of this rank alone, compared with that on a finer one."""
+    """Return the flow on this rank's own mesh, compared with the flow on a finer one."""
     flow, cells = _flow(mesh, seepage, prefix), len(corners(mesh.mesh)[0])
     if cells > MOST_COMPARED:
         return flow
@@ -228,7 +229,7 @@ def _judged(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
 
 
 def _flow(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
-    """Return the flow on a mesh of this rank alone."""
+    """Return the flow on this rank's own mesh."""
     network = Network(mesh, seepage)
     lower, upper, start = network.obstacles(mesh, seepage)
     w, iterations = solve_flow(network, (lower, upper), start, prefix)
@@ -273,10 +274,10 @@ class Network:
     Attributes:
         points: Vertices; those of different bodies that coincide are one, shape (num_points, d).
         cells: Points of each cell, shape (num_cells, d + 1).
-        bodies: Cells of each body by its name, as slices.
+        bodies: Cells of each body by name, as slices.
         axis: Number of the coordinate that points upwards.
         height: Height of the ground (length).
-        rounding: Norm of F that rounding leaves (volume per time).
+        rounding: Norm of F that is rounding (volume per time).
     """
 
     def __init__(self, mesh: TaggedMesh, seepage: Seepage) -> None:
@@ -316,7 +317,7 @@ class Network:
         )
         z, (i, j) = self.points[:, self.axis], self._ends.T
         each = np.bincount(self._ends.ravel(), np.repeat(np.abs(self._conductances), 2))
-        several = 16  # times what one sum of products leaves
+        several = 16  # in multiples of the rounding of one sum of products
         unit = np.finfo(np.float64).eps * self.height
         self.rounding = several * unit * float(np.linalg.norm(each))
         self._falls = self._conductances * (z[i] - z[j])
@@ -346,11 +347,11 @@ class Network:
         return numbers[(numbers >= 0).all(axis=1)]
 
     def surface_above(self, mesh: TaggedMesh, surface: str) -> Floats:
-        """Return the height of a surface vertically above each point; infinite where there is none.
+        """Return the height of a surface vertically above each point; infinite if there is none.
 
         Args:
-            mesh: In the plane.
-            surface: The name.
+            mesh: A plane mesh.
+            surface: Name of the surface.
 
         Raises:
             InputError: If the mesh is in space.
@@ -370,7 +371,7 @@ class Network:
         return np.asarray(np.where(over, heights, np.inf).min(axis=1, initial=np.inf))
 
     def obstacles(self, mesh: TaggedMesh, seepage: Seepage) -> tuple[Floats, Floats, Floats]:
-        """Return lower and upper bounds of w, and where to begin, shape (num_points,) each.
+        """Return lower and upper bounds of w, and its initial values, each of shape (num_points,).
 
         Raises:
             InputError: If two levels meet at a point, a level lies below its surface, or a part of
@@ -475,7 +476,7 @@ def solve_flow(
     Args:
         network: The ground.
         obstacles: Obstacles from below and from above, each of shape (num_points,).
-        start: Where to begin, between them.
+        start: Initial values of w, between the obstacles.
         prefix: Prefix of the options of SNES-VI.
 
     Raises:
@@ -489,7 +490,7 @@ def solve_flow(
     norms = [np.inf]
 
     def ended(snes: PETSc.SNES, step: int, sizes: Sequence[float]) -> int | None:
-        """Return that F is rounding, once it is as small as it gets."""
+        """Return the reason to end once F is rounding and decreases no further; otherwise None."""
         before, now = norms[-1], sizes[-1]
         norms.append(now)
         gains = 0.5  # part of the norm before, above which a step has gained nothing
@@ -524,7 +525,7 @@ def solve_flow(
 
 
 def _rows(matrix: sp.csr_matrix) -> tuple[npt.NDArray[Any], npt.NDArray[Any], Floats]:
-    """Return a matrix as PETSc takes it."""
+    """Return a matrix as arrays for PETSc."""
     of_petsc = PETSc.IntType
     values = np.asarray(matrix.data, dtype=np.float64)
     return matrix.indptr.astype(of_petsc), matrix.indices.astype(of_petsc), values
@@ -535,8 +536,8 @@ def _edges(x: Floats, cells: Longs, conductivities: Floats) -> tuple[Longs, Floa
 
     Args:
         x: Vertices of the cells, shape (n, d + 1, d).
-        cells: Their numbers, shape (n, d + 1).
-        conductivities: In each direction, shape (n, d).
+        cells: Numbers of these vertices, shape (n, d + 1).
+        conductivities: Conductivities in each direction, shape (n, d).
 
     Returns:
         Ends, shape (num_edges, 2), and conductances, shape (num_edges,).
@@ -551,13 +552,13 @@ def _edges(x: Floats, cells: Longs, conductivities: Floats) -> tuple[Longs, Floa
 
 
 def _merged(x: Floats, bodies: Ints) -> Longs:
-    """Return numbers of the vertices of bodies; those that coincide are one. −1 of others.
+    """Return numbers of the vertices of bodies, equal for coincident ones, −1 for other vertices.
 
     Vertices of one body stay apart, as those of the two sides of a cut.
 
     Args:
         x: Coordinates, shape (num_vertices, d).
-        bodies: The body of each vertex, −1 of others.
+        bodies: The body of each vertex, −1 for other vertices.
     """
     used = np.flatnonzero(bodies >= 0)
     tree = cKDTree(x[used])
