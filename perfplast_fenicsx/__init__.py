@@ -1,6 +1,6 @@
-"""Elastic–plastic bodies in contact, and the loads at which they collapse.
+"""Analyse elastic–plastic bodies in contact, and the loads at which they collapse.
 
-Names are imported when they are first used, so that what needs no mesh starts no MPI.
+Names are imported on first use, so that code that needs no mesh does not start MPI.
 """
 
 import lazy_loader

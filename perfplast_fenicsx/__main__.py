@@ -1,7 +1,7 @@
-"""The command line: ``perfplast run CASE.toml -o DIR``, and what comes before and after it.
+"""Run the command line: ``perfplast run CASE.toml -o DIR``, and the other commands.
 
-MPI, PETSc and DOLFINx are imported when a command begins. Help, the version and the completion by
-the shell need none of them.
+MPI, PETSc and DOLFINx are imported when a command begins. Help, the version and shell completion
+need none of them.
 """
 
 import io
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line. Collective, but for help, the version and the doctor.
+    """Run the command line. Collective, except for help, the version and the doctor.
 
     Args:
         argv: Arguments; those of the process by default.
@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status, the same on every rank.
     """
-    for stream in (sys.stdout, sys.stderr):  # a reason may have a Greek letter in it
+    for stream in (sys.stdout, sys.stderr):  # a message may contain Greek letters
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     arguments = list(sys.argv[1:] if argv is None else argv)
@@ -67,7 +67,7 @@ def _run(arguments: Sequence[str], answer: Answer | None) -> int:
 
             return serve(chosen.folders)
         fault = prepare(chosen, arguments)
-        if fault is not None:  # MPI may be what is wrong
+        if fault is not None:  # MPI itself may be the cause
             kept.refuse(InputError(fault))
             if launched_first():
                 print(f"perfplast: {fault}", file=sys.stderr, flush=True)
@@ -90,14 +90,14 @@ def _run(arguments: Sequence[str], answer: Answer | None) -> int:
         kept.fail("interrupted", told)
         return _at_once(told, 128 + number)
     except Exception as error:
-        # a form that is not among the compiled ones, where nothing can be compiled
+        # a form that is not among the compiled ones, while nothing can be compiled
         fault = forms_fault() if _while_compiling(error) else None
         if fault is not None:
             kept.refuse(InputError(fault))
             return _at_once(f"perfplast: {fault}", BAD_INPUT)
         kept.fail("fault", f"{type(error).__name__}: {error}")
         return _at_once(traceback.format_exc().rstrip(), FAULT)
-    _world().barrier()  # a launcher may end the others as soon as one rank has ended
+    _world().barrier()  # a launcher may end the other ranks as soon as one has ended
     return status
 
 
@@ -115,7 +115,7 @@ def _while_compiling(error: Exception) -> bool:
 
 
 def _at_once(told: str, status: int) -> int:
-    """Say why this rank ends and end the others, which may wait for it."""
+    """Print why this rank ends, and end the others, which may wait for it."""
     print(told, file=sys.stderr, flush=True)
     if _world().size > 1:
         _world().Abort(status)

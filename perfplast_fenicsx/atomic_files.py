@@ -1,18 +1,18 @@
-"""Files that are replaced as a whole, so that no crash and no full disk harms what is there."""
+"""Replace files as a whole, so that a crash or a full disk does not damage an existing file."""
 
 import os
 from pathlib import Path
 
 
 def replace(path: Path, content: bytes) -> None:
-    """Write a file so that whoever reads it, after any crash, finds the old one or the new one.
+    """Write a file so that a reader finds the old one or the new one, after any crash.
 
     Raises:
-        OSError: If the system refuses; the file is then as it was.
+        OSError: If the system refuses; the old file is then unchanged.
     """
     part = path.with_name(path.name + ".part")
     try:
-        part.unlink(missing_ok=True)  # it may be a link that leads elsewhere
+        part.unlink(missing_ok=True)  # it may be a link to another place
         with part.open("xb") as file:
             file.write(content)
             file.flush()
@@ -24,7 +24,7 @@ def replace(path: Path, content: bytes) -> None:
 
 
 def put(part: Path, path: Path, before: Path | None = None) -> None:
-    """Give a complete file its name, for good; the older one of that name gets another, if given.
+    """Give a complete file its final name; an older file of that name gets ``before``, if given.
 
     Raises:
         OSError: If the system refuses.

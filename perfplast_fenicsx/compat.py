@@ -1,14 +1,18 @@
-"""Every difference between DOLFINx 0.9 and its successors that this package meets.
+"""Hide the differences between DOLFINx 0.9 and its successors that this package meets.
 
 The tests pass with 0.9 and 0.11; with 0.10 a part of them was run (docs/howto/install.md).
 
-Three more differences are met by how a call is written, the same for all versions:
-``create_mesh(comm, cells, x=..., e=...)`` with keywords (the order of ``x`` and ``e`` changed in
-0.10), ``dolfinx.graph.adjacencylist(data)`` for ``meshtags_from_entities`` (a C++ object in 0.9, a
-Python one later), and ``assemble_matrix(A, a, bcs, 1.0)`` with the diagonal's value by position
-(called ``diagonal`` in 0.9, ``diag`` later). Gmsh's arrays are distributed by
-:mod:`tagged_mesh` and not by ``dolfinx.io.gmshio`` (``dolfinx.io.gmsh`` from 0.10, with another
-return value), whose checks stop one rank and leave the others waiting.
+Three more differences are avoided by the form of a call, the same for all versions:
+
+- ``create_mesh(comm, cells, x=..., e=...)`` with keywords, as the order of ``x`` and ``e`` changed
+  in 0.10;
+- ``dolfinx.graph.adjacencylist(data)`` for ``meshtags_from_entities``, a C++ object in 0.9 and a
+  Python object later;
+- ``assemble_matrix(A, a, bcs, 1.0)`` with the diagonal's value by position, as its name is
+  ``diagonal`` in 0.9 and ``diag`` later.
+
+:mod:`tagged_mesh` distributes gmsh's arrays. ``dolfinx.io.gmshio`` is not used (``dolfinx.io.gmsh``
+from 0.10, with another return value), since its checks stop one rank and leave the others waiting.
 """
 
 from collections.abc import Callable
@@ -27,23 +31,23 @@ from perfplast_fenicsx.parallel import lasting
 
 
 def interpolation_points(element: Any) -> Floats:
-    """Return points of the reference cell where an ``Expression`` for ``element`` is evaluated.
+    """Return the points of the reference cell where an ``Expression`` is evaluated.
 
     Args:
         element: ``V.element`` of a function space.
 
     Returns:
-        Points, shape (num_points, tdim). A method up to 0.9, a property from 0.10.
+        Points, shape (num_points, tdim). DOLFINx has a method up to 0.9, a property from 0.10.
     """
     points = element.interpolation_points
     return points() if callable(points) else points
 
 
 def geometry_dofmap(mesh: Mesh) -> Ints:
-    """Local geometry nodes of each local cell, shape (num_cells, nodes_per_cell).
+    """Return the local geometry nodes of each local cell, shape (num_cells, nodes_per_cell).
 
-    ``geometry.dofmap`` up to 0.10; the first of the list ``geometry.dofmaps`` in 0.11, which still
-    has the other name and warns of it.
+    They are ``geometry.dofmap`` up to 0.10, and the first of the list ``geometry.dofmaps`` in 0.11,
+    which still has the other name, but warns of its use.
     """
     dofmaps = getattr(mesh.geometry, "dofmaps", None)
     return dofmaps[0] if isinstance(dofmaps, list) else mesh.geometry.dofmap
@@ -52,17 +56,19 @@ def geometry_dofmap(mesh: Mesh) -> Ints:
 def coordinate_map(mesh: Mesh) -> Any:
     """Return the coordinate element of the cells.
 
-    ``geometry.cmap`` up to 0.10; the first of the list ``geometry.cmaps`` in 0.11, as above.
+    It is ``geometry.cmap`` up to 0.10, and the first of the list ``geometry.cmaps`` in 0.11.
     """
     cmaps = getattr(mesh.geometry, "cmaps", None)
     return cmaps[0] if isinstance(cmaps, list) else mesh.geometry.cmap
 
 
 def entity_nodes(mesh: Mesh, dim: int, entities: Ints) -> Ints:
-    """Local geometry nodes of entities, shape (num_entities, nodes_per_entity). Not collective.
+    """Return local geometry nodes of entities, shape (num_entities, nodes_per_entity).
 
-    ``entities_to_geometry``, which in 0.9 ends the process when ``entities`` is empty, as it often
-    is on some of the ranks. (Their size is counted, as 0.11 has no ``num_entity_closure_dofs``.)
+    Not collective.
+
+    The function ``entities_to_geometry`` of 0.9 ends the process if ``entities`` is empty, as it
+    often is on some ranks. (Closure dofs are counted, as 0.11 has no ``num_entity_closure_dofs``.)
 
     Args:
         mesh: The mesh, with the connectivities between ``dim`` and the cells' dimension.
@@ -76,9 +82,10 @@ def entity_nodes(mesh: Mesh, dim: int, entities: Ints) -> Ints:
 
 
 def create_vector(V: fem.FunctionSpace) -> PETSc.Vec:
-    """Return a vector of zeros with room for the unknowns of a space. Collective.
+    """Return a vector of zeros for the unknowns of a space. Collective.
 
-    ``dolfinx.la.create_petsc_vector`` in 0.9, ``dolfinx.la.petsc.create_vector`` from 0.10.
+    DOLFINx has ``dolfinx.la.create_petsc_vector`` in 0.9, ``dolfinx.la.petsc.create_vector`` from
+    0.10.
 
     Args:
         V: The space.
@@ -92,12 +99,14 @@ def create_vector(V: fem.FunctionSpace) -> PETSc.Vec:
 
 
 def interpolation_matrix(V: fem.FunctionSpace, W: fem.FunctionSpace) -> PETSc.Mat:
-    """Return what interpolates functions of one space in another, on a communicator that lasts.
+    """Return the interpolation matrix from one space to another, on a lasting communicator.
 
-    Collective. DOLFINx puts its matrix on the communicator of the mesh.
+    Collective.
+
+    DOLFINx creates its matrix on the communicator of the mesh.
 
     Args:
-        V: The space of what is interpolated: columns.
+        V: Space of the functions that are interpolated: columns.
         W: The other space: rows.
     """
     made = fem_petsc.interpolation_matrix(V, W)
@@ -111,11 +120,12 @@ def interpolation_matrix(V: fem.FunctionSpace, W: fem.FunctionSpace) -> PETSc.Ma
 def evaluate(expression: fem.Expression, function: fem.Function, cells: Ints) -> None:
     """Evaluate an expression into a function at the points of some cells. Not collective.
 
-    ``Function.interpolate`` does the same, and defines its dispatch on types at each call: 0.2 ms,
-    as long as the evaluation in 2 000 cells. The C++ method has a name of its own from 0.10 on.
+    ``Function.interpolate`` does the same, but defines its dispatch on types at each call. This
+    takes 0.2 ms, as long as the evaluation in 2 000 cells. The C++ method has a different name from
+    0.10 on.
 
     Args:
-        expression: Compiled at the interpolation points of the function's element.
+        expression: Expression compiled for the interpolation points of the function's element.
         function: Function of a space on the expression's mesh.
         cells: Local indices.
     """
@@ -127,10 +137,10 @@ def evaluate(expression: fem.Expression, function: fem.Function, cells: Ints) ->
 def sent_to(ranks: Ints) -> Callable[..., Any]:
     """Return a partitioner that sends cells to given ranks.
 
-    What it returns is a C++ object: that of ``adjacencylist`` up to 0.9, a member of it later.
+    The partitioner returns a C++ object: that of ``adjacencylist`` up to 0.9, a member of it later.
 
     Args:
-        ranks: Ranks of the cells that this rank gives.
+        ranks: Destination ranks of this rank's cells.
     """
     lists: Any = adjacencylist(ranks.astype(np.int32)[:, None])
     return lambda *_: getattr(lists, "_cpp_object", lists)

@@ -1,4 +1,4 @@
-"""C kernels, compiled by cffi when they are first needed and kept where DOLFINx keeps its forms."""
+"""Compile C kernels with cffi on first use, and cache them next to DOLFINx's forms."""
 
 import hashlib
 import importlib.util
@@ -20,17 +20,17 @@ from perfplast_fenicsx.arrays import Floats
 
 
 def compiled(comm: MPI.Intracomm, source: str) -> tuple[Any, FFI]:
-    """Functions of a C source, compiled for this processor unless that has been done. Collective.
+    """Return the functions of a C source, compiled for this processor on first use. Collective.
 
-    Files of other processors in the same folder are left alone. A rank that does not see what the
-    first one has compiled compiles it too.
+    Files of other processors in the same folder remain. A rank that does not see the file of the
+    first rank compiles it too.
 
     Args:
         comm: The ranks.
         source: Definitions; functions that are not static begin at the left margin.
 
     Returns:
-        cffi's module with these functions, and what turns arrays into arguments.
+        The cffi module with these functions, and the object that converts arrays to arguments.
     """
     module = _load(comm, source)
     return module.lib, module.ffi
@@ -38,7 +38,7 @@ def compiled(comm: MPI.Intracomm, source: str) -> tuple[Any, FFI]:
 
 @mpi_jit_decorator
 def _load(source: str) -> Any:
-    """Return the module, from its file; that is made whole or not at all."""
+    """Return the module from its file, which is created atomically if it is missing."""
     folder = Path(get_options()["cache_dir"])
     of = "\0".join([source, _processor(), sysconfig.get_config_var("SOABI") or ""])
     name = f"perfplast_kernels_{hashlib.sha1(of.encode()).hexdigest()}"
@@ -55,7 +55,7 @@ def _load(source: str) -> Any:
 
 
 def _compile(name: str, source: str, folder: str) -> str:
-    """Compile for this processor, or, where the compiler knows no such option, for any."""
+    """Compile for this processor; without optimisation for it if the compiler lacks that option."""
     heads = re.findall(r"^(?!static)\w+ \w+\([^{;]*\)(?= \{)", source, re.MULTILINE)
     flags = ["-O3", "-fno-math-errno", "-g0"]
     for own in (["-march=native"], []):
@@ -79,8 +79,8 @@ def _processor() -> str:
 
 
 def aligned(size: int) -> Floats:
-    """An array whose first entry is where a line of the cache begins, shape (size,), not set."""
-    line = 8  # entries
+    """Return an uninitialised array that begins at a cache line, shape (size,)."""
+    line = 8  # number of entries
     room = np.empty(size + line)
     first = -(room.ctypes.data // room.itemsize) % line
     return room[first : first + size]

@@ -1,4 +1,4 @@
-"""Tables as CSV, for all programs that read it."""
+"""Write tables as CSV, for any program that reads it."""
 
 import csv
 import io
@@ -9,7 +9,7 @@ from typing import Any
 def csv_table(rows: Sequence[Mapping[str, Any]]) -> bytes:
     """Return rows with the same keys as CSV: commas, points in numbers, all digits.
 
-    What is not known is empty, and so is a table without rows.
+    Unknown values are empty. A table without rows gives an empty file.
     """
     if not rows:
         return b""

@@ -1,8 +1,8 @@
-"""Linear functions below and above a formula, in each of some simplices.
+"""Compute linear functions below and above a formula, in each of several simplices.
 
 Each part of a formula is enclosed by a pair of functions that are linear in the simplex and given
-at its vertices. The chord of the larger one of two linear functions is above it, as it is convex,
-and each of both is below it. A product of two linear functions differs from its chord by
+at its vertices. The maximum of two linear functions is convex: its chord lies above it, and both
+functions lie below it. A product of two linear functions differs from its chord by
 Σ (fᵢ − fⱼ)(gᵢ − gⱼ) λᵢλⱼ, and λᵢλⱼ is at most a quarter. A formula that is linear in a simplex is
 enclosed by itself.
 """
@@ -19,17 +19,19 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.formulas import OPERATORS, check
 
 ROUNDING = 1e-12
-"""Relative difference of the two sides of a comparison below which they count as equal: for
-simplices, where the sign changes between vertices."""
+"""Relative difference of the two sides of a comparison below which they count as equal. It decides
+in simplices where the sign changes between vertices.
+"""
 
 Pair = tuple[Floats, Floats]
-"""Values at the vertices of a linear function that is not above, and of one that is not below."""
+"""Values at the vertices of two linear functions: one that is nowhere above, and one nowhere below.
+"""
 
 TRUE, SOMETIMES, FALSE = 1.0, 0.5, 0.0
 
 
 class _UnknownFormula(Exception):
-    """A part that has no enclosure."""
+    """A part of a formula without an enclosure."""
 
 
 def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
@@ -41,11 +43,11 @@ def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
         place: Place of the formula in the input, for messages.
 
     Returns:
-        Values at the vertices, each of shape (n, k); None where the formula has parts other than
-        sums, products, ``abs``, ``minimum``, ``maximum``, and ``where`` with comparisons.
+        Values at the vertices, each of shape (n, k); None if the formula has parts other than sums,
+        products, ``abs``, ``minimum``, ``maximum``, and ``where`` with comparisons.
 
     Raises:
-        InputError: If the formula has what no formula may have.
+        InputError: If the formula has parts that are not allowed.
     """
     shape = corners.shape[:2]
     found: Any = float(formula) if not isinstance(formula, str) else None
@@ -65,7 +67,7 @@ def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
 
 
 def _value(node: ast.AST, names: dict[str, Any]) -> Any:
-    """Return a number of what is constant, and a pair of what is not."""
+    """Return a number for a constant part, and a pair otherwise."""
     match node:
         case ast.Constant(value=number):
             return float(number)
@@ -122,7 +124,7 @@ def _pair(value: Any) -> Any:
 
 
 def _each(function: Callable[..., Floats], *pairs: Pair) -> Pair:
-    """Return a function of both sides; one array for both where each pair is linear."""
+    """Return a function of both sides; one array for both if each pair is linear."""
     low = function(*(it[0] for it in pairs))
     linear = all(it[0] is it[1] for it in pairs)
     return low, low if linear else function(*(it[1] for it in pairs))
@@ -133,7 +135,7 @@ def _negative(value: Any) -> Any:
 
 
 def _larger(one: Any, other: Any) -> Any:
-    """Return an enclosure of the larger one of two, one of which at least is a pair."""
+    """Return an enclosure of the maximum of two values, at least one of which is a pair."""
     (a, b), (c, d) = _pair(one), _pair(other)
     high = np.maximum(b, d)
     a, c = np.broadcast_to(a, high.shape), np.broadcast_to(c, high.shape)
@@ -180,7 +182,7 @@ def _holds(node: ast.AST, names: dict[str, Any]) -> Any:
 
 
 def _chosen(holds: Floats, one: Any, other: Any) -> Pair:
-    """Return an enclosure of the one where a condition holds, and of the other elsewhere."""
+    """Return an enclosure of ``one`` where a condition holds, and of ``other`` elsewhere."""
     (a, b), (c, d) = _pair(one), _pair(other)
     told = holds[:, None]
     low = np.where(told == TRUE, a, np.where(told == FALSE, c, np.minimum(a, c)))

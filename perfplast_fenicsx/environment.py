@@ -1,8 +1,8 @@
-"""Faults of the environment, found before anything compiled is imported.
+"""Find faults of the environment before anything compiled is imported.
 
-DOLFINx, PETSc and MPI each live once in a process. What is mixed up there ends in a crash or a hang
-far from its cause, so it is looked for first, in the metadata of installed packages. This module
-needs only the standard library.
+DOLFINx, PETSc and MPI each exist once in a process. A mixture of two versions ends in a crash or a
+hang far from its cause. So the metadata of installed packages are checked first. This module needs
+only the standard library.
 """
 
 import os
@@ -17,15 +17,15 @@ from pathlib import Path
 INSTALL = "docs/howto/install.md"
 
 WHEEL = "dolfinx-solver-real"
-"""DOLFINx with a real PETSc, on PyPI."""
+"""Distribution of DOLFINx with a real PETSc, on PyPI."""
 
 COMPLEX = "dolfinx-solver-complex"
 
 FOREIGN = ("petsc", "petsc4py", "slepc", "slepc4py")
-"""Distributions that overwrite or shadow what is inside of :data:`WHEEL`."""
+"""Distributions that overwrite or shadow files of :data:`WHEEL`."""
 
 SPACE = 100e6
-"""Room for compiled forms (bytes)."""
+"""Disk space for compiled forms (bytes)."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ class Surroundings:
 
     Attributes:
         python: Version of Python.
-        system: Name of the operating system, as :func:`platform.system` gives it.
-        machine: Its processor, as :func:`platform.machine` gives it.
+        system: Name of the operating system (:func:`platform.system`).
+        machine: Name of the processor (:func:`platform.machine`).
         libc: Name and version of the C library.
-        distributions: Installed distributions among those that matter.
-        dolfinx: Folder of the package ``dolfinx``; None where it is missing.
-        petsc4py: Folder of the package ``petsc4py``; None where it is missing.
+        distributions: Installed distributions among the relevant ones.
+        dolfinx: Folder of the package ``dolfinx``; None if it is missing.
+        petsc4py: Folder of the package ``petsc4py``; None if it is missing.
     """
 
     python: tuple[int, int]
@@ -65,7 +65,7 @@ class Surroundings:
         foreign = [name for name in FOREIGN if name in self.distributions]
         if WHEEL in self.distributions and foreign:
             return (
-                f"{', '.join(foreign)} and {WHEEL}, which has a PETSc of its own, are in one"
+                f"{', '.join(foreign)} and {WHEEL}, which has its own PETSc, are in one"
                 f" environment; uninstall the former and reinstall {WHEEL}, or use a virtual"
                 " environment without the system's packages."
             )
@@ -74,13 +74,13 @@ class Surroundings:
         shadowed = self.petsc4py is not None and self.petsc4py.parent != self.dolfinx.parent
         if WHEEL in self.distributions and shadowed:
             return (
-                f"petsc4py would be imported from {self.petsc4py}, and not from {WHEEL}; take that"
-                " folder out of PYTHONPATH."
+                f"petsc4py would be imported from {self.petsc4py}, and not from {WHEEL}; remove"
+                " that folder from PYTHONPATH."
             )
         return None
 
     def _no_dolfinx(self) -> str:
-        """Return why DOLFINx is missing, and where it can be had."""
+        """Return why DOLFINx is missing, and where to get it."""
         elsewhere = f"take it from conda-forge or from Debian 13 ({INSTALL})"
         if self.system != "Linux" or self.machine != "x86_64":
             where = f"{self.system} on {self.machine}"
@@ -103,7 +103,7 @@ class Surroundings:
 
 
 def surroundings() -> Surroundings:
-    """Return those of this process."""
+    """Return the surroundings of this process."""
     known = (WHEEL, COMPLEX, *FOREIGN)
     return Surroundings(
         python=sys.version_info[:2],
@@ -117,7 +117,7 @@ def surroundings() -> Surroundings:
 
 
 def version_of(distribution: str) -> str | None:
-    """Return the version of an installed distribution; None where it is not installed."""
+    """Return the version of an installed distribution; None if it is not installed."""
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
@@ -130,15 +130,15 @@ def forms_folder() -> Path:
 
 
 def forms_fault() -> str | None:
-    """Return why forms cannot be compiled and cached, in one sentence; else None."""
+    """Return why forms cannot be compiled and cached, in one sentence; None if they can."""
     folder = forms_folder()
     existing = folder
     while not existing.exists() and existing != existing.parent:
         existing = existing.parent
     if not existing.is_dir() or not os.access(existing, os.W_OK):
         return (
-            f"compiled forms cannot be kept in {folder}, as {existing} cannot be written; set"
-            " XDG_CACHE_HOME to a folder that can."
+            f"compiled forms cannot be kept in {folder}, as {existing} is not writable; set"
+            " XDG_CACHE_HOME to a writable folder."
         )
     free = shutil.disk_usage(existing).free
     if free < SPACE:

@@ -1,8 +1,8 @@
-"""Bad input: one sentence, the same on every rank.
+"""Report bad input in one sentence, the same on every rank.
 
-Everything that a user can get wrong ends in an :class:`InputError`. What only some ranks can see is
-first put together by :func:`raise_together`, so that no rank raises while another waits in a
-collective call.
+Every mistake of a user ends in an :class:`InputError`. A fault that only some ranks can see is
+first shared by :func:`raise_together`, so that no rank raises while another waits in a collective
+call.
 
 Every place that refuses or warns has a code in ``codes.csv``, which ``docs/refusals.py`` keeps.
 """
@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-if TYPE_CHECKING:  # what reads results for pictures starts no MPI
+if TYPE_CHECKING:  # reading results for pictures does not start MPI
     from mpi4py import MPI
 
 T = TypeVar("T")
@@ -27,7 +27,7 @@ HAND_ON = ("__init__", "raise_together", "on_all_ranks", "on_rank0", "alone")
 """Functions of this module that raise the errors of others."""
 
 LONGEST_MESSAGE = 3000
-"""Characters of a message; of a longer one the middle is left out."""
+"""Largest number of characters of a message; the middle of a longer one is left out."""
 
 SMALLEST, LARGEST = 1e-30, 1e30
 """Magnitudes of numbers other than 0 whose squares and products can be computed with."""
@@ -46,8 +46,8 @@ NAMED_FIELD = re.compile(r"(\w+) = |.*?(?<!\w)'([^']+)'(?!\w)")
 class InputError(ValueError):
     """Input that cannot be used; the message is one sentence with place, value and remedy.
 
-    What is quoted in it may be anything, so that control characters are written as escapes, and
-    what is very long is cut.
+    A message may quote any text. Therefore control characters are written as escapes, and very long
+    messages are cut.
     """
 
     def __init__(self, message: str) -> None:
@@ -143,17 +143,17 @@ def place_of(x: Iterable[float]) -> str:
     """Return a point for a message, such as ``(1, 0.25)``.
 
     Args:
-        x: Its coordinates.
+        x: Coordinates of the point.
     """
     return f"({', '.join(f'{coordinate + 0.0:.6g}' for coordinate in x)})"
 
 
 def visible(text: str, lines: bool = False) -> str:
-    """Return a text with escapes in place of control characters, which a terminal would obey.
+    """Return a text with escapes instead of control characters, which a terminal would execute.
 
     Args:
-        text: Any.
-        lines: Whether it may have several lines; a line's end is then left as it is.
+        text: Any text.
+        lines: Whether the text may have several lines; line ends then remain.
     """
     return "".join(
         shown if shown.isprintable() or (lines and shown == "\n") else ascii(shown)[1:-1]
@@ -164,10 +164,10 @@ def visible(text: str, lines: bool = False) -> str:
 def check_magnitude(field: str, value: float) -> None:
     """Refuse a number that is so large or small that results would overflow or vanish.
 
-    What is not finite is left to those who know what the number stands for.
+    Numbers that are not finite are left to checks that know their meaning.
 
     Raises:
-        InputError: Naming the field and the value.
+        InputError: With the field and the value.
     """
     size = abs(value)
     if math.isfinite(size) and size and not SMALLEST <= size <= LARGEST:
@@ -181,27 +181,27 @@ def check_choice(field: str, value: str, choices: Sequence[str]) -> None:
     """Refuse a value that is not one of the choices.
 
     Raises:
-        InputError: Naming the field, the value and the choices.
+        InputError: With the field, the value and the choices.
     """
     if value not in choices:
         raise InputError(f"{field} = {value!r} is unknown; choose one of {', '.join(choices)}.")
 
 
 def check_finite(what: str, value: float) -> None:
-    """Refuse a prescribed load or work that is no number.
+    """Refuse a prescribed load or work that is not finite.
 
     Raises:
-        InputError: Naming it and the value.
+        InputError: With the name and the value.
     """
     if not math.isfinite(value):
         raise InputError(f"{what} = {value} is not finite; give a number.")
 
 
 def check_end(tolerance: float, max_iterations: int) -> None:
-    """Refuse bounds with which no iteration could end.
+    """Refuse limits with which no iteration could end.
 
     Raises:
-        InputError: Naming the field and the value.
+        InputError: With the field and the value.
     """
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance = {tolerance} is not between 0 and 1; try 1e-8.")
@@ -229,17 +229,20 @@ def raise_together(comm: "MPI.Intracomm", fault: "str | InputError | None") -> N
 
 
 def on_all_ranks(comm: "MPI.Intracomm", action: Callable[[], T]) -> T:
-    """Do on every rank what may find bad input on some, which every rank then raises. Collective.
+    """Run an action on every rank, and raise its InputError on all ranks if any has one.
+
+    Collective.
 
     Args:
         comm: The ranks.
         action: A function that communicates with no other rank.
 
     Returns:
-        What it returned.
+        The result of the action.
 
     Raises:
-        InputError: The error of the action, on every rank; of several the lowest rank's.
+        InputError: The error of the action, on every rank; that of the lowest rank if there are
+            several.
     """
     fault = None
     try:
@@ -251,14 +254,14 @@ def on_all_ranks(comm: "MPI.Intracomm", action: Callable[[], T]) -> T:
 
 
 def on_rank0(comm: "MPI.Intracomm", action: Callable[[], T]) -> T | None:
-    """Do on rank 0 what may find bad input, which every rank then raises. Collective.
+    """Run an action on rank 0, and raise its InputError on all ranks. Collective.
 
     Args:
         comm: The ranks.
         action: A function that communicates with no other rank.
 
     Returns:
-        What it returned on rank 0, None on the others.
+        The result of the action on rank 0, None on the others.
 
     Raises:
         InputError: The error of the action, on every rank.

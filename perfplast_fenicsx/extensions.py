@@ -1,8 +1,8 @@
-"""Laws, loads, controls and other parts that installed packages add to the command line.
+"""Load laws, loads, controls and other parts that installed packages add to the command line.
 
 A package names a module under the entry points of the group ``GROUP``. The module is imported
-before a command reads its case, and puts its classes into the tables that case files choose from,
-such as :data:`~perfplast_fenicsx.materials.laws.MATERIALS`.
+before a command reads its case. It adds its classes to the tables that case files choose from, such
+as :data:`~perfplast_fenicsx.materials.laws.MATERIALS`.
 """
 
 from collections.abc import Iterator
@@ -16,14 +16,14 @@ GROUP = "perfplast_fenicsx.extensions"
 
 
 def loaded(group: str, refusal: str) -> Iterator[tuple[metadata.EntryPoint, Any]]:
-    """Yield the entry points of a group, by name, with what they name. Not collective.
+    """Yield the entry points of a group, by name, with the loaded objects. Not collective.
 
     Args:
         group: The group.
-        refusal: What cannot be had, as "the extension '{name}' cannot be imported".
+        refusal: Beginning of the message, such as "the extension '{name}' cannot be imported".
 
     Raises:
-        InputError: If one cannot be loaded.
+        InputError: If an entry point cannot be loaded.
     """
     for entry in sorted(metadata.entry_points(group=group), key=lambda entry: entry.name):
         try:
@@ -42,7 +42,7 @@ def load_extensions() -> None:
     """Import the modules of ``GROUP``, once. Not collective.
 
     Raises:
-        InputError: If one cannot be imported.
+        InputError: If a module cannot be imported.
     """
     list(loaded(GROUP, "the extension '{name}' cannot be imported"))
 

@@ -1,4 +1,4 @@
-"""Words for a factor of safety, for the run that finds it and for whoever reads it later."""
+"""Write a factor of safety in words, for the run that finds it and for later readers."""
 
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
@@ -9,10 +9,10 @@ def factor_words(
     """Return a clause for each known factor: whether the bodies stand or fall with it.
 
     Args:
-        lower: With which they stand; None where it is not known.
-        upper: At which they fall; the same.
-        estimate: Whether both are of other bodies, and certain of these at neither.
-        many: Whether bodies are meant, and not the body.
+        lower: Factor with which the bodies stand; None if it is not known.
+        upper: Factor at which they fall; None if it is not known.
+        estimate: Whether both are estimates, computed for other bodies.
+        many: Whether the sentence has a plural subject.
     """
     ending, sides = "" if many else "s", []
     if lower is not None:

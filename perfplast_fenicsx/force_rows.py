@@ -1,4 +1,4 @@
-"""Forces and moments of loads and supports as rows of a table, where a limit load was sought."""
+"""List forces and moments of loads and supports as rows of a table, for a limit load."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -20,15 +20,15 @@ def force_rows(
 
     Args:
         loads: Tables of :class:`resultants.LoadResultant`.
-        lower: Load factor that the bodies carry for certain.
-        upper: One at which they collapse for certain.
-        at_limit: Table of :class:`limit_forces.LimitForces`, by which loads and supports balance:
-            of the strict lower bound, or of the limit load of the mesh.
-        moments: Whether moments are meant, and no forces.
-        zeta: How the load factor is called.
+        lower: Load factor that the bodies are proven to carry.
+        upper: Load factor at which they are proven to collapse.
+        at_limit: Table of :class:`limit_forces.LimitForces`, in which loads and supports balance,
+            for the strict lower bound or the limit load of the mesh.
+        moments: Whether to return moments instead of forces.
+        zeta: Name of the load factor.
 
     Returns:
-        Words and numbers; without loads there are none.
+        Words and numbers; empty without loads.
     """
     rows = list(_rows(loads, lower, upper, at_limit, moments, zeta))
     largest = max((abs(number) for _, row in rows for number in row), default=0.0)

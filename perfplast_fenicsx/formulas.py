@@ -1,7 +1,7 @@
-"""Formulas in the coordinates, from case files: checked, then evaluated by NumPy.
+"""Check formulas in the coordinates, from case files, and evaluate them with NumPy.
 
-A formula is parsed and compared with a list of what may stand in it; its syntax tree is then walked
-with NumPy's functions, and Python never evaluates it.
+A formula is parsed and compared with a list of allowed parts. Its syntax tree is then evaluated
+with NumPy's functions; Python itself never evaluates it.
 """
 
 import ast
@@ -22,10 +22,10 @@ FUNCTIONS = (
     *("cos", "cosh", "exp", "expm1", "floor", "fmod", "log", "log10", "log1p", "maximum"),
     *("minimum", "sin", "sinh", "sqrt", "tan", "tanh", "where"),
 )
-"""Functions of NumPy that formulas may call by these names; they act point by point."""
+"""NumPy functions that formulas may call by these names; they act point by point."""
 
 ARGUMENTS = {"arctan2": 2, "fmod": 2, "maximum": 2, "minimum": 2, "where": 3}
-"""How many a function takes, if not one."""
+"""Number of arguments of a function, if it is not one."""
 
 OPERATORS: dict[type[ast.AST], tuple[str, Callable[..., Any]]] = {
     ast.Add: ("+", operator.add),
@@ -45,13 +45,13 @@ OPERATORS: dict[type[ast.AST], tuple[str, Callable[..., Any]]] = {
     ast.USub: ("-", operator.neg),
     ast.UAdd: ("+", operator.pos),
 }
-"""How an operator is written, and what it does."""
+"""Symbol and function of each operator."""
 
 LONGEST = 1000
-"""Characters a formula may have; the parser's recursion is bounded by it."""
+"""Largest number of characters of a formula; it limits the parser's recursion."""
 
 SHOWN = 60
-"""Characters of a formula that a message shows."""
+"""Number of characters of a formula that a message shows."""
 
 _SILENT: tuple[type[ast.AST], ...] = (
     *(ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare),
@@ -69,7 +69,7 @@ class WordedFormula(str):
     """A formula that the program has written, with words for it.
 
     Attributes:
-        words: What a person reads in place of the formula, with its unit.
+        words: Words that replace the formula for a reader, with the unit.
     """
 
     words: str
@@ -81,15 +81,15 @@ class WordedFormula(str):
         return made
 
     def __reduce__(self) -> tuple[type["WordedFormula"], tuple[str, str]]:
-        """Return what a copy is made of."""
+        """Return the class and arguments of a copy."""
         return type(self), (str(self), self.words)
 
 
 def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
     """Return values of a formula in x, y, z at points.
 
-    Not collective: a formula is refused on every rank alike, but a value that is not finite is seen
-    only by the rank that has the point.
+    Not collective: every rank refuses the same formulas, but only the rank with the point sees a
+    value that is not finite.
 
     Args:
         formula: A number, or a formula such as ``"0.02*(x**2 + y**2)"``.
@@ -100,8 +100,8 @@ def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
         Shape (num_points,).
 
     Raises:
-        InputError: A formula that cannot be read or has anything but numbers, x, y, z, pi,
-            operators and :data:`FUNCTIONS` in it, or a value that is not finite.
+        InputError: If a formula cannot be read, has parts other than numbers, x, y, z, pi,
+            operators and :data:`FUNCTIONS`, or has a value that is not finite.
     """
     if isinstance(formula, str):
         formula = " ".join(formula.split())
@@ -132,10 +132,10 @@ def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
 
 
 def check(formula: str, place: str) -> None:
-    """Refuse a formula with anything in it that is not allowed.
+    """Refuse a formula with parts that are not allowed.
 
     Raises:
-        InputError: Naming the first such thing, and what is allowed.
+        InputError: With the first such part, and the allowed ones.
     """
     if len(formula) > LONGEST:
         raise InputError(
@@ -184,7 +184,7 @@ def _fault(node: ast.AST, called: bool) -> str | None:
 def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
     """Return the value of a part of a formula that has been checked.
 
-    Whole numbers count as floats: 9**9**9 shall overflow at once, not occupy the machine.
+    Integers count as floats: 9**9**9 overflows at once and does not occupy the machine.
     """
     match node:
         case ast.Constant(value=number):

@@ -1,4 +1,4 @@
-"""The memory of the machines that the ranks run on."""
+"""Measure the memory of the machines that the ranks run on."""
 
 import math
 import os
@@ -12,11 +12,11 @@ def has_memory(comm: MPI.Intracomm, needed: float) -> tuple[bool, float, float]:
 
     Args:
         comm: The ranks.
-        needed: What this rank needs (bytes).
+        needed: Memory that this rank needs (bytes).
 
     Returns:
-        Whether each machine has as much as its ranks need; what all ranks need; what all machines
-        have.
+        Whether each machine has as much as its ranks need; the need of all ranks; the memory of all
+        machines.
     """
     machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
     has = physical_memory()
@@ -33,9 +33,9 @@ def physical_memory() -> int:
 
 
 def spare_memory(comm: MPI.Intracomm) -> float:
-    """Memory that each rank may take if all take as much (MB); ∞ where it is not known. Collective.
+    """Return the memory that each rank may use if all use as much (MB). Collective.
 
-    The least of all machines.
+    It is the least of all machines; ∞ if it is not known.
     """
     machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
     spare, table = math.inf, Path("/proc/meminfo")

@@ -1,7 +1,4 @@
-"""Mandel vectors (:mod:`mandel`) and the symmetric tensors that they are of, as arrays.
-
-NumPy only.
-"""
+"""Convert between Mandel vectors (:mod:`mandel`) and symmetric tensors, as arrays. NumPy only."""
 
 import math
 
@@ -10,11 +7,11 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 
 SHEARS = {4: ((0, 1),), 6: ((1, 2), (0, 2), (0, 1))}
-"""Components after the diagonal ones, by the length of a vector."""
+"""Components that follow the diagonal ones, by the length of a vector."""
 
 
 def matrices(mandel: Floats) -> Floats:
-    """Symmetric matrices of Mandel vectors, shape (..., 3, 3) of (..., 4 or 6)."""
+    """Return the symmetric matrices of Mandel vectors, shape (..., 3, 3) for (..., 4 or 6)."""
     found: Floats = np.zeros((*mandel.shape[:-1], 3, 3))
     for i in range(3):
         found[..., i, i] = mandel[..., i]
@@ -24,7 +21,7 @@ def matrices(mandel: Floats) -> Floats:
 
 
 def vectors(symmetric: Floats) -> Floats:
-    """Mandel vectors of symmetric matrices, shape (..., 6) of (..., 3, 3)."""
+    """Return the Mandel vectors of symmetric matrices, shape (..., 6) for (..., 3, 3)."""
     columns = [symmetric[..., i, i] for i in range(3)]
     columns += [math.sqrt(2) * symmetric[..., i, j] for i, j in SHEARS[6]]
     return np.stack(columns, axis=-1)

@@ -1,4 +1,4 @@
-"""Tables of HTML, which a notebook shows of objects in the last line of a cell."""
+"""Format tables of HTML, which a notebook shows for objects in the last line of a cell."""
 
 from collections.abc import Sequence
 from html import escape
@@ -8,8 +8,8 @@ def notebook_table(title: str, rows: Sequence[tuple[str, object]]) -> str:
     """Return a table of two columns as HTML.
 
     Args:
-        title: Its caption.
-        rows: A name and a value each; rows with an empty value are left out.
+        title: Caption of the table.
+        rows: Pairs of a name and a value; rows with an empty value are left out.
     """
     body = "".join(
         f"<tr><th style='text-align:left'>{escape(name)}</th>"

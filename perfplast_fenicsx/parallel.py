@@ -1,4 +1,4 @@
-"""Communicators that last, rows of arrays that travel between ranks, and the box around points."""
+"""Provide lasting communicators, the exchange of array rows between ranks, and bounding boxes."""
 
 import math
 
@@ -39,7 +39,7 @@ def drop_garbage(comm: MPI.Intracomm) -> None:
     Args:
         comm: Communicator of any ranks; the objects are on its :func:`lasting` one.
     """
-    if comm.size > 1:  # on one rank nothing waits
+    if comm.size > 1:  # on one rank there is no garbage
         PETSc.garbage_cleanup(lasting(comm))
 
 
@@ -50,25 +50,25 @@ def send_rows(
 
     Args:
         comm: The ranks.
-        rows: Shape (num_rows, ...), of any type, a structured one too; the type and the shape of a
+        rows: Rows, shape (num_rows, ...), of any type, also structured; the type and the shape of a
             row are the same on every rank.
-        destination: Shape (num_rows,), the rank each row goes to.
+        destination: Destination rank of each row, shape (num_rows,).
 
     Returns:
-        The rows that have arrived here, in the order of the ranks they come from.
+        The rows that have arrived here, in the order of their source ranks.
     """
     return Exchange(comm, destination).forward(rows)
 
 
 class Exchange:
-    """Sends rows to ranks, and answers of the same number back to where they came from."""
+    """An exchange of rows with other ranks, and of one answer for each row."""
 
     def __init__(self, comm: MPI.Intracomm, destination: npt.NDArray[np.integer]) -> None:
-        """Say how many rows go where. Collective.
+        """Exchange the numbers of rows. Collective.
 
         Args:
             comm: The ranks.
-            destination: Shape (num_rows,), the rank each row goes to.
+            destination: Destination rank of each row, shape (num_rows,).
         """
         self._comm = comm
         self._order = np.argsort(destination, kind="stable")
@@ -77,11 +77,11 @@ class Exchange:
         comm.Alltoall(self._sent, self._received)
 
     def forward(self, rows: npt.NDArray) -> npt.NDArray:
-        """Return the rows that arrive here of what all ranks send. Collective."""
+        """Send this rank's rows, and return the rows that arrive here. Collective."""
         return exchange_rows(self._comm, rows[self._order], self._sent, self._received)
 
     def back(self, rows: npt.NDArray) -> npt.NDArray:
-        """Answers, one for each row that has arrived, to the rows that were sent. Collective."""
+        """Send one answer for each arrived row, and return those to the sent rows. Collective."""
         arrived = exchange_rows(self._comm, rows, self._received, self._sent)
         answers = np.empty_like(arrived)
         answers[self._order] = arrived
@@ -91,16 +91,16 @@ class Exchange:
 def exchange_rows(
     comm: MPI.Intracomm, rows: npt.NDArray, sent: Longs, received: Longs
 ) -> npt.NDArray:
-    """Send rows of which it is known how many go where. Collective.
+    """Send rows whose numbers from and to each rank are known. Collective.
 
     Args:
         comm: The ranks.
-        rows: Shape (num_rows, ...), of any type, sorted by the rank they go to.
-        sent: How many go to each rank, shape (comm.size,).
-        received: How many come from each rank, shape (comm.size,).
+        rows: Rows, shape (num_rows, ...), of any type, sorted by destination rank.
+        sent: Number of rows to each rank, shape (comm.size,).
+        received: Number of rows from each rank, shape (comm.size,).
 
     Returns:
-        The rows that have arrived here, in the order of the ranks they come from.
+        The rows that have arrived here, in the order of their source ranks.
     """
     rows = np.ascontiguousarray(rows)
     arrived = np.empty((int(received.sum()), *rows.shape[1:]), dtype=rows.dtype)
@@ -113,12 +113,12 @@ def exchange_rows(
 def fetch_rows(
     comm: MPI.Intracomm, rows: npt.NDArray, numbers: npt.NDArray[np.integer]
 ) -> npt.NDArray:
-    """Return rows of an array that is distributed over the ranks, by their numbers. Collective.
+    """Return rows with given numbers of an array distributed over the ranks. Collective.
 
     Args:
         comm: The ranks.
-        rows: This rank's rows, shape (num_rows, ...). They are numbered through all ranks.
-        numbers: Those that are wanted here, in any order, shape (n,).
+        rows: This rank's rows, shape (num_rows, ...). Their numbers continue from rank to rank.
+        numbers: Numbers of the rows to return here, in any order, shape (n,).
 
     Returns:
         Shape (n, ...).
@@ -130,12 +130,12 @@ def fetch_rows(
 
 
 def _bytes(rows: npt.NDArray) -> npt.NDArray[np.uint8]:
-    """Return the same memory without the names of a structured type, which MPI knows nothing of."""
+    """Return the same memory as bytes, since MPI does not support structured types."""
     return rows.reshape(-1).view(np.uint8)
 
 
 def bounding_box(comm: MPI.Intracomm, points: Floats) -> tuple[Floats, Floats]:
-    """Smallest and largest coordinates of the points of all ranks. Collective."""
+    """Return the smallest and largest coordinates of the points of all ranks. Collective."""
     low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
     comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)

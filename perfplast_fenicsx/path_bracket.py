@@ -1,7 +1,7 @@
-"""The load at which a loading path loses equilibrium, in words: between two levels of it.
+"""Write in words the load at which a loading path loses equilibrium, between two of its levels.
 
-Where no limit theorem holds, as with Coulomb's friction, nothing bounds such a load but levels that
-were tried. One is solved, and one ended with a verdict that there is no equilibrium.
+If no limit theorem holds, as with Coulomb's friction, only tried levels bound such a load. One is
+solved, and one ended with the verdict that there is no equilibrium.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ SAID = (
     " loading path, which starts from rest with all constant loads; another path may end at"
     " another load."
 )
-"""The sentences that limit what the bracket holds for."""
+"""Sentences on the scope of the bracket."""
 
 NO_PAIR = (
     "Drucker's bounds were not sought: they need loads that all grow, and a problem that the"
@@ -27,15 +27,15 @@ class PathBracket:
     """Load factors of one path between which equilibrium is lost.
 
     Attributes:
-        carried: The largest load factor of a level that is solved; 0 without one.
-        refused: The least of one that has no equilibrium; None without one.
+        carried: Largest load factor of a solved level; 0 without one.
+        refused: Least load factor of a level without equilibrium; None without one.
     """
 
     carried: float
     refused: float | None
 
     def in_words(self, zeta: str = "") -> str:
-        """Return where equilibrium is lost: the rest of a sentence that names the path.
+        """Return the load at which equilibrium is lost, as the rest of a sentence about the path.
 
         Args:
             zeta: Text before loads, such as "ζ = ".

@@ -1,4 +1,4 @@
-"""Phases of a run as events of PETSc's log: shown by ``-log_view``, read by the benchmarks."""
+"""Record phases of a run as events of PETSc's log, for ``-log_view`` and the benchmarks."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -11,7 +11,7 @@ PHASES = (
     *("contact set-up", "return map", "assembly", "basis change"),
     *("linear set-up", "linear solve", "line search"),
 )
-"""They do not overlap."""
+"""Names of the phases, which do not overlap."""
 
 
 def phase(name: str) -> Callable[[Function], Function]:
@@ -21,5 +21,5 @@ def phase(name: str) -> Callable[[Function], Function]:
 
 
 def seconds() -> dict[str, float]:
-    """Time spent in each phase so far on this rank (s), since PETSc's logging was begun."""
+    """Return the time in each phase on this rank (s), since PETSc's logging was started."""
     return {name: PETSc.Log.Event(f"perfplast {name}").getPerfInfo()["time"] for name in PHASES}

@@ -1,25 +1,25 @@
-"""Thresholds of rounding, and bounds rounded to a few digits that are still bounds."""
+"""Define thresholds of rounding, and round bounds to a few digits so that they remain bounds."""
 
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 ROUNDING = 1e-9
-"""Share of the largest of its kind below which a number counts as none, where sums of doubles are
-compared: far above their rounding, far below what anybody means."""
+"""Share of the largest number of its kind below which a number counts as zero, where sums of
+doubles are compared. It is far above their rounding, and far below any intended value."""
 
 TINY = 1e-300
 """Smallest divisor; avoids 0/0."""
 
 DIGITS = 6
-"""Significant digits in which bounds are shown."""
+"""Number of significant digits of printed bounds."""
 
 
 def rounded_up(value: float, digits: int = DIGITS) -> str:
-    """Return the value in some significant digits, not less than it is."""
+    """Return the value rounded up to some significant digits."""
     return _rounded(value, ROUND_CEILING, digits)
 
 
 def rounded_down(value: float, digits: int = DIGITS) -> str:
-    """Return the value in some significant digits, not more than it is."""
+    """Return the value rounded down to some significant digits."""
     return _rounded(value, ROUND_FLOOR, digits)
 
 

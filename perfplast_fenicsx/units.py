@@ -1,6 +1,6 @@
-"""Units of a case: consistent systems, in which a force is a stress times an area without a factor.
+"""Define units of a case: consistent systems, in which a force is a stress times an area.
 
-Nothing that is computed depends on them: they say what numbers mean.
+No result depends on them: they only give numbers a meaning.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ POUND_FORCE = 4.4482216152605
 
 @dataclass(frozen=True)
 class System:
-    """Units that go together.
+    """A consistent system of units.
 
     Attributes:
         length: Unit of lengths.
@@ -37,7 +37,7 @@ class System:
         stress: Unit of stresses, force / length².
         metres: The unit of length (m).
         pascals: The unit of stress (Pa).
-        arm: Unit of the arms of moments of results.
+        arm: Unit of lever arms in printed moments.
         arm_metres: This unit (m).
     """
 
@@ -61,7 +61,7 @@ SYSTEMS: dict[Name, System] = {
     "ft-lbf-psf": System("ft", "lbf", "psf", FOOT, POUND_FORCE / FOOT**2, "ft", FOOT),
     "ft-kip-ksf": System("ft", "kip", "ksf", FOOT, 1e3 * POUND_FORCE / FOOT**2, "ft", FOOT),
 }
-"""By the names that case files have for them."""
+"""Systems by their names in case files."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ class Units:
     """The units of the numbers of a case; nothing is converted.
 
     Args:
-        length: Length of the mesh, such as "mm"; known where there is a system.
-        stress: Stress of the materials and loads, such as "MPa"; known where there is a system.
+        length: Length of the mesh, such as "mm"; known if there is a system.
+        stress: Stress of the materials and loads, such as "MPa"; known if there is a system.
         system: A consistent system: lengths, forces and stresses. "in-lbf-psi", "in-kip-ksi",
             "ft-lbf-psf" and "ft-kip-ksf" are those with inches and feet.
     """
@@ -80,10 +80,10 @@ class Units:
     system: Name | None = None
 
     def __post_init__(self) -> None:
-        """Look whether length and stress are those of the system.
+        """Check that length and stress agree with the system.
 
         Raises:
-            InputError: If one is another.
+            InputError: If one does not.
         """
         if self.system is None:
             return
@@ -100,7 +100,7 @@ class Units:
 
     @property
     def name(self) -> Name | None:
-        """The system that was named, or that length and stress are of; None for others."""
+        """The named system, or the one with this length and stress; None for others."""
         if self.system is not None:
             return self.system
         for name, system in SYSTEMS.items():
@@ -114,16 +114,16 @@ class Units:
         return SYSTEMS[self.name] if self.name else None
 
     def table(self, whole: bool = True) -> dict[str, str]:
-        """Return the unit of each quantity, as ``summary.json`` has it.
+        """Return the unit of each quantity for ``summary.json``.
 
         Args:
-            whole: Whether bodies have an end in all directions; without it forces and works are
-                those of each unit of depth.
+            whole: Whether bodies are finite in all directions; otherwise forces and works are per
+                unit of depth.
 
         Returns:
             Units of ``length``, ``stress``, ``force``, ``work``, ``moment`` and ``force_density``
-            (force per volume), and the ``system``; empty texts of what is unknown. In a system
-            moments are those of arms in metres or feet (:meth:`moment_scale`).
+            (force per volume), and the ``system``; empty texts for unknown ones. In a system,
+            moments have arms in metres or feet (:meth:`moment_scale`).
         """
         system = self.known
         length = system.length if system else self.length
@@ -153,7 +153,7 @@ class Units:
         """Return the factor that converts moments (force × length) to the unit of :meth:`table`.
 
         Args:
-            whole: As there; N mm for each millimetre of depth is N m for each metre.
+            whole: As in :meth:`table`; N mm per millimetre of depth equals N m per metre.
         """
         system = self.known
         return system.metres / system.arm_metres if system and whole else 1.0

@@ -1,4 +1,4 @@
-"""Values at the points of a ``.vtu`` file, with its triangles or tetrahedra. NumPy alone.
+"""Read values at the points of a ``.vtu`` file, with its triangles or tetrahedra. NumPy only.
 
 Content may be text, base64 or raw bytes, in the arrays themselves or appended, and compressed by
 zlib (VTK file formats, https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html).

@@ -18,12 +18,12 @@ pytestmark = pytest.mark.serial
             *(26.619351, 26.619352, 26.619353),
             "26.62, its static and kinematic sides less than 0.001 % apart; no bound of the body",
         ),
-        (98.7951, 98.7951, None, "98.8, known from its static side alone; no bound of the body"),
+        (98.7951, 98.7951, None, "98.8, known only from its static side; no bound of the body"),
         (1.5, 2.0, 2.5, "2, its static and kinematic sides 67 % apart; no bound of the body"),
         (1.5, None, None, "not found, but not below 1.5; no bound of the body"),
         (1.5, None, 2.5, "not found, but not below 1.5, nor above 2.5; no bound of the body"),
         (0.0, None, None, "not found; no bound of the body"),
-        (0.0, 2.0, 2.0, "2, known from its kinematic side alone; no bound of the body"),
+        (0.0, 2.0, 2.0, "2, known only from its kinematic side; no bound of the body"),
     ],
 )
 def test_in_words(
