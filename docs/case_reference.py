@@ -17,8 +17,7 @@ from perfplast_fenicsx.contact.declared.contact import INTERFACES, Tie
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region, Stratum
-from perfplast_fenicsx.geometry.face_choice import NamedFace
-from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions, NamedFace
 from perfplast_fenicsx.io.case import support_tables, tables
 from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile

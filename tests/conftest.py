@@ -16,7 +16,7 @@ import ufl
 from ffcx.codegeneration import jit
 
 from perfplast_fenicsx import TaggedMesh, read_gmsh
-from perfplast_fenicsx.mesh import gmsh_dump, gmsh_subprocess
+from perfplast_fenicsx.mesh import gmsh_dump, gmsh_reader
 from tests.models import Read
 
 
@@ -93,7 +93,7 @@ def read(shared_tmp_path: Path) -> Read:
         MPI.COMM_WORLD.barrier()
         with pytest.MonkeyPatch.context() as patch:
             here = SimpleNamespace(run=read_here, DEVNULL=subprocess.DEVNULL)
-            patch.setattr(gmsh_subprocess, "subprocess", here)
+            patch.setattr(gmsh_reader, "subprocess", here)
             return read_gmsh(comm, path)
 
     return read

@@ -40,7 +40,7 @@ from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.cli.understood import PICTURE, draw_case, understood
 from perfplast_fenicsx.errors import InputError, on_all_ranks, on_rank0, visible
 from perfplast_fenicsx.extensions import load_extensions
-from perfplast_fenicsx.geometry.glued import Glued
+from perfplast_fenicsx.geometry.first_case import Glued
 from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema

@@ -24,15 +24,12 @@ from perfplast_fenicsx.cli.mesh_folder import (
 )
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
-from perfplast_fenicsx.geometry.first_case import first_case
-from perfplast_fenicsx.geometry.glued import Glued
+from perfplast_fenicsx.geometry.first_case import Glued, first_case
 from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Face, Survey, listed
 from perfplast_fenicsx.io.case.case_schema import case_schema
-from perfplast_fenicsx.materials.common import MATERIALS
-from perfplast_fenicsx.materials.material_table import find
-from perfplast_fenicsx.materials.soil import SOILS
+from perfplast_fenicsx.materials.common import MATERIALS, SOILS, find
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
 from perfplast_fenicsx.problem.contact_check import refused_contact
 from perfplast_fenicsx.report.setup_page import FaceRow, setup_page

@@ -1,6 +1,6 @@
 """Mesh a file: ``python3 -m perfplast_fenicsx.geometry SOURCE TARGET.msh OPTIONS SURVEY``.
 
-:mod:`cad_process` starts it, since broken geometry makes gmsh crash. The program does not import
+:mod:`kept_mesh` starts it, since broken geometry makes gmsh crash. The program does not import
 MPI.
 """
 

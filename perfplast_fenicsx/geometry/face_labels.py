@@ -1,10 +1,18 @@
-"""Assign the labels of faces in a STEP file, which gmsh does not read, to gmsh's faces.
+"""Read labels and colours of single faces in a STEP file, which become names.
 
 Gmsh lists the faces of a solid in the file's order. The module verifies this for each body: the
 corners of its faces in the file, after a rigid motion, must coincide with gmsh's.
+
+Read colours and labels of single faces in a STEP file, which become names.
+Gmsh reads colours (``Geometry.OCCImportLabels``), but loses them when bodies are cut along each
+other. So copies of marked faces are kept during the cut, and faces that coincide with a copy get
+its mark.
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from colorsys import rgb_to_hsv
+from dataclasses import dataclass
 from pathlib import Path
 
 import gmsh
@@ -12,8 +20,153 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.geometry.geometry_file import IMPORTED, STEP
+from perfplast_fenicsx.geometry.joints import box
 from perfplast_fenicsx.geometry.parts import Part
-from perfplast_fenicsx.geometry.step_faces import StepSolid, names_in, read_solids
+
+Entities = Mapping[int, tuple[str, str]]
+"""Kind and arguments of each entity, with strings replaced by their indices."""
+
+
+@dataclass(frozen=True)
+class StepSolid:
+    """A solid as drawn, before its placement.
+
+    Attributes:
+        labels: Labels of its faces, in the file's order; empty for a face without one.
+        corners: The mean of the corners of each face; NaN without corners.
+        counts: Number of corners of each face.
+    """
+
+    labels: tuple[str, ...]
+    corners: Floats
+    counts: tuple[int, ...]
+
+
+def read_solids(path: Path) -> tuple[list[StepSolid], bool]:
+    """Return the solids of a STEP file whose faces have labels.
+
+    Returns:
+        The solids (none if no face has a label or if the text is not understood), and whether all
+        of them lie where they are drawn.
+    """
+    data = path.read_bytes()
+    try:
+        text = data.decode()
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    # Most files have no label, which is faster to detect than to find entities.
+    if not re.search(r"ADVANCED_FACE\s*\(\s*'(?!NONE')[^']", text):
+        return [], True
+    pieces = text.split("'")
+    strings = pieces[1::2]
+    marked = [f"{piece}'{k}'" for k, piece in enumerate(pieces[::2])]
+    plain = re.sub(r"/\*.*?\*/", "", "".join(marked), flags=re.DOTALL)
+    entities = _entities(plain)
+    try:
+        solids = [
+            _solid(entities, strings, args)
+            for kind, args in entities.values()
+            if kind in ("MANIFOLD_SOLID_BREP", "BREP_WITH_VOIDS")
+        ]
+        in_place = _in_place(entities)
+    except (KeyError, ValueError, IndexError):  # missing or unexpected entities
+        return [], True
+    return (solids if any(names_in(solid.labels) for solid in solids) else []), in_place
+
+
+def _entities(text: str) -> Entities:
+    """Return the entities that define faces, corners and placements; no surfaces and curves."""
+    kinds = {
+        *("MANIFOLD_SOLID_BREP", "BREP_WITH_VOIDS", "CLOSED_SHELL", "ORIENTED_CLOSED_SHELL"),
+        *("ADVANCED_FACE", "FACE_BOUND", "FACE_OUTER_BOUND", "EDGE_LOOP", "VERTEX_LOOP"),
+        *("ORIENTED_EDGE", "EDGE_CURVE", "VERTEX_POINT", "CARTESIAN_POINT", "DIRECTION"),
+        *("ITEM_DEFINED_TRANSFORMATION", "AXIS2_PLACEMENT_3D", "MAPPED_ITEM"),
+    }
+    found = {}
+    for statement in text.split(";"):
+        entity = re.fullmatch(r"\s*#(\d+)\s*=\s*(\w+)\s*\((.*)\)\s*", statement, re.DOTALL)
+        if entity and entity[2] in kinds:
+            found[int(entity[1])] = (entity[2], entity[3])
+    return found
+
+
+def _solid(entities: Entities, strings: list[str], args: str) -> StepSolid:
+    faces = list(_below(entities, args, "ADVANCED_FACE"))
+    points = []
+    for face in faces:
+        corners = list(_below(entities, entities[face][1], "VERTEX_POINT"))
+        places = [_refs(entities[corner][1])[0] for corner in corners]
+        points.append(np.array([_numbers(entities[at][1]) for at in places]).reshape(-1, 3))
+    none = np.full(3, np.nan)
+    means = np.array([p.mean(axis=0) if len(p) else none for p in points]).reshape(-1, 3)
+    labels = tuple(_label(entities[face][1], strings) for face in faces)
+    return StepSolid(labels, means, tuple(len(p) for p in points))
+
+
+def _below(entities: Entities, args: str, kind: str) -> dict[int, None]:
+    """Return the entities of a kind that arguments refer to, each once, in order."""
+    found: dict[int, None] = {}
+    seen: set[int] = set()
+    left = _refs(args)[::-1]
+    while left:
+        one = left.pop()
+        if one in seen or one not in entities:
+            continue
+        seen.add(one)
+        if entities[one][0] == kind:
+            found[one] = None
+        else:
+            left += _refs(entities[one][1])[::-1]
+    return found
+
+
+def _label(args: str, strings: list[str]) -> str:
+    """Return the string at the beginning of arguments; a quote in it is doubled."""
+    (numbers,) = re.findall(r"^\s*((?:'\d+')*)", args)
+    label = "'".join(strings[int(k)] for k in re.findall(r"\d+", numbers))
+    wide = re.sub(r"\\X2\\((?:[0-9A-Fa-f]{4})+)\\X0\\", _from_hex, label)
+    return " ".join(wide.split())
+
+
+def _from_hex(digits: re.Match[str]) -> str:
+    return bytes.fromhex(digits[1]).decode("utf-16-be", "replace")
+
+
+def _in_place(entities: Entities) -> bool:
+    """Return whether no part is moved: both systems of each placement are equal."""
+    for kind, args in entities.values():
+        if kind == "MAPPED_ITEM":
+            return False
+        if kind == "ITEM_DEFINED_TRANSFORMATION":
+            one, other = (_system(entities, entities[k][1]) for k in _refs(args)[-2:])
+            if one != other:
+                return False
+    return True
+
+
+def _system(entities: Entities, args: str) -> list[list[float]]:
+    return [_numbers(entities[k][1]) for k in _refs(args)]
+
+
+def _numbers(args: str) -> list[float]:
+    """Return the numbers in the parentheses of a point or a direction."""
+    return [float(number) for number in args[args.index("(") :].strip("() \r\n").split(",")]
+
+
+def _refs(args: str) -> list[int]:
+    return [int(ref) for ref in re.findall(r"#(\d+)", args)]
+
+
+def names_in(labels: Iterable[str]) -> set[str]:
+    """Return the labels of a solid that are proper names.
+
+    Empty labels, "NONE", counters such as "Face 12", and a label shared by all faces are not.
+    """
+    given = set(labels)
+    if len(given) < 2:
+        return set()
+    counter = re.compile(r"(none|null|unnamed|face|surface|f)?[\W_]*\d*", re.IGNORECASE)
+    return {label for label in given if not counter.fullmatch(label)}
 
 
 def labels_of(path: Path, parts: Sequence[Part]) -> tuple[dict[int, str], list[str]]:
@@ -94,3 +247,150 @@ def _corners(face: int) -> Floats:
     around = gmsh.model.getBoundary([(2, face)], oriented=False, recursive=True)
     places = [gmsh.model.getValue(0, tag, []) for dim, tag in around if dim == 0]
     return np.array(places).reshape(-1, 3)
+
+
+Colour = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A coloured or labelled face that is set aside as a copy.
+
+    Attributes:
+        body: Name of its body.
+        colour: Its own colour if it differs from the body's; otherwise None.
+        label: Its own label; empty without one.
+        tag: Tag of the copy.
+        names: Names of the physical groups of a script that contain it; its body is then empty.
+    """
+
+    body: str
+    colour: Colour | None
+    label: str
+    tag: int
+    names: tuple[str, ...] = ()
+
+
+def word_of(colour: Colour) -> str:
+    """Return the word for a colour."""
+    hue, saturation, value = rgb_to_hsv(*(part / 255 for part in colour))
+    pale, dark = 0.15, 0.1  # with less saturation or value, a colour has no visible hue
+    if saturation < pale or value < dark:
+        # Words for colours without a hue, by their value.
+        greys = {"black": 0.0, "grey": 0.5, "white": 1.0}
+        return min(greys, key=lambda word: abs(greys[word] - value))
+    # Words for colours by their hue (degrees).
+    hues = {
+        "red": 0,
+        "orange": 30,
+        "yellow": 60,
+        "green": 120,
+        "cyan": 180,
+        "blue": 230,
+        "magenta": 300,
+    }
+    return min(hues, key=lambda word: abs((360 * hue - hues[word] + 180) % 360 - 180))
+
+
+def hex_of(colour: Colour) -> str:
+    """Return a colour as in HTML, such as "#dd5228"."""
+    return "#" + "".join(f"{part:02x}" for part in colour)
+
+
+def set_aside(parts: Sequence[Part], labels: Mapping[int, str]) -> list[Mark]:
+    """Return copies of all faces with a label, or with a colour other than their body's.
+
+    The colour of a body is that of most of its area, or none if some face has no colour.
+
+    Args:
+        parts: The bodies.
+        labels: Labels of the labelled faces.
+    """
+    marks = []
+    for part in parts:
+        colours: dict[int, Colour | None] = {}
+        for tag in part.tags:
+            for face in gmsh.model.getAdjacencies(3, tag)[1]:
+                red, green, blue, solid = gmsh.model.getColor(2, int(face))
+                colours[int(face)] = (red, green, blue) if solid else None
+        areas: dict[Colour | None, float] = {}
+        if len(set(colours.values())) > 1:  # computing areas takes time
+            for face, colour in colours.items():
+                areas[colour] = areas.get(colour, 0.0) + gmsh.model.occ.getMass(2, face)
+        usual = None if None in areas else max(areas, key=areas.__getitem__, default=None)
+        for face, colour in colours.items():
+            own = colour if areas and colour != usual else None
+            label = labels.get(face, "")
+            if own is not None or label:
+                ((_, copy),) = gmsh.model.occ.copy([(2, face)])
+                marks.append(Mark(part.name, own, label, copy))
+    gmsh.model.occ.synchronize()
+    return marks
+
+
+def set_aside_named(dim: int, named: Mapping[str, Sequence[int]]) -> list[Mark]:
+    """Return copies of OpenCASCADE's faces in physical groups of a script.
+
+    Args:
+        dim: Dimension of the faces.
+        named: Faces by the names of their groups.
+    """
+    names: dict[int, list[str]] = {}
+    for name, tags in named.items():
+        for tag in tags:
+            names.setdefault(tag, []).append(name)
+    made = {tag for _, tag in gmsh.model.occ.getEntities(dim)}
+    marks = [
+        Mark("", None, "", gmsh.model.occ.copy([(dim, tag)])[0][1], tuple(some))
+        for tag, some in names.items()
+        if tag in made
+    ]
+    gmsh.model.occ.synchronize()
+    return marks
+
+
+def take_back(
+    dim: int, marks: Sequence[Mark], faces: Mapping[int, int], parts: Sequence[Part]
+) -> dict[int, Mark]:
+    """Return the marks of faces that coincide with marked copies, and remove the copies.
+
+    Args:
+        dim: Dimension of the faces.
+        marks: Result of :func:`set_aside` or :func:`set_aside_named`.
+        faces: The index of the body of each face.
+        parts: The bodies.
+    """
+    found = {}
+    boxes = {mark.tag: box(dim, [mark.tag]) for mark in marks}
+    # A face closer to another one than this share of its size coincides with it.
+    nearest = 1e-6
+    for face, body in faces.items() if marks else ():
+        low, high = box(dim, [face])
+        near = nearest * float(np.linalg.norm(high - low))
+        point: Floats | None = None
+        for mark in marks:
+            least, most = boxes[mark.tag]
+            if mark.body not in ("", parts[body].name) or (low < least - near).any():
+                continue
+            if (high > most + near).any():
+                continue
+            point = _inside(dim, face) if point is None else point
+            foot, _ = gmsh.model.getClosestPoint(dim, mark.tag, point)
+            if np.linalg.norm(point - foot) <= near and gmsh.model.isInside(dim, mark.tag, foot):
+                found[face] = mark
+                break
+    gmsh.model.occ.remove([(dim, mark.tag) for mark in marks], recursive=True)
+    gmsh.model.occ.synchronize()
+    return found
+
+
+def _inside(dim: int, face: int) -> Floats:
+    """Return a point inside a face, or the middle of its parameters if none is found."""
+    low, high = map(np.asarray, gmsh.model.getParametrizationBounds(dim, face))
+    if dim == 1:
+        return np.asarray(gmsh.model.getValue(1, face, (low + high) / 2))
+    # Shares of a face's parameters at which a point inside is sought.
+    along = (0.5, 0.31, 0.67, 0.13, 0.86)
+    places = [low + np.array([u, v]) * (high - low) for u in along for v in along]
+    chosen = next((at for at in places if gmsh.model.isInside(2, face, at, True)), places[0])
+    return np.asarray(gmsh.model.getValue(2, face, chosen))

@@ -1,14 +1,135 @@
-"""Mesh bodies with gmsh by one of several algorithms, or report why meshing fails."""
+"""Set element sizes, and mesh bodies with gmsh by one of several algorithms."""
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import gmsh
+import numpy as np
 
-from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.geometry.measured import elements, qualities
+from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.geometry.first_case import ADAPTED, IN_CONTACT
+from perfplast_fenicsx.geometry.joints import box
+from perfplast_fenicsx.geometry.measured import elements, mesh_measure, missed_areas, qualities
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.parts import Part
-from perfplast_fenicsx.geometry.sizes import Sizes
+
+USUAL = 10.0
+"""Default number of elements around a circle."""
+
+
+def most_elements(dim: int, bodies: int) -> int:
+    """Return the largest number of elements of an automatic mesh; adapted ones are larger."""
+    return int(ADAPTED[dim] * (IN_CONTACT if bodies > 1 else 1.0))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The bodies and points whose sizes are set.
+
+    Attributes:
+        dim: Dimension of the bodies.
+        parts: The bodies.
+        points: Points without their own size, as scripts may give.
+        scripted: Whether a script defines size fields, which are left unchanged.
+        least: Smallest size that curvature may require, relative to the largest.
+    """
+
+    dim: int
+    parts: Sequence[Part]
+    points: tuple[tuple[int, int], ...]
+    scripted: bool
+    least: float
+
+    @staticmethod
+    def of(dim: int, parts: Sequence[Part]) -> "Sizes":
+        """Return the sizes of gmsh's current model, before it is meshed."""
+        points = gmsh.model.getEntities(0)
+        given = gmsh.model.mesh.getSizes(points)
+        free = tuple(p for p, h in zip(points, given, strict=True) if h == 0)
+        # Smallest relative size that so many curved entities may require; with more of them it is
+        # smaller in proportion. Without it fillets, threads and letters would take most elements
+        # and most of the time.
+        smallest = 0.2
+        scripted = bool(len(gmsh.model.mesh.field.list()))
+        least = smallest if len(free) == len(points) else 0.0
+        return Sizes(dim, parts, free, scripted, least)
+
+    @property
+    def usual(self) -> float:
+        """Return the default largest edge length."""
+        boxes = [box(self.dim, part.tags) for part in self.parts]
+        lengths = [np.sort(around[1] - around[0])[-self.dim :] for around in boxes]
+        room = sum(float(np.prod(np.maximum(length, 1e-12))) for length in lengths)
+        # Approximate number of elements in the boxes around bodies, by dimension, without a given
+        # size: the first of several meshes in space, where bounds on 10 000 elements take two
+        # minutes, and adapted meshes with half as many give closer bounds.
+        elements = {2: 15_000, 3: 4_000}
+        share = elements[self.dim] / {2: 2, 3: 6}[self.dim]
+        return float(room / share) ** (1 / self.dim)
+
+    def set(
+        self, options: MeshingOptions, finer: Mapping[tuple[int, int], float] | None = None
+    ) -> float:
+        """Set the sizes of elements in gmsh, and return the largest edge length.
+
+        Args:
+            options: The given options.
+            finer: Edge lengths of curves and faces that need finer elements.
+
+        Raises:
+            InputError: If a body with its own size does not exist.
+        """
+        names = [part.name for part in self.parts]
+        for body in options.sizes:
+            if body not in names:
+                raise InputError(
+                    f"sizes names '{body}', but there is no such body; {nearest(body, names)}"
+                )
+        size = options.size or self.usual
+        curvature = USUAL if options.curvature is None else options.curvature
+        for name, value in (("FromCurvature", curvature), ("ExtendFromBoundary", 1)):
+            gmsh.option.setNumber(f"Mesh.MeshSize{name}", value)
+        chosen = [size, *options.sizes.values()]
+        gmsh.option.setNumber("Mesh.MeshSizeMax", max(chosen))
+        least = self.least * size * min(1.0, USUAL / max(curvature, 1.0))
+        gmsh.option.setNumber(
+            "Mesh.MeshSizeMin", min([least, *options.sizes.values(), *(finer or {}).values()])
+        )
+        if self.points:  # gmsh would take a tenth of the model's diagonal
+            gmsh.model.mesh.setSize(self.points, max(chosen))
+        places = _of_bodies(self.dim, self.parts, options.sizes, size) | dict(finer or {})
+        if not self.scripted:
+            for field in gmsh.model.mesh.field.list():
+                gmsh.model.mesh.field.remove(field)
+        if places:
+            _sizes_in_places(places)
+        return size
+
+
+def _of_bodies(
+    dim: int, parts: Sequence[Part], sizes: dict[str, float], elsewhere: float
+) -> dict[tuple[int, int], float]:
+    """Return edge lengths in bodies, if some have their own."""
+    if not sizes:
+        return {}
+    return {(dim, tag): sizes.get(part.name, elsewhere) for part in parts for tag in part.tags}
+
+
+def _sizes_in_places(sizes: Mapping[tuple[int, int], float]) -> None:
+    """Set edge lengths of entities, the smaller one where several meet."""
+    fields = []
+    for (dim, tag), size in sizes.items():
+        one = gmsh.model.mesh.field.add("Constant")
+        gmsh.model.mesh.field.setNumber(one, "VIn", size)
+        gmsh.model.mesh.field.setNumber(one, "VOut", 1e22)
+        where = {3: "VolumesList", 2: "SurfacesList", 1: "CurvesList"}[dim]
+        gmsh.model.mesh.field.setNumbers(one, where, [tag])
+        fields.append(one)
+    least = gmsh.model.mesh.field.add("Min")
+    gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)
+    gmsh.model.mesh.field.setAsBackgroundMesh(least)
+
 
 NO_VOLUME = 1e-10
 """Elements of less quality have no or negative volume; no run accepts them."""
@@ -125,3 +246,102 @@ def _fault(dim: int, parts: Sequence[Part], error: str) -> str:
         f"{whose} cannot be meshed: {error.strip().rstrip('.')}; heal the geometry in the "
         "CAD system (tiny faces, intersecting faces), or give another size."
     )
+
+
+EXACT = 0.01
+"""Relative error of areas that is accepted without a remark."""
+
+
+def mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
+    """Mesh arcs finely enough for accurate areas, and return the largest edge length.
+
+    Without a given size, an automatic size with few elements is used. If a mesh with finer arcs has
+    flat elements, too many elements or none, the previous mesh is restored.
+    """
+    most, sizes = most_elements(dim, len(parts)), Sizes.of(dim, parts)
+    if options.size is None:
+        longest = _usual_size(sizes, options, most)
+        options = replace(options, size=longest)
+    else:
+        longest = generate(sizes, options)
+    if options.curvature is not None or sizes.scripted:
+        return longest
+    before: dict[tuple[int, int], float] = {}
+    times = 4  # largest number of refinements of arcs
+    for _ in range(times):
+        finer = before | finer_arcs(dim, parts)
+        if finer == before:
+            break
+        try:
+            generate(sizes, options, finer)
+            fine = _count(dim, parts) <= most
+            fine = fine and min(qualities(dim, part).min() for part in parts) >= FLAT
+        except InputError:
+            fine = False
+        if not fine:
+            generate(sizes, options, before)
+            break
+        before = finer
+    return longest
+
+
+def finer_arcs(dim: int, parts: Sequence[Part]) -> dict[tuple[int, int], float]:
+    """Return edge lengths of inaccurate arcs and curved faces for accurate areas."""
+    enough = 0.95  # target share of the allowed error, which is of second order in edge lengths
+    found: dict[tuple[int, int], float] = {}
+    for face, missed in missed_areas(dim, parts).items():
+        if missed <= EXACT:
+            continue
+        around = gmsh.model.getAdjacencies(dim - 1, face)[1] if dim == 3 else ()
+        for entity in [(dim - 1, face), *((1, int(curve)) for curve in around)]:
+            if gmsh.model.getType(*entity) in ("Plane", "Line"):
+                continue
+            finer = math.sqrt(enough * EXACT / missed) * _edge_length(*entity)
+            found[entity] = min(finer, found.get(entity, finer))
+    return found
+
+
+def _edge_length(dim: int, tag: int) -> float:
+    """Return the mean edge length of the elements of a curve or face."""
+    count = sum(len(tags) for tags in gmsh.model.mesh.getElements(dim, tag)[1])
+    measure = mesh_measure(dim, tag) / max(count, 1)
+    of_triangle = 4 / math.sqrt(3)  # squared edge of an equilateral triangle, over its area
+    return measure if dim == 1 else math.sqrt(of_triangle * measure)
+
+
+def _usual_size(sizes: Sizes, options: MeshingOptions, most: int) -> float:
+    """Mesh with an automatic size with few elements, and return the size.
+
+    Raises:
+        InputError: If no automatic size can be meshed.
+    """
+    first = sizes.usual
+    # Shares of the usual size that are tried if faces overlap on a coarse mesh.
+    finer_sizes = (1.0, 0.7, 0.5)
+    for share in finer_sizes:
+        size = share * first
+        try:
+            generate(sizes, replace(options, size=size))
+        except InputError:
+            if share == finer_sizes[-1]:
+                raise
+            continue
+        break
+    # Factors and number of larger sizes that are tried if small fillets and holes cause too many
+    # elements.
+    coarser, times = 1.3, 5
+    for _ in range(times if share == 1 else 0):
+        if _count(sizes.dim, sizes.parts) <= most:
+            break
+        try:
+            generate(sizes, replace(options, size=coarser * size))
+        except InputError:
+            generate(sizes, replace(options, size=size))
+            break
+        size *= coarser
+    return size
+
+
+def _count(dim: int, parts: Sequence[Part]) -> int:
+    """Return the number of elements of the mesh."""
+    return sum(elements(dim, part).size for part in parts)

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.mesh.gmsh_subprocess import windows_path
+from perfplast_fenicsx.mesh.gmsh_reader import windows_path
 
 SCRIPTS = (".geo", ".geo_unrolled")
 """Gmsh's own files. They may contain named physical groups, and may run any command."""

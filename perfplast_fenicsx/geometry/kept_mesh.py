@@ -1,20 +1,147 @@
-"""Store the mesh of a geometry file next to the case, and make it again after changes."""
+"""Store the mesh of a geometry file next to the case; a separate process makes it."""
 
 import dataclasses
 import hashlib
 import re
+import signal
+import subprocess
+import sys
 import tempfile
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.child_process import (
+    REFUSED,
+    environment_for_gmsh,
+    environment_with_package,
+)
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.geometry.cad_process import mesh_geometry
 from perfplast_fenicsx.geometry.geometry_file import check_file, check_trust, is_script
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
+from perfplast_fenicsx.mesh.gmsh_reader import NO_GMSH
+
+BEGINS = "perfplast "
+"""First word of a line that reports a stage."""
+
+SURFACE = re.compile(r"Meshing surface (\d+) ")
+"""Gmsh's message when it begins a face."""
+
+VOLUMES = re.compile(r"Meshing 3D")
+"""Gmsh's message after all faces are meshed."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage that the program begins.
+
+    Attributes:
+        doing: Description of the stage.
+        faces: Names of bodies by face, during meshing.
+    """
+
+    doing: str
+    faces: dict[int, str] = field(default_factory=dict)
+
+
+def begin(stage: Stage) -> None:
+    """Report the beginning of a stage."""
+    print(BEGINS + msgspec.json.encode(stage).decode(), flush=True)
+
+
+def last_of(output: str) -> str:
+    """Return the last stage of a program that ended, with the body's name if there is one."""
+    stage, doing = Stage("beginning"), "beginning"
+    for line in output.splitlines():
+        if line.startswith(BEGINS):
+            stage = msgspec.json.decode(line.removeprefix(BEGINS), type=Stage)
+            doing = stage.doing
+        elif (found := SURFACE.search(line)) and int(found[1]) in stage.faces:
+            doing = f"meshing a face of '{stage.faces[int(found[1])]}'"
+        elif stage.faces and VOLUMES.search(line):
+            doing = "filling its bodies with tetrahedra"
+    return doing
+
+
+def mesh_geometry(
+    source: str | Path,
+    target: str | Path,
+    options: MeshingOptions | None = None,
+    skin: str | Path | None = None,
+    trust: bool = False,
+) -> Survey:
+    """Mesh a geometry file: touching bodies have matching nodes, but share none.
+
+    Not collective. The program creates all names: of bodies from the file, of faces from their
+    positions.
+
+    Args:
+        source: A STEP, BREP or IGES file, or gmsh's .geo.
+        target: The .msh file to write.
+        options: Sizes and degree of the elements.
+        skin: An .npz file to write for pictures (:func:`mesher.skin_of`); None for none.
+        trust: Whether to run gmsh's scripts, which may run any command.
+
+    Raises:
+        InputError: If the file cannot be read or meshed, or if it is a script without ``trust``;
+            nothing is written in this case.
+    """
+    check_file(Path(source))
+    check_trust(Path(source), trust)
+    options = options or MeshingOptions()
+    with tempfile.TemporaryDirectory() as folder:
+        mesh, survey = Path(folder) / "mesh.msh", Path(folder) / "survey.json"
+        program = [sys.executable, "-P", "-m", "perfplast_fenicsx.geometry"]
+        arguments = [
+            Path(source).absolute(),
+            mesh,
+            msgspec.json.encode(options).decode(),
+            survey,
+        ]
+        try:
+            done = subprocess.run(
+                [*program, *map(str, arguments)],
+                env=environment_with_package(environment_for_gmsh(Path(folder))),
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                encoding="utf-8",
+                errors="replace",
+                timeout=options.patience,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            seen = error.stdout or b""  # bytes, since the encoding is unknown
+            doing = last_of(seen if isinstance(seen, str) else seen.decode(errors="replace"))
+            raise InputError(
+                f"'{source}' was not meshed within {options.patience:g} s, while gmsh was "
+                f"{doing}; give a larger size, fewer elements around circles (curvature = "
+                "4) or more patience, or simplify the geometry in the CAD system."
+            ) from error
+        if done.returncode:
+            if "    import gmsh\n" in done.stderr:  # the line at which it crashed
+                raise InputError(NO_GMSH)
+            if done.returncode > 0 and done.returncode != REFUSED:
+                raise RuntimeError(f"a fault of the meshing program:\n{done.stderr}")
+            raise InputError(_cause(str(source), done.returncode, done.stderr))
+        Path(target).write_bytes(mesh.read_bytes())
+        if skin is not None:
+            Path(skin).write_bytes(mesh.with_suffix(".npz").read_bytes())
+        return msgspec.json.decode(survey.read_bytes(), type=Survey)
+
+
+def _cause(source: str, status: int, complaints: str) -> str:
+    if status == REFUSED:
+        return complaints.strip().splitlines()[-1]
+    how = (signal.strsignal(-status) or f"signal {-status}").lower()
+    return (
+        f"gmsh crashed while meshing '{source}' ({how}); heal the geometry in the CAD system and"
+        " export it again, or give another size."
+    )
+
 
 READS_OTHERS = re.compile(rb"\b(Merge|Include|ShapeFromFile)\b")
 """Commands by which a gmsh script reads other files, whose changes are not detected."""

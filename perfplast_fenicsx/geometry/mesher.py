@@ -1,45 +1,364 @@
 """Mesh a geometry file as bodies with names, and survey its contents. Single-process."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import gmsh
 import numpy as np
+import numpy.typing as npt
 
-from perfplast_fenicsx.geometry import thickness
-from perfplast_fenicsx.geometry.apart import apart_remarks
-from perfplast_fenicsx.geometry.automatic_mesh import EXACT, mesh_with_areas
-from perfplast_fenicsx.geometry.cad_measures import missed_areas
-from perfplast_fenicsx.geometry.closed_gaps import straighten
-from perfplast_fenicsx.geometry.face_colours import Mark, set_aside, set_aside_named, take_back
-from perfplast_fenicsx.geometry.face_labels import labels_of
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.errors import InputError, nearest
+from perfplast_fenicsx.geometry.face_labels import (
+    Mark,
+    labels_of,
+    set_aside,
+    set_aside_named,
+    take_back,
+)
 from perfplast_fenicsx.geometry.face_names import face_names
-from perfplast_fenicsx.geometry.free_faces import numbered_faces
-from perfplast_fenicsx.geometry.generated_mesh import POOR
+from perfplast_fenicsx.geometry.free_faces import FreeFace, numbered_faces
+from perfplast_fenicsx.geometry.generated_mesh import EXACT, POOR, mesh_with_areas
 from perfplast_fenicsx.geometry.geometry_file import is_script
-from perfplast_fenicsx.geometry.joints import box, cut_along_each_other, near_misses
-from perfplast_fenicsx.geometry.left_out_bodies import without
+from perfplast_fenicsx.geometry.joints import (
+    Seam,
+    box,
+    cut_along_each_other,
+    faces_of_bodies,
+    find_seams,
+    free_faces,
+    near_misses,
+    take_apart,
+)
+from perfplast_fenicsx.geometry.kept_mesh import Stage, begin
 from perfplast_fenicsx.geometry.measured import (
     measured_body,
     measured_faces,
     measured_joint,
     measured_sets,
+    missed_areas,
     nodes_of,
+    qualities,
 )
-from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.meshing_options import AXES, MeshingOptions
 from perfplast_fenicsx.geometry.parts import Drawing, Part, read_parts
-from perfplast_fenicsx.geometry.progress import Stage, begin
-from perfplast_fenicsx.geometry.seams import (
-    faces_of_bodies,
-    find_seams,
-    free_faces,
-    take_apart,
-)
-from perfplast_fenicsx.geometry.skin import skin_of
-from perfplast_fenicsx.geometry.survey import Survey
-from perfplast_fenicsx.geometry.symmetry import cut_in_half
-from perfplast_fenicsx.geometry.thickness import share_through
+from perfplast_fenicsx.geometry.survey import Face, Joint, Survey
 from perfplast_fenicsx.mesh.split_bodies import write_split
+
+
+def groups_of(bodies: Sequence[str], joints: Sequence[Joint]) -> list[list[str]]:
+    """Return groups of bodies connected by contact, in the order of the bodies."""
+    group = {body: [body] for body in bodies}
+    for joint in joints:
+        one, other = (group[body] for body in joint.bodies)
+        if one is not other:
+            one += other
+            group.update(dict.fromkeys(other, one))
+    return list({id(members): members for members in group.values()}.values())
+
+
+def apart_remarks(bodies: Sequence[str], joints: Sequence[Joint]) -> Iterator[str]:
+    """Yield a sentence that bodies do not touch, if they do not."""
+    groups = groups_of(bodies, joints)
+    if len(groups) < 2:
+        return
+    most_names = 8  # largest number of bodies that are named
+    names = ["'" + "' with '".join(group) + "'" for group in groups[:most_names]]
+    rest = f" and {len(groups) - most_names} more" if len(groups) > most_names else ""
+    yield (
+        f"{', '.join(names)}{rest} do not touch each other: give each its own supports and "
+        f"loads, or leave it out (--without {groups[-1][0]})"
+    )
+
+
+def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
+    """Move nodes of the mesh to the original surfaces of the faces.
+
+    Closing a gap replaces the edges of one body by those of the other body's face, at a distance of
+    the gap width. Contact on a face that this bends pushes bodies aside.
+
+    Args:
+        parts: Bodies in space.
+        seams: Places where they touch.
+
+    Raises:
+        InputError: If this folds elements.
+    """
+    faces = sorted({face for seam in seams for side in seam.faces for face in side})
+    sweeps = 3  # nodes shared by several faces move to the intersection
+    for _ in range(sweeps):
+        for face in faces:
+            nodes, points, _ = gmsh.model.mesh.getNodes(2, face, includeBoundary=True)
+            closest, _ = gmsh.model.getClosestPoint(2, face, points)
+            for node, point in zip(nodes, np.reshape(closest, (-1, 3)), strict=True):
+                gmsh.model.mesh.setNode(int(node), point, [])
+    for part in parts:
+        if qualities(3, part).min() <= 0:
+            raise InputError(
+                f"closing gaps folds elements of '{part.name}'; give a larger size, a "
+                "smaller close_gaps, or repair the geometry in the CAD system."
+            )
+
+
+def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]:
+    """Remove bodies from gmsh's current model.
+
+    Args:
+        dim: Dimension of the bodies.
+        parts: All bodies.
+        names: Names of the bodies to leave out.
+
+    Raises:
+        InputError: If a body does not exist, or if none remains.
+    """
+    known = [part.name for part in parts]
+    for name in names:
+        if name not in known:
+            raise InputError(
+                f"without names '{name}', but there is no such body; {nearest(name, known)}"
+            )
+    kept = [part for part in parts if part.name not in names]
+    if not kept:
+        raise InputError("without leaves out all bodies; leave one of them in.")
+    gone = [(dim, tag) for part in parts if part.name in names for tag in part.tags]
+    kernels = (gmsh.model.occ, gmsh.model.geo)
+    for kernel in kernels:
+        made = set(gmsh.model.occ.getEntities(dim))
+        here = [one for one in gone if (one in made) == (kernel is gmsh.model.occ)]
+        if here:
+            kernel.remove(here, recursive=True)
+            kernel.synchronize()
+    return kept
+
+
+def cut_in_half(dim: int, parts: Sequence[Part], planes: Mapping[str, float]) -> list[Part]:
+    """Keep the part with larger coordinates of each plane.
+
+    Args:
+        dim: Dimension of the bodies.
+        parts: The bodies; they get new entities, and those on the other side are removed.
+        planes: Position of each plane by coordinate.
+
+    Raises:
+        InputError: If the bodies are not symmetric, or are gmsh's own geometry, which cannot be
+            cut.
+    """
+    for axis, value in planes.items():
+        if AXES.index(axis) >= dim:
+            raise InputError(f"symmetry: a plane model has no {axis}; give x or y.")
+        if {(dim, t) for part in parts for t in part.tags} - set(gmsh.model.occ.getEntities(dim)):
+            raise InputError(
+                "symmetry: bodies of gmsh's built-in kernel cannot be cut; begin the file with"
+                ' SetFactory("OpenCASCADE"), or model one half.'
+            )
+        parts = _half(dim, parts, axis, value)
+    return list(parts)
+
+
+def _half(dim: int, parts: Sequence[Part], axis: str, value: float) -> list[Part]:
+    along = AXES.index(axis)
+    around = np.array([box(dim, part.tags) for part in parts])
+    low, high = around[:, 0].min(axis=0), around[:, 1].max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    if not low[along] < value < high[along]:
+        raise InputError(
+            f"symmetry: {axis} = {value:g} lies outside the bodies, which reach from"
+            f" {low[along]:.6g} to {high[along]:.6g}; give a plane through them."
+        )
+    volume, centre = _mass(dim, parts)
+    kept = []
+    for part in parts:
+        tags = tuple(new for tag in part.tags for new in _upper(dim, tag, along, value, size))
+        if tags:
+            kept.append(Part(part.name, part.label, tags))
+    gmsh.model.occ.synchronize()
+    half, of_half = _mass(dim, kept)
+    beside = np.arange(3) != along
+    across = float(abs(centre - of_half)[beside].max())
+    # Allowed differences of symmetric bodies: of the volumes of both halves, and of centres
+    # relative to the size.
+    unequal = 1e-3
+    same = abs(2 * half - volume) <= unequal * volume and across <= unequal * size
+    if not same or abs(centre[along] - value) > unequal * size:
+        raise InputError(
+            f"symmetry: the bodies are not symmetric about {axis} = {value:g}: their "
+            f"centre is at {axis} = {centre[along]:.6g}, and {half / volume:.1%} of their "
+            "volume lies beyond; give another plane, or remove it."
+        )
+    return kept
+
+
+def _upper(dim: int, tag: int, along: int, value: float, size: float) -> list[int]:
+    """Return the part of a body beyond a plane."""
+    occ = gmsh.model.occ
+    low, high = box(dim, [tag])
+    if high[along] <= value + 1e-6 * size:
+        occ.remove([(dim, tag)], recursive=True)
+        return []
+    if low[along] >= value - 1e-6 * size:
+        return [tag]
+    corner, edges = low - size, high - low + 2 * size
+    corner[along], edges[along] = value, high[along] - value + size
+    if dim == 3:
+        room = occ.addBox(*corner, *edges)
+    else:
+        points = gmsh.model.getBoundary([(dim, tag)], combined=False, recursive=True)
+        plane = gmsh.model.getValue(0, points[0][1], [])[2]  # bounding boxes are slightly too large
+        room = occ.addRectangle(corner[0], corner[1], plane, edges[0], edges[1])
+    found, _ = occ.intersect([(dim, tag)], [(dim, room)])
+    return [new for of, new in found if of == dim]
+
+
+def _mass(dim: int, parts: Sequence[Part]) -> tuple[float, Floats]:
+    """Return the volume and its centre."""
+    occ, tags = gmsh.model.occ, [tag for part in parts for tag in part.tags]
+    masses = np.array([occ.getMass(dim, tag) for tag in tags])
+    centres = np.array([occ.getCenterOfMass(dim, tag) for tag in tags]).reshape(-1, 3)
+    return float(masses.sum()), masses @ centres / masses.sum()
+
+
+def skin_of(
+    dim: int,
+    parts: Sequence[Part],
+    free: Sequence[FreeFace],
+    faces: Sequence[Face],
+    seams: Sequence[Seam],
+) -> dict[str, Any]:
+    """Return the visible triangles of the bodies in gmsh's current mesh.
+
+    Args:
+        dim: Dimension of the bodies.
+        parts: The bodies.
+        free: Free faces.
+        faces: The same faces, measured.
+        seams: Faces at which bodies touch.
+
+    Returns:
+        ``points``, shape (n, 3); ``triangles``, shape (m, 3), with the index ``body`` of each and
+        that of its free face from 1, ``face`` (0 for plane bodies, whose faces are curves);
+        ``names`` of the bodies; ``places`` on free faces, shape (k, 3), and their ``numbers``;
+        ``outlines`` of seams, shape (s, 2), with the index ``seam`` of each line. Plane bodies have
+        also lines of free faces, ``segments``, shape (t, 2), with the ``segment_face`` of each.
+    """
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    order = np.argsort(tags)
+    tags, points = tags[order], coordinates.reshape(-1, 3)[order]
+    shown: list[tuple[int, int, tuple[int, ...]]] = [
+        (face.body, face.number, (face.tag,)) for face in free
+    ]
+    if dim == 2:
+        shown = [(number, 0, part.tags) for number, part in enumerate(parts)]
+    triangles, owners, faces_of, places = [], [], [], []
+    for number, face_number, entities in shown:
+        corners = np.searchsorted(tags, _corners(entities, 2))
+        triangles.append(corners)
+        owners.append(np.full(len(corners), number))
+        faces_of.append(np.full(len(corners), face_number))
+    for one, face in zip(free, faces, strict=True):
+        middles = points[np.searchsorted(tags, _corners([one.tag], dim - 1))].mean(axis=1)
+        distance = np.linalg.norm(middles - face.centre, axis=1)
+        places.append(middles[np.argmin(distance)])
+    ends = {number: _ends(tags, dim, seam.faces[0]) for number, seam in enumerate(seams)}
+    free_ends = {face.number: _ends(tags, dim, [face.tag]) for face in free if dim == 2}
+    return {
+        **_numbered(ends, "outlines", "seam"),
+        **_numbered(free_ends, "segments", "segment_face"),
+        "points": points,
+        "triangles": np.concatenate(triangles),
+        "body": np.concatenate(owners),
+        "face": np.concatenate(faces_of),
+        "names": np.array([part.name for part in parts]),
+        "places": np.array(places).reshape(-1, 3),
+        "numbers": np.array([face.number for face in faces]),
+    }
+
+
+def _ends(tags: npt.NDArray[np.uint64], dim: int, faces: Sequence[int]) -> npt.NDArray[np.int64]:
+    """Return the ends of the outline of faces, shape (n, 2); in the plane of all their lines."""
+    corners = np.searchsorted(tags, _corners(faces, dim - 1)).astype(np.int64)
+    if dim == 2:
+        return corners
+    edges = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    once, counts = np.unique(edges, axis=0, return_counts=True)
+    return np.asarray(once[counts == 1], dtype=np.int64)
+
+
+def _numbered(
+    ends: dict[int, npt.NDArray[np.int64]], lines: str, numbers: str
+) -> dict[str, npt.NDArray[np.int64]]:
+    """Return lines and the number of each as arrays with these names."""
+    counts = [len(one) for one in ends.values()]
+    return {
+        lines: np.concatenate([np.zeros((0, 2), dtype=np.int64), *ends.values()]),
+        numbers: np.repeat(np.array(list(ends), dtype=np.int64), counts),
+    }
+
+
+def _corners(entities: Sequence[int], dim: int) -> npt.NDArray[np.uint64]:
+    """Return vertices of the elements of entities, shape (num_elements, dim + 1)."""
+    found = []
+    for entity in entities:
+        kinds, _, nodes = gmsh.model.mesh.getElements(dim, entity)
+        for kind, array in zip(kinds, nodes, strict=True):
+            size = gmsh.model.mesh.getElementProperties(kind)[3]
+            found.append(array.reshape(-1, size)[:, : dim + 1])
+    return np.concatenate(found)
+
+
+MOST_THIN = 0.5
+"""Share of a body's elements that may reach from side to side without a remark."""
+
+
+def share_through(dim: int, part: Part) -> float:
+    """Return the share of a body's elements with an edge between opposite sides of its surface."""
+    cells = []
+    for tag in part.tags:
+        kinds, _, nodes = gmsh.model.mesh.getElements(dim, tag)
+        for kind, numbers in zip(kinds, nodes, strict=True):
+            size = gmsh.model.mesh.getElementProperties(kind)[3]
+            cells.append(numbers.reshape(-1, size)[:, : dim + 1])
+    corners = np.concatenate(cells).astype(np.int64)
+    tags, points, _ = gmsh.model.mesh.getNodes()
+    order = np.argsort(tags)
+    numbers, local = np.unique(corners, return_inverse=True)
+    places = np.asarray(points).reshape(-1, 3)[order[np.searchsorted(tags[order], numbers)]]
+    return through(places[:, :dim], local.reshape(corners.shape))
+
+
+def through(points: Floats, cells: Longs) -> float:
+    """Return the share of simplices with an edge whose ends have opposite outward normals.
+
+    Args:
+        points: Coordinates, shape (num_points, d).
+        cells: Vertices of the simplices, shape (num_cells, d + 1).
+    """
+    dim = points.shape[1]
+    facets = np.concatenate([np.delete(cells, corner, axis=1) for corner in range(dim + 1)])
+    behind = np.concatenate([cells[:, corner] for corner in range(dim + 1)])
+    _, first, count = np.unique(
+        np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    outer, inside = facets[first[count == 1]], behind[first[count == 1]]
+    edges = points[outer[:, 1:]] - points[outer[:, :1]]
+    if dim == 3:
+        normals = np.cross(edges[:, 0], edges[:, 1])
+    else:
+        normals = np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
+    inwards = np.einsum("ni,ni->n", normals, points[inside] - points[outer[:, 0]]) > 0
+    normals[inwards] *= -1
+    at_points = np.zeros_like(points)
+    np.add.at(at_points, outer.ravel(), np.repeat(normals, dim, axis=0))
+    sizes = np.linalg.norm(at_points, axis=1, keepdims=True)
+    at_points /= np.where(sizes > 0, sizes, 1.0)  # none inside the body
+    reaches = np.zeros(len(cells), dtype=np.bool_)
+    # Cosine of the angle of outward normals below which surfaces are opposite sides.
+    opposite = -0.8
+    for a, b in combinations(range(dim + 1), 2):
+        cosines = np.einsum("ni,ni->n", at_points[cells[:, a]], at_points[cells[:, b]])
+        reaches |= cosines < opposite
+    return float(reaches.mean())
 
 
 def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
@@ -110,7 +429,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         f"'{part.name}' has one element through its thickness in most places, but bending "
         f"needs at least two: give a smaller size (--size-of {part.name}=H)"
         for part in parts
-        if share_through(dim, part) > thickness.MOST
+        if share_through(dim, part) > MOST_THIN
     ]
     remarks += apart_remarks([part.name for part in parts], joints)
     if missed > EXACT:

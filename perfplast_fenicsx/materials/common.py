@@ -1,11 +1,16 @@
-"""List common materials as starting values, in any system of units.
+"""List common materials and soils as starting values, in any system of units.
 
 For a design, take the numbers from its standard.
+
+List common soils as starting values, in any system of units.
+For a design, use its own soil tests.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.units import SYSTEMS, Name
 
 TABLE: Name = "mm-N-MPa"
@@ -113,3 +118,151 @@ def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -
                 f"{most:g} (steel 0.001); are both in the same unit"
             )
     return told
+
+
+@dataclass(frozen=True)
+class Soil:
+    """A common drained soil with Mohr and Coulomb's condition.
+
+    Attributes:
+        name: Name in lower case.
+        young: Young's modulus (stress).
+        poisson: Poisson's ratio.
+        cohesion: Effective cohesion (stress).
+        friction_angle: Effective angle of friction (degrees).
+        unit_weight: Unit weight above the water table (stress/length).
+        what: Description in words.
+        source: Source of its numbers.
+    """
+
+    name: str
+    young: float
+    poisson: float
+    cohesion: float
+    friction_angle: float
+    unit_weight: float
+    what: str
+    source: str
+
+    def in_system(self, system: Name) -> "Soil":
+        """Return the soil in another system of units, converted from that of :data:`SOILS`."""
+        one, other = SYSTEMS[TABLE], SYSTEMS[system]
+        factor = one.pascals / other.pascals
+        return replace(
+            self,
+            young=self.young * factor,
+            cohesion=self.cohesion * factor,
+            unit_weight=self.unit_weight * factor * other.metres / one.metres,
+        )
+
+
+NEN_9997 = "NEN 9997-1+C2:2017, table 2.b, low values, E at 100 kPa; Poisson's ratio assumed"
+
+
+def _soil(
+    name: str, young: float, cohesion: float, friction_angle: float, weight: float, what: str
+) -> Soil:
+    """Return a soil by E (MPa), c (kPa), φ (degrees) and γ (kN/m³)."""
+    # kN/m³ in N/mm³; limit loads do not depend on Poisson's ratio.
+    return Soil(name, young, 0.3, 1e-3 * cohesion, friction_angle, 1e-6 * weight, what, NEN_9997)
+
+
+SOILS = (
+    _soil("loam-medium-drained", 3.0, 1.0, 27.5, 20.0, "loam, slightly sandy, medium"),
+    _soil("loam-stiff-drained", 5.0, 2.5, 27.5, 21.0, "loam, slightly sandy, stiff"),
+    _soil("clay-medium-drained", 2.0, 5.0, 17.5, 17.0, "clay, clean, medium"),
+    _soil("clay-stiff-drained", 4.0, 13.0, 17.5, 19.0, "clay, clean, stiff"),
+    _soil("sandy-clay-medium-drained", 3.0, 5.0, 22.5, 18.0, "clay, slightly sandy, medium"),
+    _soil("sandy-clay-stiff-drained", 5.0, 13.0, 22.5, 20.0, "clay, slightly sandy, stiff"),
+)
+"""Common soils with cohesion, in the units of the table of common materials."""
+
+
+def find(name: str, system: Name = TABLE) -> Common:
+    """Return the common material with a given name, for von Mises' law.
+
+    Args:
+        name: Name in lower or upper case.
+        system: The units of its numbers.
+
+    Raises:
+        InputError: If there is no such material, or if it is a soil.
+    """
+    names = {material.name: material for material in MATERIALS}
+    if name.lower() in {soil.name for soil in SOILS}:
+        raise InputError(
+            f"'{name}' is ground for law = 'mohr-coulomb', but --material fills in "
+            "'von-mises'; remove the option, and copy the numbers of `perfplast "
+            "materials` into the case file."
+        )
+    if name.lower() not in names:
+        raise InputError(f"there is no material '{name}' in the table; {nearest(name, names)}")
+    return names[name.lower()].in_system(system)
+
+
+def check_units(young: float, poisson: float, yield_stress: float, system: Name) -> None:
+    """Refuse numbers that match a common material in another system of units.
+
+    Args:
+        young: Young's modulus of a material (stress).
+        poisson: Its Poisson's ratio.
+        yield_stress: Its yield stress (stress).
+        system: System of the units.
+
+    Raises:
+        InputError: With the numbers in this system.
+    """
+    _check("yield_stress", (young, poisson, yield_stress), MATERIALS, system)
+
+
+def check_soil_units(young: float, poisson: float, cohesion: float, system: Name) -> None:
+    """Refuse numbers that match a common soil in another system of units.
+
+    Args:
+        young: Young's modulus of a soil (stress).
+        poisson: Its Poisson's ratio.
+        cohesion: Its cohesion (stress).
+        system: System of the units.
+
+    Raises:
+        InputError: With the numbers in this system.
+    """
+    _check("cohesion", (young, poisson, cohesion), SOILS, system)
+
+
+def _check(
+    strength: str,
+    given: tuple[float, float, float],
+    table: Sequence[Common | Soil],
+    system: Name,
+) -> None:
+    """Refuse Young's modulus, Poisson's ratio and strength that match in another system."""
+    if _known(strength, given, table, system):
+        return
+    for other in SYSTEMS:
+        one = _known(strength, given, table, other)
+        if one is not None:
+            meant = one.in_system(system)
+            raise InputError(
+                f"young = {given[0]:g} and {strength} = {given[2]:g} are those of "
+                f"'{one.name}' in {SYSTEMS[other].stress}, but [units] gives stresses in "
+                f"{SYSTEMS[system].stress}; write young = {meant.young:g} and {strength} = "
+                f"{getattr(meant, strength):g}."
+            )
+
+
+def _known(
+    strength: str,
+    given: tuple[float, float, float],
+    table: Sequence[Common | Soil],
+    system: Name,
+) -> Common | Soil | None:
+    """Return the entry of a table that has these numbers in a system."""
+    # Allowed relative difference of numbers copied from a table with six digits.
+    copied = 1e-5
+    for one in table:
+        here = one.in_system(system)
+        listed = (here.young, here.poisson, getattr(here, strength))
+        if all(math.isclose(a, b, rel_tol=copied) for a, b in zip(given, listed, strict=True)):
+            return one
+    return None

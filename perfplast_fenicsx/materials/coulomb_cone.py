@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import ufl
 
+from perfplast_fenicsx.materials.law import PrincipalCone
 from perfplast_fenicsx.materials.mandel import Expr, spherical, trace
 from perfplast_fenicsx.materials.principal_axes import principal_axes
-from perfplast_fenicsx.materials.yield_set import PrincipalCone
 from perfplast_fenicsx.rounding import TINY
 
 

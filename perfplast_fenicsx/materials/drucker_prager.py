@@ -23,16 +23,14 @@ import ufl
 
 from perfplast_fenicsx.errors import InputError, check_choice
 from perfplast_fenicsx.materials.elastic import Elastic, require_not_negative
-from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
-from perfplast_fenicsx.materials.law import Law, Old
-from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
+from perfplast_fenicsx.materials.law import Cone, Law, Old, axial_cone
+from perfplast_fenicsx.materials.mandel import Expr, IsotropicElasticity, deviator, spherical, trace
 from perfplast_fenicsx.materials.nonassociated_flow import (
     Stand,
     associated,
     check_dilatancy,
     reduced,
 )
-from perfplast_fenicsx.materials.yield_set import Cone, axial_cone
 from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.spatial_fields import Strength
 

@@ -8,11 +8,9 @@ from typing import ClassVar
 import ufl
 
 from perfplast_fenicsx.errors import InputError, check_magnitude
-from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
-from perfplast_fenicsx.materials.law import Elasticity, Law, Material, Old
-from perfplast_fenicsx.materials.mandel import Expr
-from perfplast_fenicsx.materials.sheet_elasticity import SheetElasticity
-from perfplast_fenicsx.materials.yield_set import NeverYields
+from perfplast_fenicsx.materials.law import Elasticity, Law, Material, NeverYields, Old
+from perfplast_fenicsx.materials.mandel import Expr, IsotropicElasticity
+from perfplast_fenicsx.materials.sheet import SheetElasticity
 from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 

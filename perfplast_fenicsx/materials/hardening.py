@@ -1,14 +1,146 @@
-"""Define a metal that hardens linearly."""
+"""Define a metal that hardens linearly, with von Mises' condition.
+
+Define linear hardening with von Mises' condition, in Hencky's form.
+With h = ⅔H for a modulus H of hardening, a body that hardens is a parallel connection of an elastic
+and a perfectly plastic body. The elastic body has the share s = h/(2μ + h):
+
+    Σ(e)  = sCe + (1 − s)Σ_p(e)
+    ψ(e)  = ½ s e:Ce + (1 − s)ψ_p(e)
+    ψ*(τ) = ½ τ:C⁻¹τ + max(0, ‖dev τ‖ − γ)²/(2h)
+
+So the tangent is that of perfect plasticity with another ρ. In a single step from the virgin body,
+isotropic and kinematic hardening give the same result; in a history they differ.
+
+Define plastic flow with linear hardening and von Mises' condition.
+A step (implicit Euler) starts from the plastic strain p, the accumulated plastic strain p̄ and the
+back stress χ = ⅔H_k p. It is Hencky's law with a shifted strain (:mod:`plastic_flow`). With q = p +
+χ/(2μ) and the radius γ + √⅔ H_i p̄ instead of γ
+
+    Σ(e)  = Σ_H(e − q) + χ
+    ψ(e)  = ψ_H(e − q) + χ:e + μ(‖p‖² − ‖q‖²)
+    ψ*(s) = ψ_H*(s − χ) + (s − χ):q − μ(‖p‖² − ‖q‖²)
+"""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+import ufl
+
 from perfplast_fenicsx.errors import InputError, check_magnitude
-from perfplast_fenicsx.materials.hardening_flow import HardeningFlowLaw
-from perfplast_fenicsx.materials.hardening_law import HardeningLaw
-from perfplast_fenicsx.materials.plastic_flow import Flow
-from perfplast_fenicsx.materials.von_mises import VonMises
+from perfplast_fenicsx.materials.law import Old
+from perfplast_fenicsx.materials.mandel import Expr
+from perfplast_fenicsx.materials.plastic_flow import ACCUMULATED, STRAIN, Flow, Step
+from perfplast_fenicsx.materials.von_mises import FirstYield, VonMises, VonMisesLaw
+
+
+@dataclass(frozen=True)
+class HardeningLaw(FirstYield):
+    """The law of a body whose stress grows beyond ‖dev σ‖ = γ; see :class:`Law` for the methods.
+
+    Args:
+        isotropic: ⅔H of isotropic hardening (stress), not negative.
+        kinematic: ⅔H of kinematic hardening (stress), not negative; at least one of both is
+            positive.
+    """
+
+    isotropic: Expr
+    kinematic: Expr
+    projects: ClassVar[bool] = False
+    carries_any_load: ClassVar[bool] = True
+
+    @property
+    def perfect(self) -> VonMisesLaw:
+        """Return the law without hardening."""
+        return VonMisesLaw(self.bulk, self.shear, self.yield_radius)
+
+    @property
+    def hardening(self) -> Expr:
+        """Return the modulus h of both kinds together."""
+        return self.isotropic + self.kinematic
+
+    @property
+    def share(self) -> Expr:
+        """Return the elastic body's share s = h/(2μ + h), in (0, 1)."""
+        return self.hardening / (2 * self.shear + self.hardening)
+
+    def stress(self, e: Expr, old: Old) -> Expr:
+        """Return Σ(e)."""
+        return self.share * self.elastic.hooke(e) + (1 - self.share) * self.perfect.stress(e, old)
+
+    def potential(self, e: Expr, old: Old) -> Expr:
+        """Return ψ(e)."""
+        elastic = ufl.dot(self.elastic.hooke(e), e) / 2
+        return self.share * elastic + (1 - self.share) * self.perfect.potential(e, old)
+
+    def conjugate(self, s: Expr, old: Old) -> Expr:
+        """Return ψ*(s)."""
+        beyond = self.yield_radius * ufl.max_value(0.0, self.yields.gauge(s) - 1)
+        return self.perfect.conjugate(s, old) + beyond**2 / (2 * self.hardening)
+
+    def plastic(self, e: Expr, old: Old) -> Expr:
+        """Return 1 where e lies outside the elastic range, else 0."""
+        return self.perfect.plastic(e, old)
+
+    def flow(self, e: Expr) -> Expr:
+        """Return the plastic strain of a strain."""
+        return (1 - self.share) * self.perfect.flow(e)
+
+    def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
+        """Return the fields of perfect plasticity, with ρ + (1 − ρ)s instead of ρ."""
+        return self.perfect.tangent_fields(e, old, rho + (1 - rho) * self.share)
+
+
+@dataclass(frozen=True)
+class HardeningFlowLaw(Step, FirstYield):
+    """Plastic flow with linear hardening, step by step; see :class:`Law` for the methods.
+
+    Args:
+        isotropic: ⅔H_i (stress), not negative.
+        kinematic: ⅔H_k (stress), not negative; at least one of both is positive.
+    """
+
+    isotropic: Expr
+    kinematic: Expr
+    projects: ClassVar[bool] = False
+    carries_any_load: ClassVar[bool] = True
+
+    def hencky(self, old: Old) -> HardeningLaw:
+        """Return Hencky's law with the radius γ + √⅔ H_i p̄."""
+        radius = self.yield_radius + math.sqrt(3 / 2) * self.isotropic * old[ACCUMULATED]
+        return HardeningLaw(self.bulk, self.shear, radius, self.isotropic, self.kinematic)
+
+    def shifted(self, e: Expr, old: Old) -> Expr:
+        """Return the strain e − q, the argument of Hencky's law."""
+        return e - self._centre(old)
+
+    def stress(self, e: Expr, old: Old) -> Expr:
+        """Return Σ(e)."""
+        return super().stress(e, old) + self._back_stress(old)
+
+    def potential(self, e: Expr, old: Old) -> Expr:
+        """Return ψ(e)."""
+        return super().potential(e, old) + ufl.dot(self._back_stress(old), e) + self._offset(old)
+
+    def conjugate(self, s: Expr, old: Old) -> Expr:
+        """Return ψ*(s)."""
+        rest = s - self._back_stress(old)
+        shift = ufl.dot(rest, self._centre(old))
+        return self.hencky(old).conjugate(rest, {}) + shift - self._offset(old)
+
+    def _back_stress(self, old: Old) -> Expr:
+        """Return χ = ⅔H_k p."""
+        return self.kinematic * old[STRAIN]
+
+    def _centre(self, old: Old) -> Expr:
+        """Return q, the centre of the elastic strains."""
+        return old[STRAIN] + self._back_stress(old) / (2 * self.shear)
+
+    def _offset(self, old: Old) -> Expr:
+        """Return the term that makes ψ(e) the energy of the step: μ(‖p‖² − ‖q‖²)."""
+        p, q = old[STRAIN], self._centre(old)
+        return self.shear * (ufl.dot(p, p) - ufl.dot(q, q))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Define Mandel vectors: symmetric tensors as vectors with the same inner product.
+"""Define Mandel vectors, symmetric tensors as vectors, and Hooke's tensor on them.
 
 This module uses only UFL.
 
@@ -8,9 +8,13 @@ This module uses only UFL.
 
 so that ``dot(s, e)`` is σ:e and ``sqrt(dot(e, e))`` is the Frobenius norm. Plane strain is 3D with
 zero out-of-plane strain; the vectors include the out-of-plane stress.
+
+Define Hooke's tensor C of an isotropic body, and its inverse.
+The expressions are UFL at a point.
 """
 
 import math
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -58,3 +62,24 @@ def numbers_of(expression: Expr) -> Floats:
     plain = expand_derivatives(ufl.as_ufl(expression))  # every call would evaluate it again
     entries = [plain.evaluate((), {}, i, StackDict()) for i in np.ndindex(*plain.ufl_shape)]
     return np.array(entries, dtype=np.float64).reshape(plain.ufl_shape)
+
+
+@dataclass(frozen=True)
+class IsotropicElasticity:
+    """C e = κ tr(e) δ + 2μ dev e.
+
+    Args:
+        bulk: κ (stress).
+        shear: μ (stress).
+    """
+
+    bulk: Expr
+    shear: Expr
+
+    def hooke(self, e: Expr) -> Expr:
+        """Return C e."""
+        return spherical(self.bulk * trace(e), len(e)) + 2 * self.shear * deviator(e)
+
+    def compliance(self, s: Expr) -> Expr:
+        """Return C⁻¹ s."""
+        return spherical(trace(s) / (9 * self.bulk), len(s)) + deviator(s) / (2 * self.shear)

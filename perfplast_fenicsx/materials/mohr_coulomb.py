@@ -13,9 +13,8 @@ from typing import ClassVar
 import ufl
 
 from perfplast_fenicsx.materials.coulomb_cone import CoulombSet, TrescaSet
-from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
 from perfplast_fenicsx.materials.law import Law, Old
-from perfplast_fenicsx.materials.mandel import Expr, spherical, trace
+from perfplast_fenicsx.materials.mandel import Expr, IsotropicElasticity, spherical, trace
 from perfplast_fenicsx.materials.principal_axes import TINY, principal_axes
 
 

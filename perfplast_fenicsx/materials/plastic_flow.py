@@ -9,7 +9,7 @@ strain:
 
 where ψ is the energy that the step stores and dissipates. In an elastic step it is ½ (e − p):C(e −
 p). So every law that is a projection on a fixed yield set has such a flow law (J. C. Simo, T. J. R.
-Hughes, Computational Inelasticity, 1998, chapter 3). :mod:`hardening_flow` is the flow law with
+Hughes, Computational Inelasticity, 1998, chapter 3). :mod:`hardening` is the flow law with
 hardening.
 """
 
@@ -24,10 +24,8 @@ import ufl
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.elastic import all_elastic
-from perfplast_fenicsx.materials.law import Elasticity, Law, Material, Old
+from perfplast_fenicsx.materials.law import Elasticity, Law, Material, Old, YieldSet, thin
 from perfplast_fenicsx.materials.mandel import Expr
-from perfplast_fenicsx.materials.plane_stress import thin
-from perfplast_fenicsx.materials.yield_set import YieldSet
 from perfplast_fenicsx.spatial_fields import Strength
 
 STRAIN, ACCUMULATED = "plastic_strain", "accumulated_plastic_strain"

@@ -19,11 +19,9 @@ import numpy as np
 import ufl
 
 from perfplast_fenicsx.materials.elastic import Elastic, require_positive
-from perfplast_fenicsx.materials.isotropic_elasticity import IsotropicElasticity
-from perfplast_fenicsx.materials.law import Law, Old
-from perfplast_fenicsx.materials.mandel import Expr, deviator, spherical, trace
+from perfplast_fenicsx.materials.law import Cone, Law, Old, axial_cone
+from perfplast_fenicsx.materials.mandel import Expr, IsotropicElasticity, deviator, spherical, trace
 from perfplast_fenicsx.materials.sheet import Sheet
-from perfplast_fenicsx.materials.yield_set import Cone, axial_cone
 from perfplast_fenicsx.spatial_fields import Strength
 
 

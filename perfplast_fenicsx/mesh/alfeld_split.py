@@ -17,10 +17,8 @@ from dolfinx.mesh import create_mesh
 from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.compat import sent_to
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
-from perfplast_fenicsx.mesh.straight_geometry import corners
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, distributed_tags
-from perfplast_fenicsx.mesh.tags_of_cells import cell_meshtags
+from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, cell_meshtags, distributed_tags
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,8 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.compat import sent_to
 from perfplast_fenicsx.mesh.straight_geometry import corners
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, distributed_tags
-from perfplast_fenicsx.mesh.tags_of_cells import cell_meshtags
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, cell_meshtags, distributed_tags
 
 
 def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> TaggedMesh | None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError, place_of
-from perfplast_fenicsx.mesh.cell_search import CellSearch
+from perfplast_fenicsx.mesh.overlapping_bodies import CellSearch
 from perfplast_fenicsx.mesh.straight_geometry import gradients
 
 

@@ -3,9 +3,17 @@
 Overlapping bodies have a cell at the surface of one that overlaps a cell of the other; the same
 holds for a body that overlaps itself. Facets that approximate curved surfaces may overlap by their
 sagitta.
+
+Measure how deep simplices overlap, by the separating axis theorem.
+S. Gottschalk, M. C. Lin, D. Manocha, OBBTree, SIGGRAPH 1996, for boxes: two convex polytopes are
+separate if and only if they are separate along a normal of a face of one, or along a cross product
+of two edges.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from itertools import chain, product
 
 from mpi4py import MPI
 
@@ -13,16 +21,158 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import la
 from dolfinx.common import IndexMap
+from scipy.spatial import KDTree
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError, place_of, raise_together
-from perfplast_fenicsx.mesh.cell_search import CellSearch
 from perfplast_fenicsx.mesh.facet_sides import sides_of_facets
-from perfplast_fenicsx.mesh.simplex_overlaps import overlap_depths
-from perfplast_fenicsx.mesh.slabs import Slabs
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.parallel import bounding_box
+from perfplast_fenicsx.parallel import bounding_box, send_rows
+
+AxisOf = Callable[[Floats, Floats], tuple[Floats, Floats]]
+
+
+def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
+    """Return the distance by which one simplex of each pair must move to separate them.
+
+    Args:
+        one: Vertices of one simplex, shape (n, gdim + 1, gdim).
+        other: Vertices of the other one, same shape.
+        least: Depths up to this are ignored, shape (n,).
+
+    Returns:
+        Depths, shape (n,), length; 0 for separate simplices.
+    """
+    depth = np.full(len(one), np.inf)
+    left = np.arange(len(one))
+    parallel = 1e-9  # sine of the angle of two edges below which their product is ignored
+    for axis_of in _axes(one.shape[2]):
+        axis, size = axis_of(one[left], other[left])
+        length = np.linalg.norm(axis, axis=1)
+        there = length > parallel * size
+        axis = axis / np.where(there, length, 1.0)[:, None]
+        a, b = (np.einsum("nki,ni->nk", x[left], axis) for x in (one, other))
+        moved = np.minimum(a.max(axis=1) - b.min(axis=1), b.max(axis=1) - a.min(axis=1))
+        moved[~there] = np.inf
+        depth[left] = np.minimum(depth[left], moved)
+        left = left[moved > least[left]]
+    found = np.zeros(len(one))
+    found[left] = depth[left]
+    return found
+
+
+def _axes(gdim: int) -> Iterator[AxisOf]:
+    """Yield functions that create axes, with the length of an axis if nothing were parallel."""
+    for which in (0, 1):
+        for place in range(gdim + 1):
+            yield partial(_face_normal, which, place)
+    if gdim == 3:
+        edges = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
+        for first, second in product(edges, edges):
+            yield partial(_edge_product, first, second)
+
+
+def _face_normal(which: int, place: int, *x: Floats) -> tuple[Floats, Floats]:
+    """Return normals of the facet opposite a vertex of one of the simplices, and lengths."""
+    corner, *rest = np.delete(np.arange(x[0].shape[1]), place)
+    edges = [x[which][:, other] - x[which][:, corner] for other in rest]
+    if len(edges) == 2:
+        return _cross(*edges)
+    normal = np.column_stack([edges[0][:, 1], -edges[0][:, 0]])
+    return normal, np.asarray(np.linalg.norm(normal, axis=1))
+
+
+def _edge_product(
+    first: tuple[int, int], second: tuple[int, int], one: Floats, other: Floats
+) -> tuple[Floats, Floats]:
+    edges = (x[:, b] - x[:, a] for x, (a, b) in ((one, first), (other, second)))
+    return _cross(*edges)
+
+
+def _cross(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+    size = np.asarray(np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
+    return np.asarray(np.cross(a, b)), size
+
+
+class Slabs:
+    """Divides space along its longest extent, with about equally many points in each slab."""
+
+    def __init__(self, comm: MPI.Intracomm, places: Floats) -> None:
+        """Choose the limits of the slabs. Collective.
+
+        Args:
+            comm: The ranks.
+            places: Points of this rank, shape (n, gdim).
+        """
+        low, high = bounding_box(comm, places)
+        self._comm, self.axis = comm, int(np.argmax(high - low))
+        along = np.sort(places[:, self.axis])
+        # Largest number of points from each rank that determine the limits of the slabs.
+        samples = 200
+        some = along[np.linspace(0, len(along) - 1, min(samples, len(along)), dtype=np.int64)]
+        weights = np.full(len(some), len(along) / max(len(some), 1))
+        every, weight = (np.concatenate(comm.allgather(part)) for part in (some, weights))
+        order = np.argsort(every, kind="stable")
+        before = np.cumsum(weight[order])
+        shares = np.arange(1, comm.size) / comm.size * before[-1]
+        self._ends = every[order][np.searchsorted(before, shares)]
+
+    def send(self, rows: npt.NDArray, low: Floats, high: Floats) -> npt.NDArray:
+        """Send rows to all ranks whose slabs they intersect. Collective.
+
+        Args:
+            rows: Rows of a structured type, shape (n,).
+            low: Their lower ends along ``axis``, shape (n,).
+            high: Their upper ends.
+        """
+        if self._comm.size == 1:
+            return rows
+        first = np.searchsorted(self._ends, low, side="left")
+        count = np.searchsorted(self._ends, high, side="right") - first + 1
+        which = np.repeat(np.arange(len(rows)), count)
+        within = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+        return send_rows(self._comm, rows[which], first[which] + within)
+
+
+class CellSearch:
+    """Search for cells by position; one tree for cells of about the same size."""
+
+    def __init__(self, x: Floats) -> None:
+        """Put cells into trees.
+
+        Args:
+            x: Their vertices, shape (num_cells, gdim + 1, gdim).
+        """
+        centres = x.mean(axis=1)
+        radii = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1)
+        sizes = np.floor(np.log2(radii / radii.min(initial=np.inf)))
+        self._trees: list[tuple[KDTree, Longs, float]] = []
+        for size in np.unique(sizes):
+            cells = np.flatnonzero(sizes == size)
+            self._trees.append((KDTree(centres[cells]), cells, float(radii[cells].max())))
+
+    def near(self, points: Floats, within: Floats) -> Iterator[tuple[Longs, Longs]]:
+        """Yield pairs of a point and a cell within a distance, and some pairs farther apart.
+
+        Args:
+            points: Points, shape (n, gdim).
+            within: Largest distance of each point, shape (n,).
+
+        Yields:
+            Indices of points and of cells; each pair occurs once.
+        """
+        # Number of points in one search, which bounds the memory for pairs.
+        at_once = 20_000
+        for tree, cells, radius in self._trees:
+            for first in range(0, len(points), at_once):
+                some = slice(first, first + at_once)
+                found = tree.query_ball_point(points[some], within[some] + radius)
+                counts = np.fromiter(map(len, found), dtype=np.int64, count=len(found))
+                members = np.fromiter(
+                    chain.from_iterable(found), dtype=np.int64, count=int(counts.sum())
+                )
+                yield np.repeat(np.arange(first, first + len(found)), counts), cells[members]
 
 
 @dataclass(frozen=True)

@@ -18,13 +18,12 @@ from dolfinx.mesh import Mesh, create_mesh
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.bisection import cut, edges_of_faces
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.edge_stretches import edge_stretches
 from perfplast_fenicsx.mesh.glued_edges import GluedEdges
-from perfplast_fenicsx.mesh.straight_geometry import corners
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.mesh.tags_of_cells import (
+from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
+from perfplast_fenicsx.mesh.tagged_mesh import (
     UNNAMED,
+    TaggedMesh,
     cell_meshtags,
     facet_meshtags,
     facet_tags_of,

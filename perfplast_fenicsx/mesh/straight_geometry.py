@@ -3,11 +3,13 @@
 import math
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 from dolfinx.mesh import Mesh, exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.compat import entity_nodes
+from perfplast_fenicsx.compat import coordinate_map, entity_nodes, geometry_dofmap
 
 
 def corners(mesh: Mesh) -> tuple[Ints, Floats]:
@@ -78,3 +80,23 @@ def outer_facets(mesh: Mesh) -> OuterFacets:
     inward = np.take_along_axis(gradients(x)[0], places[:, None, None], axis=1)[:, 0]
     normals = -inward / np.linalg.norm(inward, axis=1, keepdims=True)
     return OuterFacets(facets, cells, places, normals)
+
+
+def has_curved_cells(mesh: Mesh) -> bool:
+    """Return whether any cell is curved. Collective."""
+    cmap, tdim = coordinate_map(mesh), mesh.topology.dim
+    if cmap.degree == 1:
+        return False
+    x = mesh.geometry.x[geometry_dofmap(mesh)]
+    vertices = x[:, : tdim + 1]
+    layout = cmap.create_dof_layout()
+    size = np.ptp(vertices, axis=1).max(axis=1)
+    curved = False
+    # Distance of a midside node from the middle that counts as rounding, relative to the cell.
+    rounding = 1e-10
+    for edge in range(3 if tdim == 2 else 6):
+        ends = [d for d in layout.entity_closure_dofs(1, edge) if d <= tdim]
+        (middle,) = layout.entity_dofs(1, edge)
+        off = np.linalg.norm(x[:, middle] - vertices[:, ends].mean(axis=1), axis=1)
+        curved |= bool((off > rounding * size).any())
+    return bool(mesh.comm.allreduce(curved, MPI.LOR))

@@ -12,8 +12,8 @@ from dolfinx.mesh import create_mesh
 
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.mesh.straight_geometry import corners
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.mesh.tags_of_cells import (
+from perfplast_fenicsx.mesh.tagged_mesh import (
+    TaggedMesh,
     cell_meshtags,
     facet_meshtags,
     facet_tags_of,

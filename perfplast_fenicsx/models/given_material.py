@@ -3,8 +3,7 @@
 from dataclasses import replace
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.materials.common import TABLE
-from perfplast_fenicsx.materials.material_table import find
+from perfplast_fenicsx.materials.common import TABLE, find
 from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel
 from perfplast_fenicsx.units import SYSTEMS
 

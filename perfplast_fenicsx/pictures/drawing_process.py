@@ -102,7 +102,7 @@ def draw_parts(skin: str | Path, picture: str | Path) -> None:
     """Draw the bodies of a geometry with the numbers of their free faces. Not collective.
 
     Args:
-        skin: An .npz file of :func:`perfplast_fenicsx.geometry.skin.skin_of`.
+        skin: An .npz file of :func:`perfplast_fenicsx.geometry.mesher.skin_of`.
         picture: A PNG file.
 
     Raises:

@@ -29,7 +29,7 @@ Arrays = dict[str, npt.NDArray[np.generic]]
 
 
 def save_parts(source: str | Path, output: Path) -> None:
-    """Draw the skin in an .npz file (:func:`perfplast_fenicsx.geometry.skin.skin_of`).
+    """Draw the skin in an .npz file (:func:`perfplast_fenicsx.geometry.mesher.skin_of`).
 
     Bodies in space are shown from the front and from the back. If a face is not visible in these
     views, both sides are added.

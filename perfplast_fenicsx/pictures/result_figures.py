@@ -216,7 +216,7 @@ def parts(skin: str | Path, output: str | Path) -> Iterator[str]:
     """Draw the bodies of a geometry with the numbers of their free faces.
 
     Args:
-        skin: An .npz file of :func:`perfplast_fenicsx.geometry.skin.skin_of`.
+        skin: An .npz file of :func:`perfplast_fenicsx.geometry.mesher.skin_of`.
         output: A PNG file.
 
     Yields:

@@ -32,8 +32,7 @@ from perfplast_fenicsx.contact.rows.rigid_motions import FreeMotions, RigidMotio
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.elastic import Rigid, with_stand_ins
 from perfplast_fenicsx.materials.law import Material
-from perfplast_fenicsx.mesh.body_names import body_names
-from perfplast_fenicsx.mesh.connected_bodies import Bodies, find_bodies
+from perfplast_fenicsx.mesh.connected_bodies import Bodies, body_names, find_bodies
 from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.notebook_table import notebook_table

@@ -66,7 +66,7 @@ def setup_page(
 
     Args:
         title: Title of the page.
-        skin: The .npz file of :func:`perfplast_fenicsx.geometry.skin.skin_of`.
+        skin: The .npz file of :func:`perfplast_fenicsx.geometry.mesher.skin_of`.
         faces: The free faces.
         setup: Data for ``setup.js``: dimension ``dim``; names of ``bodies``; ``faces``, ``sets``
             and ``joints`` with their names; the text of the first ``case``; the JSON ``schema`` of

@@ -39,10 +39,9 @@ from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.errors import InputError, nearest, on_rank0, place_of
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.linear_field import LinearField
 from perfplast_fenicsx.mesh.refinement import refine
-from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
+from perfplast_fenicsx.mesh.straight_geometry import corners, gradients, has_curved_cells
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.mesh.whole_mesh import whole_mesh
 from perfplast_fenicsx.seepage.declared import Head, Seepage

@@ -14,7 +14,7 @@ from dolfinx import fem
 from perfplast_fenicsx import Contact, Newton, OutputFields, Pressure, Problem, Support, TaggedMesh
 from perfplast_fenicsx.contact.rows.constraints import Constraints, joined, make_constraints
 from perfplast_fenicsx.contact.surfaces.surface_facets import surface_nodes
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
+from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh
 from perfplast_fenicsx.problem import problem as problem_module
 from tests.checks import assert_solved, largest
 from tests.contact.test_jump_basis import assert_inverse

@@ -16,7 +16,7 @@ from perfplast_fenicsx import (
     Support,
     TaggedMesh,
 )
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
+from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh
 from tests.checks import assert_solved
 from tests.models import STEEL, Read, touching_blocks
 

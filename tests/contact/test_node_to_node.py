@@ -19,7 +19,7 @@ from perfplast_fenicsx import (
     read_gmsh,
     two_blocks,
 )
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
+from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh
 from tests.checks import assert_refused
 from tests.contact.test_jump_basis import assert_inverse, body_of
 from tests.models import STEEL, touching_blocks, wedge_problem

@@ -10,7 +10,7 @@ import pytest
 from meshes.corner_seat import write_corner_seat
 from meshes.thick_sphere import write_thick_sphere
 from perfplast_fenicsx.contact.surfaces.surface_facets import _faces, face_nodes
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
+from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh
 from perfplast_fenicsx.problem.assembled.spaces import make_spaces
 from tests.checks import largest
 from tests.models import Read

@@ -20,7 +20,7 @@ from perfplast_fenicsx import (
     VonMises,
     limit_load,
 )
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
+from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh
 from tests.checks import assert_refused, assert_solved, largest
 from tests.contact.blocks_apart import blocks_apart
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from perfplast_fenicsx.geometry.apart import apart_remarks, groups_of
+from perfplast_fenicsx.geometry.mesher import apart_remarks, groups_of
 from perfplast_fenicsx.geometry.survey import Joint
 
 pytestmark = pytest.mark.serial

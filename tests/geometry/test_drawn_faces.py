@@ -21,8 +21,8 @@ from perfplast_fenicsx import Pressure, TaggedMesh, Traction, read_gmsh
 from perfplast_fenicsx.cli.understood import understood
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey
-from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.mesher import mesh_file
+from perfplast_fenicsx.geometry.meshing_options import NamedFace
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.mesh import gmsh_session
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector

@@ -8,8 +8,8 @@ import pytest
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey
-from perfplast_fenicsx.geometry.face_choice import NamedFace
-from perfplast_fenicsx.geometry.face_colours import hex_of, word_of
+from perfplast_fenicsx.geometry.face_labels import hex_of, word_of
+from perfplast_fenicsx.geometry.meshing_options import NamedFace
 from tests.geometry.files import survey_of, write
 
 pytestmark = pytest.mark.serial

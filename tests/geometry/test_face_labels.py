@@ -8,9 +8,8 @@ import gmsh
 import pytest
 
 from perfplast_fenicsx.geometry import MeshingOptions, Survey
-from perfplast_fenicsx.geometry.face_labels import labels_of
+from perfplast_fenicsx.geometry.face_labels import labels_of, names_in, read_solids
 from perfplast_fenicsx.geometry.parts import read_parts
-from perfplast_fenicsx.geometry.step_faces import names_in, read_solids
 from perfplast_fenicsx.mesh import gmsh_session
 from tests.geometry.files import survey_of, write
 from tests.geometry.test_face_colours import HIGH_X, HIGH_Z, LOW_X, LOW_Z, RED, painted, two_boxes

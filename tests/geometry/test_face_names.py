@@ -9,7 +9,7 @@ import pytest
 from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions
-from perfplast_fenicsx.geometry.face_choice import NamedFace
+from perfplast_fenicsx.geometry.meshing_options import NamedFace
 from tests.geometry.files import pin_in_plate, survey_of, write
 
 pytestmark = pytest.mark.serial

@@ -5,7 +5,7 @@ import tomllib
 import pytest
 
 from perfplast_fenicsx.geometry import MeshingOptions, Survey
-from perfplast_fenicsx.geometry.first_loading import loading_for
+from perfplast_fenicsx.geometry.first_case import loading_for
 from perfplast_fenicsx.geometry.survey import Body, Joint
 
 pytestmark = pytest.mark.serial

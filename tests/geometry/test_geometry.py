@@ -18,9 +18,8 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.mesh_folder import PICTURE
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey, generated_mesh, mesher
-from perfplast_fenicsx.geometry.first_case import first_case
+from perfplast_fenicsx.geometry.first_case import Glued, first_case
 from perfplast_fenicsx.geometry.geometry_file import check_file
-from perfplast_fenicsx.geometry.glued import Glued
 from perfplast_fenicsx.geometry.part_names import unique_names
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.survey import Body, Joint

@@ -2,7 +2,7 @@
 
 import pytest
 
-from perfplast_fenicsx.geometry.progress import last_of
+from perfplast_fenicsx.geometry.kept_mesh import last_of
 
 pytestmark = pytest.mark.serial
 

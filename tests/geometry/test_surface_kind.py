@@ -3,8 +3,7 @@
 import gmsh
 import pytest
 
-from perfplast_fenicsx.geometry.free_faces import round_of, shape_of
-from perfplast_fenicsx.geometry.surface_kind import kind_of
+from perfplast_fenicsx.geometry.free_faces import kind_of, round_of, shape_of
 from perfplast_fenicsx.mesh import gmsh_session
 
 pytestmark = pytest.mark.serial

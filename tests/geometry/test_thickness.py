@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.geometry.thickness import through
+from perfplast_fenicsx.geometry.mesher import through
 from tests.contact.blocks_apart import block
 
 pytestmark = pytest.mark.serial

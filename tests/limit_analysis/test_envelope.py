@@ -22,7 +22,7 @@ from perfplast_fenicsx.limit_analysis.body.proven_polytopes import (
     spread,
     to_begin_with,
 )
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
+from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh
 from perfplast_fenicsx.pictures.envelope_picture import save_envelope
 from perfplast_fenicsx.problem.declared.loads import Load
 from tests.limit_analysis.test_rigid_bounds import PRANDTL, footing

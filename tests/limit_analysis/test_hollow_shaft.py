@@ -12,7 +12,7 @@ from dolfinx.mesh import create_mesh, locate_entities_boundary, meshtags
 
 from perfplast_fenicsx import Problem, Support, Traction, VonMises
 from perfplast_fenicsx.limit_analysis import envelope
-from perfplast_fenicsx.mesh.box_mesh import Box
+from perfplast_fenicsx.mesh.sample_meshes import Box
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 Y = 300.0

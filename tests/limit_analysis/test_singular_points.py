@@ -20,8 +20,8 @@ from perfplast_fenicsx.limit_analysis.body.singular_points import (
 )
 from perfplast_fenicsx.limit_analysis.body.wide_corners import wide_corners
 from perfplast_fenicsx.mesh.bisection import edges_of_simplex
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
 from perfplast_fenicsx.mesh.refinement import spread
+from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.declared.given import Given
 from tests.mesh.test_meshes import check_interface

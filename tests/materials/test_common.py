@@ -4,9 +4,14 @@ import pytest
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials import MohrCoulomb, VonMises
-from perfplast_fenicsx.materials.common import MATERIALS
-from perfplast_fenicsx.materials.material_table import check_soil_units, check_units, find
-from perfplast_fenicsx.materials.soil import SOILS, Soil
+from perfplast_fenicsx.materials.common import (
+    MATERIALS,
+    SOILS,
+    Soil,
+    check_soil_units,
+    check_units,
+    find,
+)
 from perfplast_fenicsx.units import SYSTEMS
 
 pytestmark = pytest.mark.serial

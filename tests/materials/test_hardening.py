@@ -50,7 +50,7 @@ from perfplast_fenicsx.materials import (
     deviator,
     spherical,
 )
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
+from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh
 from tests.materials.properties import check_all
 from tests.models import STEEL
 

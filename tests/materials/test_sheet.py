@@ -5,7 +5,7 @@ import pytest
 
 from perfplast_fenicsx import DruckerPrager, Elastic, Hill, VonMises
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.materials.plane_stress import in_plane_stress
+from perfplast_fenicsx.materials.law import in_plane_stress
 from perfplast_fenicsx.materials.sheet import Sheet
 from tests.materials.plain_projections import Array, hooke, quadratic
 from tests.materials.properties import Point

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.mesh.chord_points import bulges, chord_points, farthest
+from perfplast_fenicsx.mesh.divided_surfaces import bulges, chord_points, farthest
 
 pytestmark = pytest.mark.serial
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.mesh.overlapping_bodies import check_bodies
-from perfplast_fenicsx.mesh.simplex_overlaps import overlap_depths
+from perfplast_fenicsx.mesh.overlapping_bodies import check_bodies, overlap_depths
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 from tests.mesh.damaged_meshes import DAMAGED, Plain, blocks, inverted
 

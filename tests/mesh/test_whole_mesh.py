@@ -9,7 +9,7 @@ from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx import TaggedMesh, stacked_blocks
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.mesh.straight_geometry import corners
-from perfplast_fenicsx.mesh.tags_of_cells import facet_tags_of, values_of
+from perfplast_fenicsx.mesh.tagged_mesh import facet_tags_of, values_of
 from perfplast_fenicsx.mesh.whole_mesh import to_owners, whole_mesh
 from tests.models import Read
 

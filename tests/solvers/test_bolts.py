@@ -31,7 +31,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import ignored
 from perfplast_fenicsx.materials.plastic_flow import Flow
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
+from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.solvers.stage_stepping import stage_path

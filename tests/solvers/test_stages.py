@@ -33,7 +33,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.materials import DruckerPrager, MohrCoulomb
-from perfplast_fenicsx.mesh.box_mesh import Box, Surface, structured_mesh
+from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh
 
 YOUNG, YIELD, HARD, EXPANSION = 2e5, 300.0, 1e4, 1.2e-5
 STEEL = VonMises(YOUNG, 0.3, YIELD, EXPANSION)

@@ -18,8 +18,7 @@ from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.docstrings import arguments, summary
 from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region, Stratum
-from perfplast_fenicsx.geometry.face_choice import NamedFace
-from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions, NamedFace
 from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
 from perfplast_fenicsx.io.case.gravity_table import EarthquakeTable, GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table

@@ -10,9 +10,8 @@ from mpi4py import MPI
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.drawn_ground import DrawnGround, DrawnLine, Region, Stratum
 from perfplast_fenicsx.geometry.dxf_file import DxfDrawing, read_dxf
-from perfplast_fenicsx.geometry.face_choice import NamedFace
 from perfplast_fenicsx.geometry.kept_mesh import drawn_in, glued_in, keep_mesh
-from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions, NamedFace
 from perfplast_fenicsx.io.case.schema import T, Table, at, convert
 from perfplast_fenicsx.io.case.tables import Document
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh

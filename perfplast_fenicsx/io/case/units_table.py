@@ -8,9 +8,8 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.io.case.schema import Table, at, convert
-from perfplast_fenicsx.materials.common import odd_numbers
+from perfplast_fenicsx.materials.common import check_soil_units, check_units, odd_numbers
 from perfplast_fenicsx.materials.laws import Material
-from perfplast_fenicsx.materials.material_table import check_soil_units, check_units
 from perfplast_fenicsx.parallel import bounding_box
 from perfplast_fenicsx.spatial_fields import SpatialField
 from perfplast_fenicsx.units import Units

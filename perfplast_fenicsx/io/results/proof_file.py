@@ -33,8 +33,7 @@ from perfplast_fenicsx.limit_analysis.statements.bound import Scope
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
 from perfplast_fenicsx.limit_analysis.statements.question import Question
 from perfplast_fenicsx.mandel_arrays import matrices
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
-from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.proof.checker import check

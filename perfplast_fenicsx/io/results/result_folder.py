@@ -43,7 +43,7 @@ from perfplast_fenicsx.io.results.result_files import (
     STANDS,
 )
 from perfplast_fenicsx.io.results.summary import Summary, to_json
-from perfplast_fenicsx.mesh.element_size import element_size
+from perfplast_fenicsx.mesh.tagged_mesh import element_size
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.state import LevelReport
 from perfplast_fenicsx.problem.problem import Problem

@@ -16,9 +16,8 @@ from perfplast_fenicsx.limit_analysis.facets.bound_body import HELD, BoundBody, 
 from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.facets.facing_vertices import REACH, facing_vertices
 from perfplast_fenicsx.mesh.connected_bodies import components
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.kinematics import Kinematics
-from perfplast_fenicsx.mesh.straight_geometry import gradients
+from perfplast_fenicsx.mesh.straight_geometry import gradients, has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 CURVED = "cells are curved; use first-order cells"

@@ -12,8 +12,8 @@ from perfplast_fenicsx.limit_analysis.facets.bare_vertices import bare_vertices
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.refinement import fan
+from perfplast_fenicsx.mesh.straight_geometry import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)

@@ -6,7 +6,7 @@ from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux
 from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 

@@ -19,9 +19,8 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.singular_edges import angles_at_edges
 from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody, bound_body
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.refinement import fan_around
-from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)

@@ -21,10 +21,8 @@ from perfplast_fenicsx.limit_analysis.discrete.standard_cones import (
     standard_cone,
 )
 from perfplast_fenicsx.mandel_arrays import matrices
-from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.materials.law import Cone, Material, PrincipalCone, in_plane_stress
 from perfplast_fenicsx.materials.mandel import mandel_size, numbers_of
-from perfplast_fenicsx.materials.plane_stress import in_plane_stress
-from perfplast_fenicsx.materials.yield_set import Cone, PrincipalCone
 from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import TINY

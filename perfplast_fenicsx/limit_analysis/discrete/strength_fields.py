@@ -18,8 +18,7 @@ from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.enclosures import ROUNDING
 from perfplast_fenicsx.errors import InputError, place_of, raise_together
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
-from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.problem.assembled.spaces import coordinates_of_points
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.spatial_fields import SpatialField, varying

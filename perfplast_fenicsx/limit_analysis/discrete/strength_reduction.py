@@ -10,9 +10,8 @@ from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.elastic import all_elastic
-from perfplast_fenicsx.materials.law import Material
+from perfplast_fenicsx.materials.law import Material, in_plane_stress
 from perfplast_fenicsx.materials.nonassociated_flow import pair_of
-from perfplast_fenicsx.materials.plane_stress import in_plane_stress
 from perfplast_fenicsx.problem.assembled.law_on_cells import set_parameters
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.problem import Problem

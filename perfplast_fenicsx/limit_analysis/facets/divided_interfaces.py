@@ -9,9 +9,8 @@ import logging
 from dataclasses import replace
 
 from perfplast_fenicsx.contact.declared.contact import Contact, Tie
-from perfplast_fenicsx.mesh.chord_points import farthest
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
-from perfplast_fenicsx.mesh.divided_surfaces import divided, surface_ends
+from perfplast_fenicsx.mesh.divided_surfaces import divided, farthest, surface_ends
+from perfplast_fenicsx.mesh.straight_geometry import has_curved_cells
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.problem import Problem
 

@@ -24,8 +24,7 @@ from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb, Tresca
 from perfplast_fenicsx.materials.drucker_prager import DruckerPrager
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
-from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
+from perfplast_fenicsx.mesh.straight_geometry import corners, gradients, has_curved_cells
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.loads import EnclosedPores, FieldPores, Load, PorePressure
 from perfplast_fenicsx.problem.problem import Problem

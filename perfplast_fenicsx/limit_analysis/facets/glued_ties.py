@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.limit_analysis.facets.divided_interfaces import with_divided_interfaces
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.glued_bodies import glue
+from perfplast_fenicsx.mesh.straight_geometry import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)

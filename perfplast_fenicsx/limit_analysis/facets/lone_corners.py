@@ -26,9 +26,8 @@ from perfplast_fenicsx.limit_analysis.facets.bound_body import (
     BoundBody,
     bound_body,
 )
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.refinement import fan
-from perfplast_fenicsx.mesh.straight_geometry import gradients
+from perfplast_fenicsx.mesh.straight_geometry import gradients, has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 

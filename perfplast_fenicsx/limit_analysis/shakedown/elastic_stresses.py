@@ -33,7 +33,7 @@ from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at
 from perfplast_fenicsx.limit_analysis.shakedown.corner_program import Frames
 from perfplast_fenicsx.materials.elastic import Rigid
 from perfplast_fenicsx.materials.mandel import mandel_size, numbers_of
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import has_curved_cells
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
 from perfplast_fenicsx.problem.assembled.initial_strain import initial_strain
 from perfplast_fenicsx.problem.assembled.spaces import Spaces

@@ -43,7 +43,7 @@ from perfplast_fenicsx.limit_analysis.stress.static_certificate import (
 from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm, static_form
 from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound, no_stress
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import has_curved_cells
 from perfplast_fenicsx.problem.declared.loads import BOUNDED
 from perfplast_fenicsx.problem.problem import Problem
 

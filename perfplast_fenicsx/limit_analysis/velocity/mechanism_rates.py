@@ -8,7 +8,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones, principal_of
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_of_cells
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
+from perfplast_fenicsx.mesh.straight_geometry import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 

@@ -43,9 +43,8 @@ from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
 )
 from perfplast_fenicsx.limit_analysis.velocity.ring_dissipation import dissipation_of_rings
 from perfplast_fenicsx.limit_analysis.velocity.slip_work import slip_work
-from perfplast_fenicsx.mesh.curved_cells import has_curved_cells
 from perfplast_fenicsx.mesh.kinematics import RingFlux
-from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
+from perfplast_fenicsx.mesh.straight_geometry import corners, gradients, has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
 ADMISSIBLE = 1e-9

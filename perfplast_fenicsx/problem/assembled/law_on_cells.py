@@ -18,9 +18,8 @@ from ufl.core.terminal import Terminal
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import evaluate, interpolation_points
 from perfplast_fenicsx.errors import InputError, place_of, raise_together
-from perfplast_fenicsx.materials.law import Law, Material
+from perfplast_fenicsx.materials.law import Law, Material, in_plane_stress
 from perfplast_fenicsx.materials.mandel import Expr, mandel_size, numbers_of
-from perfplast_fenicsx.materials.plane_stress import in_plane_stress
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.spaces import (
