@@ -151,7 +151,16 @@ def _product(one: Any, other: Any) -> Any:
         return _each(lambda side: side * other, one if other >= 0 else one[::-1])
     if one[0] is not one[1] or other[0] is not other[1]:
         raise _UnknownFormula  # a factor is not linear
-    f, g = one[0], other[0]
+    return linear_product(one[0], other[0])
+
+
+def linear_product(f: Floats, g: Floats) -> Pair:
+    """Return linear functions below and above the product of two linear functions.
+
+    Args:
+        f: Values of one at the vertices of simplices, shape (n, k).
+        g: Values of the other one.
+    """
     low, high = f * g, f * g
     for i, j in combinations(range(f.shape[1]), 2):
         bent = (f[:, i] - f[:, j]) * (g[:, i] - g[:, j]) / 4

@@ -3,7 +3,7 @@
 #
 # Clay without friction, 2:1, 5 m high, on 5 m of the same clay (`cases/random_slope.toml`). Its
 # cohesion is log-normal, with a mean of 25 kPa and a coefficient of variation of 0.5, and the
-# correlation of its logarithm falls with the distance d as exp(−2d/θ), θ = 5 m (D. V. Griffiths,
+# correlation of its logarithm falls with the distance d as exp(−2d/θ), θ = 10 m (D. V. Griffiths,
 # G. A. Fenton, J. Geotech. Geoenviron. Eng. 130 (2004), 507). Field k has the seed k. Values are
 # drawn at the vertices of the first mesh and are linear between them, so that both bounds take the
 # field as it is. As the ground has no friction, the factor of the weight is the factor of safety.

@@ -17,6 +17,11 @@ from perfplast_fenicsx.materials.nonassociated_flow import (
     reduced,
 )
 from perfplast_fenicsx.materials.tension_cut_off import CutOffLaw
+from perfplast_fenicsx.materials.varying_friction import (
+    FrictionSine,
+    FrictionStrength,
+    friction_of,
+)
 from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 
@@ -88,7 +93,8 @@ class MohrCoulomb:
         poisson: Poisson's ratio ν in (−1, ½).
         cohesion: Cohesion (stress), zero for clean sand; a number, or a field that is positive
             everywhere.
-        friction_angle: Angle of friction (degrees), between 0 and 90.
+        friction_angle: Angle of friction (degrees), between 0 and 90; a number, or in plane strain
+            a field.
         expansion: Thermal strain per degree (1/temperature).
         dilatancy_angle: Angle of dilatancy (degrees), between 0 and the angle of friction, which is
             the default.
@@ -106,7 +112,7 @@ class MohrCoulomb:
     young: float
     poisson: float
     cohesion: Strength
-    friction_angle: float
+    friction_angle: Strength
     expansion: float = 0.0
     dilatancy_angle: float | None = None
     nonassociated: Stand | None = None
@@ -116,6 +122,9 @@ class MohrCoulomb:
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
         require_not_negative("cohesion", self.cohesion)
+        if isinstance(self.friction_angle, SpatialField):
+            self._check_field()
+            return
         if not 0 < self.friction_angle < 90:
             raise InputError(
                 f"friction_angle = {self.friction_angle} is not between 0 and 90 degrees; give the"
@@ -129,6 +138,19 @@ class MohrCoulomb:
                 "'radenkovic': this pair of bounds needs ground without a tensile "
                 "strength; remove it, or give nonassociated = 'davis-a' for an estimate."
             )
+
+    def _check_field(self) -> None:
+        """Refuse what cannot be given together with an angle of friction that varies.
+
+        Raises:
+            InputError: If a key is refused.
+        """
+        for key in ("dilatancy_angle", "nonassociated", "tensile_strength"):
+            if (given := getattr(self, key)) is not None:
+                raise InputError(
+                    f"{key} = {given} with a friction_angle that varies in space is not supported;"
+                    " remove it, or give each body a friction_angle that is a number."
+                )
 
     @property
     def law(self) -> type[MohrCoulombLaw]:
@@ -165,6 +187,13 @@ class MohrCoulomb:
 
     def parameters(self) -> dict[str, Strength]:
         """Return κ, μ, s and b of :class:`MohrCoulombLaw`, and f if there is a tensile strength."""
+        angle = self.friction_angle
+        if isinstance(angle, SpatialField):
+            friction = friction_of(angle)
+            sine = FrictionSine(friction)
+            varies = isinstance(self.cohesion, SpatialField) or self.cohesion > 0
+            bound = FrictionStrength(self.cohesion, friction) if varies else 0.0
+            return {"bulk": self.bulk, "shear": self.shear, "sine": sine, "strength": bound}
         ground = associated(self)
         phi = math.radians(ground.friction_angle)
         strength = 2 * ground.cohesion * math.cos(phi)

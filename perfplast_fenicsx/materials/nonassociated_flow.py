@@ -22,7 +22,8 @@ from typing import Any, ClassVar, Literal, Protocol, TypeGuard, TypeVar
 
 from perfplast_fenicsx.errors import InputError, check_choice
 from perfplast_fenicsx.materials.law import Material
-from perfplast_fenicsx.spatial_fields import Strength
+from perfplast_fenicsx.materials.varying_friction import divided_friction
+from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 Stand = Literal["radenkovic", "davis-a", "davis-b", "davis-c"]
 """Ways to treat ground whose angle of dilatancy is below its angle of friction."""
@@ -46,8 +47,8 @@ class Ground(Material, Protocol):
         ...
 
     @property
-    def friction_angle(self) -> float:
-        """Return the angle of friction (degrees)."""
+    def friction_angle(self) -> Strength:
+        """Return the angle of friction (degrees), as a number or a field."""
         ...
 
     @property
@@ -128,6 +129,9 @@ def reduced(ground: AnyGround, factor: float) -> AnyGround:
     """
     if ground.nonassociated in (None, "davis-a"):
         ground = associated(ground)
+    if isinstance(ground.friction_angle, SpatialField):
+        friction = divided_friction(ground.friction_angle, factor)
+        return replace(ground, cohesion=ground.cohesion / factor, friction_angle=friction)
     phi = math.atan(math.tan(math.radians(ground.friction_angle)) / factor)
     if ground.nonassociated is None:
         return _ground(ground, ground.cohesion / factor, phi)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.proof.body import Body
+from perfplast_fenicsx.proof.body import Body, Floats
 from perfplast_fenicsx.proof.plain_arrays import ProofError, checked, number_of
 from perfplast_fenicsx.proof.rings import around, normals_of
 
@@ -76,22 +76,21 @@ def whole_body(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> Bo
     sine, tension = body.cone_sine.copy(), body.cone_tension.copy()
     divided = np.zeros(len(bound), dtype=bool)
     divided[body.cone[body.plastic & ~kept["cell_kept"]]] = True
-    for number in np.flatnonzero(divided):
-        known = _angle_of(body, number)
-        if known is None:
-            size = np.linalg.norm(body.cone_matrix[number])
-            steep = np.linalg.norm(slope[number])
-            times = size / steep if steep else factor
-            bound[number] *= times
-            slope[number] *= times
-            continue
-        tangent = factor * known / np.sqrt(1 - known**2)
-        more = tangent / np.sqrt(1 + tangent**2)
-        bound[number] *= factor * np.sqrt((1 - more**2) / (1 - known**2))
-        if body.cones.is_principal[number]:
-            sine[number], tension[number] = more, factor * tension[number]
-        else:
-            slope[number] *= more / known
+    known, principal = _sines_of(body), body.cones.is_principal
+    usual = divided & ~np.isnan(known)
+    tangents = factor * known / np.sqrt(1 - known**2)
+    more = tangents / np.sqrt(1 + tangents**2)
+    bound[usual] *= factor * np.sqrt((1 - more**2) / (1 - known**2))[usual]
+    some = usual & principal
+    sine[some], tension[some] = more[some], factor * tension[some]
+    some = usual & ~principal
+    slope[some] *= (more[some] / known[some])[:, None]
+    some = divided & ~usual
+    size = np.linalg.norm(body.cone_matrix[some], axis=(1, 2))
+    steep = np.linalg.norm(slope[some], axis=1)
+    times = np.divide(size, steep, out=np.full(len(size), float(factor)), where=steep > 0)
+    bound[some] *= times
+    slope[some] *= times[:, None]
     rubs: dict[str, Any] = {}
     for of in ("contact", "obstacle"):
         by = np.where(kept[f"{of}_kept"], 1.0, factor)
@@ -107,25 +106,26 @@ def whole_body(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> Bo
     )
 
 
-def _angle_of(body: Body, number: np.int64) -> float | None:
-    """Return the sine of the friction angle of a cone, None if no angle is known.
+def _sines_of(body: Body) -> Floats:
+    """Return the sine of the friction angle of each cone, NaN if no angle is known.
 
     The angle is known for cones of principal stresses, and for plane cones about the axis of mean
     stress: ‖dev σ‖ ≤ √2 (c cos φ − σ_m sin φ).
     """
-    if body.cones.is_principal[number]:
-        return float(body.cone_sine[number])
-    slope, matrix = body.cone_slope[number], body.cone_matrix[number]
-    m, n = len(slope), normals_of(body)
+    slope, matrix = body.cone_slope, body.cone_matrix
+    m, n = slope.shape[1], normals_of(body)
     unit = np.append(np.ones(n), np.zeros(m - n))
-    radius = np.sqrt((matrix**2).sum() / (m - 1))
-    along = float(slope @ unit) / radius
-    plain = np.abs(matrix.T @ matrix / radius**2 - np.eye(m) + np.outer(unit, unit) / n).max()
-    usual = np.abs(slope / radius - along * unit / n).max()
+    radius = np.sqrt((matrix**2).sum(axis=(1, 2)) / (m - 1))
+    radius = np.where(radius > 0, radius, 1.0)
+    along = slope @ unit / radius
+    plain = matrix.transpose(0, 2, 1) @ matrix / radius[:, None, None] ** 2
+    plain = np.abs(plain - np.eye(m) + np.outer(unit, unit) / n).max(axis=(1, 2), initial=0.0)
+    off = np.abs(slope / radius[:, None] - along[:, None] * unit / n).max(axis=1, initial=0.0)
     small = 1e-9
-    if body.dim != 2 or body.is_revolved or max(plain, usual) > small or not 0 < along**2 < 2:
-        return None
-    return along / np.sqrt(2)
+    usual = (np.maximum(plain, off) <= small) & (0 < along**2) & (along**2 < 2)
+    usual &= body.dim == 2 and not body.is_revolved
+    found = np.where(usual, along / np.sqrt(2), np.nan)
+    return np.asarray(np.where(body.cones.is_principal, body.cone_sine, found))
 
 
 def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
@@ -143,12 +143,13 @@ def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
         return []
     factor, kept = found
     cells = kept["cell_kept"]
+    divided = np.unique(body.cone[body.plastic & ~cells])
     words = [
-        f"{_whole(body, number, factor)}{body.varies_by(number)}"
-        for number in np.unique(body.cone[body.plastic & ~cells])
+        f"{_whole(body, number, factor)}{body.varies_by(number)}" for number in divided[: MOST + 1]
     ]
     words += _rubbing(body, kept, factor)
-    less = f" and {len(words) - MOST} more" if len(words) > MOST else ""
+    more = len(words) + len(divided[MOST + 1 :]) - MOST
+    less = f" and {more} more" if more > 0 else ""
     told = f"F = {factor:.9g} divides no strength."
     if words:
         told = f"Strengths are divided by F = {factor:.9g}; before the division they are"
@@ -173,8 +174,8 @@ def _whole(body: Body, number: np.int64, factor: float) -> str:
     radius = np.sqrt((body.cone_matrix[number] ** 2).sum() / (len(slope) - 1))
     if not principal and not slope.any():
         return f"a yield radius of {factor * bound / radius:.6g}"
-    sine = _angle_of(body, number)
-    if sine is None:
+    sine = float(_sines_of(body)[number])
+    if np.isnan(sine):
         return "that of a cone with a slope and the same apex"
     size = 2.0 if principal else np.sqrt(2) * radius
     tension = factor * body.cone_tension[number]

@@ -2,10 +2,16 @@
 
 import numpy as np
 
-from perfplast_fenicsx.proof.body import Body
+from perfplast_fenicsx.proof.body import Body, Floats, Longs
 from perfplast_fenicsx.proof.cuts import cuts_of
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.rings import around, normals_of, times_radius
+
+MOST_WORDS = 6
+"""Largest number of materials, surfaces and so on that are named individually."""
+
+MANY = 24
+"""Number of cones above which those of one kind are described together."""
 
 
 def taken_as_written(body: Body) -> str:
@@ -33,9 +39,8 @@ def taken_as_written(body: Body) -> str:
 
 def _listed(words: list[str]) -> str:
     """Return words as a list, with the number of omitted ones."""
-    most_words = 6  # largest number of materials, surfaces and so on that are named individually
-    more = len(words) - most_words
-    return ", ".join(words[:most_words]) + (f" and {more} more" if more > 0 else "")
+    more = len(words) - MOST_WORDS
+    return ", ".join(words[:MOST_WORDS]) + (f" and {more} more" if more > 0 else "")
 
 
 def _cuts(body: Body) -> list[str]:
@@ -53,14 +58,55 @@ def _strengths(body: Body) -> str:
     if not body.plastic.any():
         return "blocks that bear any stress"
     weights = body.volumes * around(body)
-    volumes = np.bincount(body.cone + 1, weights=weights, minlength=len(body.cone_bound) + 1)
+    numbers = np.bincount(body.cone + 1, weights=weights, minlength=len(body.cone_bound) + 1)
+    volumes = np.asarray(numbers, dtype=np.float64)
     words = ["elastic cells"] if volumes[0] else []
-    cones = {number: _cone(body, number) for number in np.flatnonzero(volumes[1:])}
+    used = np.flatnonzero(volumes[1:])
+    alike = _of_one_axis(body, used) if len(used) > MANY else used[:0]
+    words += _range_of(body, alike, volumes[1:])
+    cones = {number: _cone(body, number) for number in np.setdiff1d(used, alike)}
     for number, cone in cones.items():
         where = f"in a volume of {volumes[number + 1]:.6g}"
         words.append(f"{cone}{body.varies_by(number)} {where}")
     what = "‖dev σ‖" + (", or ‖Mσ‖" if any("M" in cone for cone in cones.values()) else "")
     return f"yield radii (the largest {what}) {_listed(words)}"
+
+
+def _of_one_axis(body: Body, used: Longs) -> Longs:
+    """Return those of some cones that have a slope, and the mean stress in the plane as axis."""
+    M, q = body.cone_matrix[used], body.cone_slope[used]
+    if q.shape[1] != 3:
+        return used[:0]
+    unit = np.array([1.0, 1.0, 0.0])
+    sizes = np.sqrt((M**2).sum(axis=(1, 2)) / 2)
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    plain = np.eye(3) - np.outer(unit, unit) / 2
+    off = np.abs(M.transpose(0, 2, 1) @ M / sizes[:, None, None] ** 2 - plain).max(axis=(1, 2))
+    along = q @ unit / sizes
+    tilted = np.abs(q / sizes[:, None] - along[:, None] * unit / 2).max(axis=1)
+    return np.asarray(used[(off < 1e-9) & (tilted < 1e-9) & (along > 0)])
+
+
+def _range_of(body: Body, cones: Longs, volumes: Floats) -> list[str]:
+    """Return in words the least and the largest of many cones, such as one for each cell.
+
+    Args:
+        body: The bodies.
+        cones: Numbers of cones of :func:`_of_one_axis`.
+        volumes: Volume of the cells of each cone.
+    """
+    if not len(cones):
+        return []
+    sizes = np.sqrt((body.cone_matrix[cones] ** 2).sum(axis=(1, 2)) / 2)
+    steep = body.cone_slope[cones][:, :2].sum(axis=1) / sizes
+    at = np.full(len(body.cone_bound), np.nan)
+    at[cones] = body.cone_bound[cones] / sizes
+    here = np.isin(body.cone, cones)
+    bounds = at[body.cone[here], None] * body.cell_strength[here]
+    return [
+        f"{len(cones)} cones of {bounds.min():.6g} to {bounds.max():.6g} less {steep.min():.6g} to"
+        f" {steep.max():.6g} times the mean stress in a volume of {volumes[cones].sum():.6g}"
+    ]
 
 
 def _cone(body: Body, number: np.int64) -> str:

@@ -81,6 +81,14 @@ REFUSED: dict[str, tuple[Sequence[tuple[str, str]], Sequence[str]]] = {
         [("cohesion = 30.0", 'cohesion = "30*abs(y - 22) + 1e-3"')],
         ["the strength of 'clay' varies so steeply in the cell at ("],
     ),
+    "an angle of friction that is negative at one corner": (
+        [("friction_angle = 30.0", 'friction_angle = "30 - 0.9*(x - 30)"')],
+        ["'sand': friction_angle, 30 - 0.9*(x - 30), is -6 degrees at (70, 3"],
+    ),
+    "an angle of friction above 90 degrees in cells alone": (
+        [("friction_angle = 30.0", 'friction_angle = "89.9 - 5*abs(y - 33.123)"')],
+        ["friction_angle", "varies so steeply in the cell at ("],
+    ),
     "a table that does not cover its body": (
         [("cohesion = 30.0", "cohesion = [[31, 30], [25, 40]]")],
         ["from 25 to 31", "material at ("],

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import ufl
@@ -23,10 +23,17 @@ from perfplast_fenicsx.limit_analysis.discrete.standard_cones import (
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.materials.law import Cone, Material, PrincipalCone, in_plane_stress
 from perfplast_fenicsx.materials.mandel import mandel_size, numbers_of
+from perfplast_fenicsx.materials.varying_friction import FrictionSine
 from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.spatial_fields import SpatialField
+
+OfField: TypeAlias = Callable[[SpatialField, Longs], Floats]
+"""Values of a field in those cells, or at those points, whose places are given."""
+
+NOMINAL_SINE = 0.5
+"""sin φ of the cones of ground whose angle of friction varies."""
 
 OUT_OF_PLANE = 2
 """Index of the Mandel component that is in no equation in plane strain."""
@@ -43,6 +50,8 @@ class BodyCone:
         standard: The same set in standard coordinates; for principal stresses a cone around it.
         shadow: Rule for the out-of-plane stress in plane strain.
         profile: Field that multiplies the bound c; None if it does not vary.
+        friction: Sine of an angle of friction that varies; the slope q is that of
+            ``NOMINAL_SINE``, and in proportion to the sine. None if it does not vary.
         other: A set of another kind, instead of ``plain``.
     """
 
@@ -51,6 +60,7 @@ class BodyCone:
     shadow: Shadow | None
     principal: PlainPrincipal | None = None
     profile: SpatialField | None = None
+    friction: FrictionSine | None = None
     other: LawSet | None = None
 
     @property
@@ -84,10 +94,10 @@ class BodyCones:
 
     @property
     def varies(self) -> bool:
-        """Return whether the bound of any cone varies in space."""
-        return any(cone.profile is not None for cone in self.cones)
+        """Return whether the bound or the slope of any cone varies in space."""
+        return any(cone.profile is not None or cone.friction is not None for cone in self.cones)
 
-    def values(self, numbers: Longs, of: Callable[[SpatialField, Longs], Floats]) -> Floats | None:
+    def values(self, numbers: Longs, of: OfField) -> Floats | None:
         """Return values of the profiles in cells or at points; None if no bound varies.
 
         Args:
@@ -97,16 +107,23 @@ class BodyCones:
         Returns:
             Shape (n, ...), 1 where the bound does not vary.
         """
-        found: Floats | None = None
-        for number, cone in enumerate(self.cones):
-            here = np.flatnonzero(numbers == number)
-            if cone.profile is None:
-                continue
-            values = of(cone.profile, here)
-            if found is None:
-                found = np.ones((len(numbers), *values.shape[1:]))
-            found[here] = values
-        return found
+        return _values([cone.profile for cone in self.cones], numbers, of)
+
+    def steepness(self, numbers: Longs, of: OfField) -> Floats | None:
+        """Return factors of the slopes in cells or at points; None if no slope varies.
+
+        Args:
+            numbers: Number of the cone of each, shape (n,).
+            of: Values of a sine in those whose places are given, shape (m,) of (m,).
+
+        Returns:
+            Shape (n,), 1 where the slope does not vary.
+        """
+        sines = _values([cone.friction for cone in self.cones], numbers, of)
+        if sines is None:
+            return None
+        varying = np.array([cone.friction is not None for cone in self.cones])[numbers]
+        return np.where(varying, sines / NOMINAL_SINE, 1.0)
 
     @property
     def isotropic(self) -> bool:
@@ -177,6 +194,20 @@ class BodyCones:
         tilts = np.array([np.pad(form.tilt, (0, size - len(form.tilt))) for form in forms])
         at = self.of_cells
         return radii[at], slopes[at], tilts[at] if tilts.any() else None
+
+
+def _values(fields: Sequence[SpatialField | None], numbers: Longs, of: OfField) -> Floats | None:
+    """Return values of the field of each cone, 1 without one; None if there is none."""
+    found: Floats | None = None
+    for number, field in enumerate(fields):
+        if field is None:
+            continue
+        here = np.flatnonzero(numbers == number)
+        values = of(field, here)
+        if found is None:
+            found = np.ones((len(numbers), *values.shape[1:]))
+        found[here] = values
+    return found
 
 
 @once_a_problem
@@ -298,7 +329,7 @@ def _components(problem: Problem) -> tuple[bool, int]:
 
 
 def _is_same(one: BodyCone, other: BodyCone) -> bool:
-    if one.profile != other.profile:
+    if one.profile != other.profile or one.friction != other.friction:
         return False
     if one.plain is None or other.plain is None:
         same = one.plain is other.plain and one.principal == other.principal
@@ -318,12 +349,24 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
         thin: Whether the out-of-plane stress is zero; only if ``flat``.
     """
     given = material.parameters()
-    profiles = {one.profile for one in given.values() if isinstance(one, SpatialField)}
-    plain = {k: v.scale if isinstance(v, SpatialField) else v for k, v in given.items()}
+    sines = [one for one in given.values() if isinstance(one, FrictionSine)]
+    varies = [k for k, v in given.items() if isinstance(v, SpatialField) and v not in sines]
+    profiles = {given[k].profile for k in varies}
+    plain = {k: given[k].scale if k in varies else v for k, v in given.items()}
+    plain |= {k: NOMINAL_SINE for k, v in given.items() if v in sines}
     found = _of_numbers(material.law, plain, (size, flat, thin))
-    if not profiles or found is None:
+    if sines and (found is None or found.plain is None or not flat):
+        raise InputError(
+            f"friction_angle of {type(material).__name__}, {sines[0].friction}, varies in space:"
+            " limit loads by the interior point method and strict bounds need plane strain for"
+            " that; give a number, and a body to each layer."
+        )
+    if found is None or not (profiles or sines):
         return found
-    twice = {k: 2 * v if isinstance(given[k], SpatialField) else v for k, v in plain.items()}
+    friction = sines[0] if sines else None
+    if not profiles:
+        return replace(found, friction=friction)
+    twice = {k: 2 * v if k in varies else v for k, v in plain.items()}
     larger = _of_numbers(material.law, twice, (size, flat, thin))
     if len(profiles) > 1 or not _is_twice(larger, found):
         raise InputError(
@@ -331,7 +374,7 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
             " proportion to one such number; limit loads by the interior point method and strict"
             " bounds need that. Give numbers, and a body to each layer."
         )
-    return replace(found, profile=profiles.pop())
+    return replace(found, profile=profiles.pop(), friction=friction)
 
 
 def _is_twice(one: BodyCone | None, other: BodyCone) -> bool:

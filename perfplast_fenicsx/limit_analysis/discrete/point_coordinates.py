@@ -10,7 +10,10 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.limit_analysis.conic.cone import PointSets
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
-from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_at_points
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import (
+    profiles_at_points,
+    steepness_at_points,
+)
 from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -56,6 +59,9 @@ class PointCoordinates:
         self.slopes: Floats = np.array([form.slope for form in forms])[numbers]
         tilts = np.array([np.pad(it.tilt, (0, self._size - len(it.tilt))) for it in forms])
         self.tilts: Floats | None = tilts[numbers] if tilts.any() else None
+        steepness = steepness_at_points(problem, numbers)
+        if steepness is not None:
+            self.slopes = self.slopes * steepness
         self.profile = profiles_at_points(problem, numbers)
         if self.profile is not None:
             self.radii = self.radii * self.profile

@@ -5,6 +5,8 @@ a linear function that is nowhere above the profile in each cell. Then the left 
 the coordinates, and the right side linear. So a linear stress is within yield in the whole cell if
 it is at the vertices. An upper bound takes a linear function that is nowhere below the profile, so
 that no mechanism dissipates less. Both bounds are strict.
+
+A slope q that varies with the angle of friction is one number a cell (:mod:`varying_friction`).
 """
 
 from typing import Literal
@@ -53,6 +55,40 @@ def profiles_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side)
     return cones.values(numbers, of)
 
 
+def steepness_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side) -> Floats | None:
+    """Return factors of the slopes in simplices, the least or the most there. Not collective.
+
+    Args:
+        cones: Cones of the bodies.
+        numbers: Number of the cone of each simplex, shape (n,).
+        simplices: Their vertices, shape (n, k, d).
+        side: Whether the least or the most is wanted.
+
+    Returns:
+        Shape (n,), 1 where the slope does not vary; None where no slope does.
+
+    Raises:
+        InputError: If no such number is known.
+    """
+
+    def of(sine: SpatialField, here: Longs) -> Floats:
+        return sine.between(simplices[here], PLACE)[side == "above"][:, 0]
+
+    return cones.steepness(numbers, of)
+
+
+def steepness_of_cells(problem: Problem, side: Side) -> Floats | None:
+    """Return the same in the cells that this rank owns, shape (num_cells,).
+
+    Args:
+        problem: The bodies, on straight cells.
+        side: Whether the least or the most is wanted.
+    """
+    vertices, places = corners(problem.tagged_mesh.mesh)
+    cones = body_cones(problem)
+    return steepness_in(cones, cones.of_cells, places[vertices], side)
+
+
 def profiles_of_cells(problem: Problem, side: Side) -> Floats | None:
     """Return linear functions as :func:`profiles_in`, in this rank's cells.
 
@@ -81,11 +117,7 @@ def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
     cones = body_cones(problem)
     if not cones.varies:
         return None
-    reference = interpolation_points(problem.S.element)
-    places = np.hstack([1 - reference.sum(axis=1, keepdims=True), reference])
-    above = None
-    if places.shape[0] == places.shape[1] and np.allclose(places, np.eye(len(places))):
-        above = profiles_of_cells(problem, "above")
+    above = profiles_of_cells(problem, "above") if _are_at_vertices(problem) else None
     if above is not None:
         found = np.ones(len(numbers))
         means = (above + above.sum(axis=1, keepdims=True)) / (above.shape[1] + 1)
@@ -93,6 +125,35 @@ def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
         return found
     x = coordinates_of_points(problem.Q)[: len(numbers)]
     return cones.values(numbers, lambda profile, here: profile.at(x[here], PLACE))
+
+
+def steepness_at_points(problem: Problem, numbers: Longs) -> Floats | None:
+    """Return factors of the slopes at the points of this rank, shape (num_points,). Collective.
+
+    Points at the vertices of cells have the most of their cell, as an upper bound needs it.
+
+    Args:
+        problem: The bodies.
+        numbers: Number of the cone of each point.
+    """
+    cones = body_cones(problem)
+    if not cones.varies:
+        return None
+    above = steepness_of_cells(problem, "above") if _are_at_vertices(problem) else None
+    if above is not None:
+        found = np.ones(len(numbers))
+        found[problem.Q.dofmap.list[: len(above)]] = above[:, None]
+        return found
+    x = coordinates_of_points(problem.Q)[: len(numbers)]
+    return cones.steepness(numbers, lambda sine, here: sine.at(x[here], PLACE))
+
+
+def _are_at_vertices(problem: Problem) -> bool:
+    """Return whether the points are the vertices of the cells."""
+    reference = interpolation_points(problem.S.element)
+    places = np.hstack([1 - reference.sum(axis=1, keepdims=True), reference])
+    square = places.shape[0] == places.shape[1]
+    return square and bool(np.allclose(places, np.eye(len(places))))
 
 
 def check_profiles(problem: Problem) -> None:
@@ -113,6 +174,7 @@ def check_profiles(problem: Problem) -> None:
         )
     message = None
     try:
+        steepness_of_cells(problem, "below")
         low = profiles_of_cells(problem, "below")
         if low is not None and (wrong := ~(low > 0).all(axis=1)).any():
             vertices, places = corners(problem.tagged_mesh.mesh)
@@ -135,19 +197,28 @@ def profiles_in_words(problem: Problem) -> tuple[str, ...]:
     if not body_cones(problem).varies or has_curved_cells(problem.tagged_mesh.mesh):
         return ()
     low, high = profiles_of_cells(problem, "below"), profiles_of_cells(problem, "above")
+    flat, steep = steepness_of_cells(problem, "below"), steepness_of_cells(problem, "above")
     found = []
     for name, fields in varying_of(problem).items():
         cells = problem.tagged_mesh.cells(name)
-        apart = 0.0
-        if low is not None and high is not None:
-            mine = cells[cells < len(low)]
-            apart = float(((high[mine] - low[mine]) / high[mine]).max(initial=0.0))
-        apart = problem.comm.allreduce(apart, MPI.MAX)
-        if apart > ROUNDING:
+        apart = np.zeros(2)
+        for i, (least, most) in enumerate(((low, high), (flat, steep))):
+            if least is not None and most is not None:
+                mine = cells[cells < len(least)]
+                apart[i] = ((most[mine] - least[mine]) / most[mine]).max(initial=0.0)
+        problem.comm.Allreduce(MPI.IN_PLACE, apart, MPI.MAX)
+        if apart[1] > ROUNDING:
+            found.append(
+                f"the friction_angle of '{name}' varies in cells: the lower bound takes its least"
+                " value in each, and the upper one its largest, whose sines differ by up to"
+                f" {apart[1]:.2g} of the larger one; so both are strict"
+            )
+        elif apart[0] > ROUNDING:
             found.append(
                 f"the {' and '.join(fields)} of '{name}' is not linear in each cell: the lower"
                 " bound takes a linear function below it, and the upper one a linear function"
-                f" above it, which differ by up to {apart:.2g} of the strength; so both are strict"
+                f" above it, which differ by up to {apart[0]:.2g} of the strength; so both are"
+                " strict"
             )
     return tuple(found)
 

@@ -9,7 +9,7 @@ from scipy import sparse
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.second_order_cones import own_strengths
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones
-from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_in
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_in, steepness_in
 from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
 from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
 from perfplast_fenicsx.limit_analysis.facets.ring_cells import (
@@ -76,9 +76,11 @@ class MultiplierStrains:
         if around_axis:
             on_axis = coefficients_of_radius(vertices).ravel() == 0
         self.radii[on_axis], self.slopes[on_axis] = np.inf, 0.0  # S is zero there
-        profile = self._profile(cones, vertices)
+        profile, steepness = self._fields(cones, vertices)
         if profile is not None:
             self.radii = self.radii * profile
+        if steepness is not None:
+            self.slopes = self.slopes * steepness
         self.sets = cones.sets_at(np.where(on_axis, -1, of_points), profile)
         self._frames = StressFrames(cones, of_points)
         self.size = self._frames.size
@@ -96,15 +98,21 @@ class MultiplierStrains:
         few = self.idle.any(axis=1) | on_axis_of_cells.any(axis=1)
         self.few: npt.NDArray[np.bool_] = np.asarray(few)
 
-    def _profile(self, cones: BodyCones, vertices: Floats) -> Floats | None:
-        """Return profiles of strengths from below at the points; None if no strength varies."""
+    def _fields(self, cones: BodyCones, vertices: Floats) -> tuple[Floats | None, Floats | None]:
+        """Return profiles and factors of slopes from below at the points; None if none varies."""
         if not cones.varies:
-            return None
+            return None, None
         places = np.concatenate([vertices, vertices.mean(axis=1, keepdims=True)], axis=1)
         parts = places[:, self.layout.corners]
         numbers = np.repeat(cones.of_cells, parts.shape[1])
-        found = profiles_in(cones, numbers, parts.reshape(-1, *parts.shape[2:]), "below")
-        return None if found is None else found.ravel()
+        parts = parts.reshape(-1, *parts.shape[2:])
+        profile = profiles_in(cones, numbers, parts, "below")
+        steepness = steepness_in(cones, numbers, parts, "below")
+        if profile is not None:
+            profile = profile.ravel()
+        if steepness is not None:
+            steepness = np.repeat(steepness, parts.shape[1])
+        return profile, steepness
 
     def _leave(self, bare: npt.NDArray[np.bool_]) -> None:
         """Remove the stresses at bare vertices from the unknowns, and find the idle unknowns."""

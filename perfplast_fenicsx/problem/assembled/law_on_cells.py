@@ -216,10 +216,9 @@ def set_parameters(
             if x is None:
                 x = coordinates_of_points(space)
             try:
-                values = number.at(x[points], f"a strength of '{name}'")
                 every = np.concatenate([_vertices(tagged_mesh, cells), x[points]])
                 _check_positive(number, name, every)
-                functions[key].x.array[points] = values
+                functions[key].x.array[points] = number.at(x[points], f"a strength of '{name}'")
             except InputError as error:
                 message = message or str(error)
     if x is not None:

@@ -1,0 +1,183 @@
+"""Angles of friction that vary in space, and what Mohr and Coulomb's condition takes of them.
+
+In the plane the set of a point x is ‖dev σ‖ ≤ √2 s(x)(a(x) − p), with s = sin φ, the mean stress p
+and the apex a = c cot φ. A linear stress in a cell makes s(x) p(x) quadratic, so that vertices do
+not suffice for a slope that varies. Strict bounds take one slope a cell:
+
+- From below the smallest s in the cell, and a linear function b ≤ s a in place of s a. Wherever
+  b − s p ≥ 0, p ≤ b/s ≤ a, so that b − s p ≤ s(x)(a(x) − p): the set is inside that of each point.
+- From above the largest s, and a linear function b ≥ s a. So the set has that of each point inside.
+
+The linear functions follow from φ between linear functions, as the cotangent is convex: it is above
+its tangent, and below its chord. Both bounds converge to the same number as cells become smaller.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.enclosures import Pair, linear_product
+from perfplast_fenicsx.errors import InputError, place_of
+from perfplast_fenicsx.spatial_fields import SpatialField, Strength
+
+
+@dataclass(frozen=True)
+class FrictionAngle(SpatialField):
+    """φ (degrees) of a field whose tan φ is divided by a number.
+
+    Args:
+        angle: The angle before the division (degrees).
+        divisor: F > 0.
+        scale: 1.
+    """
+
+    angle: SpatialField
+    divisor: float = 1.0
+
+    def in_words(self) -> str:
+        """Return the field, and the number that its tangent is divided by."""
+        less = "" if self.divisor == 1 else f", its tangent divided by {self.divisor:.6g}"
+        return f"{self.angle}{less}"
+
+    def _at(self, x: Floats, place: str) -> Floats:
+        return np.degrees(np.arctan(self._tangents(x, place)))
+
+    def _between(self, corners: Floats, place: str) -> Pair:
+        low, high = (np.degrees(np.arctan(it)) for it in self.extremes(corners, place))
+        return _even(low, corners), _even(high, corners)
+
+    def _tangents(self, x: Floats, place: str) -> Floats:
+        """Return tan φ at points.
+
+        Raises:
+            InputError: Naming the point at which an angle is farthest out of its range.
+        """
+        angles = self.angle.at(x, place)
+        wrong = ~((angles > 0) & (angles < 90))
+        if wrong.any():
+            worst = int(np.argmax(np.where(wrong, np.abs(angles - 45), -np.inf)))
+            raise InputError(
+                f"{place}: friction_angle, {self.angle}, is {angles[worst]:.6g} degrees at"
+                f" {place_of(x[worst])}; an angle of friction that varies must be between 0 and 90"
+                " degrees in the whole body, so give such values there, or a body with law ="
+                " 'tresca' to ground without friction."
+            )
+        return np.asarray(np.tan(np.radians(angles)) / self.divisor)
+
+    def angles_between(self, corners: Floats, place: str) -> Pair:
+        """Return linear functions beside the angle before the division (radians), in simplices.
+
+        Args:
+            corners: Vertices of the simplices, shape (n, k, d).
+            place: What has the field, for messages.
+
+        Returns:
+            Values at the vertices, each of shape (n, k).
+
+        Raises:
+            InputError: If a linear function beside the angle leaves the range of angles.
+        """
+        low, high = self.angle.between(corners, place)
+        wrong = ~((low > 0) & (high < 90)).all(axis=1)
+        if wrong.any():
+            where = place_of(corners[int(np.argmax(wrong))].mean(axis=0))
+            raise InputError(
+                f"{place}: friction_angle, {self.angle}, varies so steeply in the cell at {where}"
+                " that no linear functions between 0 and 90 degrees are known beside it; refine the"
+                " mesh there, or give it lines where the slope of the angle changes."
+            )
+        return np.radians(low), np.radians(high)
+
+    def extremes(self, corners: Floats, place: str) -> Pair:
+        """Return the least and the largest tan φ that a simplex may have, each of shape (n,)."""
+        low, high = self.angles_between(corners, place)
+        return np.tan(low.min(axis=1)) / self.divisor, np.tan(high.max(axis=1)) / self.divisor
+
+
+@dataclass(frozen=True)
+class FrictionSine(SpatialField):
+    """sin φ, one number a cell where it is taken from one side.
+
+    Args:
+        friction: φ.
+        scale: 1.
+    """
+
+    friction: FrictionAngle
+
+    def in_words(self) -> str:
+        """Return the angle in words."""
+        return f"the sine of {self.friction}"
+
+    def _at(self, x: Floats, place: str) -> Floats:
+        return np.sin(np.radians(self.friction.at(x, place)))
+
+    def _between(self, corners: Floats, place: str) -> Pair:
+        least, most = map(_sine, self.friction.extremes(corners, place))
+        return _even(least, corners), _even(most, corners)
+
+
+@dataclass(frozen=True)
+class FrictionStrength(SpatialField):
+    """2c cos φ; beside it in a cell linear functions for the slope of :class:`FrictionSine`.
+
+    Args:
+        cohesion: c > 0 (stress).
+        friction: φ.
+        scale: The number that it is multiplied by.
+    """
+
+    cohesion: Strength
+    friction: FrictionAngle
+
+    def in_words(self) -> str:
+        """Return cohesion and angle in words."""
+        return f"2 ({self.cohesion}) times the cosine of {self.friction}"
+
+    def _at(self, x: Floats, place: str) -> Floats:
+        cohesion = self.cohesion
+        if isinstance(cohesion, SpatialField):
+            cohesion = cohesion.at(x, place)
+        return np.asarray(2 * cohesion * np.cos(np.radians(self.friction.at(x, place))))
+
+    def _between(self, corners: Floats, place: str) -> Pair:
+        friction = self.friction
+        low, high = friction.angles_between(corners, place)
+        least, most = friction.extremes(corners, place)
+        one = np.ones(corners.shape[:2])
+        weak, strong = one * self.cohesion, one * self.cohesion
+        if isinstance(self.cohesion, SpatialField):
+            weak, strong = self.cohesion.between(corners, place)
+        middle = high.mean(axis=1, keepdims=True)
+        tangent = 1 / np.tan(middle) - (high - middle) / np.sin(middle) ** 2
+        below = linear_product(weak, friction.divisor * tangent)[0]
+        steady = weak / most[:, None]
+        below = np.where((below > steady / 2).all(axis=1, keepdims=True), below, steady)
+        above = linear_product(strong, friction.divisor / np.tan(low))[1]
+        return 2 * _sine(least)[:, None] * below, 2 * _sine(most)[:, None] * above
+
+
+def friction_of(angle: SpatialField) -> FrictionAngle:
+    """Return an angle as one whose tangent can be divided."""
+    return angle if isinstance(angle, FrictionAngle) else FrictionAngle(angle)
+
+
+def divided_friction(angle: SpatialField, factor: float) -> FrictionAngle:
+    """Return the angle whose tangent is divided by a factor.
+
+    Args:
+        angle: φ (degrees).
+        factor: F > 0.
+    """
+    friction = friction_of(angle)
+    return FrictionAngle(friction.angle, friction.divisor * factor)
+
+
+def _sine(tangent: Floats) -> Floats:
+    return np.asarray(tangent / np.sqrt(1 + tangent**2))
+
+
+def _even(values: Floats, corners: Floats) -> Floats:
+    """Return one number a simplex at each of its vertices."""
+    return np.repeat(values[:, None], corners.shape[1], axis=1)
