@@ -1,10 +1,13 @@
-"""Bound factors of safety of homogeneous dry slopes from above, by NumPy and SciPy alone.
+"""Bound the strength of homogeneous slopes from above, by NumPy and SciPy alone.
 
 A block of ground rotates about a pole and leaves the rest along a log spiral (W. F. Chen, Limit
 Analysis and Soil Plasticity, 1975, chapter 9). That is a mechanism of associated ground. If the
 weight does at least the work that the spiral dissipates with strengths divided by F, the slope
-falls at F. So each such F is an upper bound, however well the pole is chosen. Integrals are exact:
-no arc is replaced by chords.
+falls at F. So each such F is an upper bound, however well the pole is chosen. Without friction the
+spiral is a slip circle. Integrals are exact: no arc is replaced by chords. Only the work of the
+water in the pores, which presses the two sides of the spiral apart, is a sum over PRESSED points.
+
+The same holds for the unit weight at which a slope falls, and for the critical seismic coefficient.
 
     python3 demos/tribunal/log_spiral.py demos/tribunal/pruska_*.toml
 """
@@ -13,7 +16,8 @@ import math
 import sys
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +25,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
-FACTORS = (0.05, 20.0)
-"""Where factors are sought."""
+RANGES = {"strength": (0.05, 20.0), "bounds": (0.5, 200.0), "seismic": (1e-3, 5.0)}
+"""Where factors are sought, by the control of the case."""
+
+ENDS = {"base", "left", "right"}
+"""Surfaces that may be held."""
+
+PRESSED = np.linspace(0.0, 1.0, 721)
+"""Points at which the pore pressure is taken, as shares of the angle of a spiral."""
 
 TOLERANCE = 1e-5
 """Relative, of a factor for the best pole that was found."""
@@ -36,7 +46,7 @@ TURN = 1.2 * math.pi
 
 @dataclass(frozen=True)
 class Slope:
-    """Homogeneous dry ground that descends to the left.
+    """Homogeneous ground that descends to the left.
 
     Attributes:
         x: Abscissas of the surface's corners, increasing (length).
@@ -45,6 +55,12 @@ class Slope:
         cohesion: (stress).
         friction: Tangent of the angle of friction.
         weight: Force per volume, (horizontal, vertical).
+        control: What is sought: "strength" a factor of safety, "bounds" a factor of the weight,
+            "seismic" the critical seismic coefficient.
+        push: Direction of the earthquake, 1.0 or -1.0.
+        ratio_of_pressure: r_u, the pore pressure over the weight above.
+        table: Corners of the water table, shape (points, 2); empty without one.
+        water: Unit weight of water (force per volume).
     """
 
     x: NDArray[np.float64]
@@ -53,43 +69,130 @@ class Slope:
     cohesion: float
     friction: float
     weight: tuple[float, float]
+    control: str = "strength"
+    push: float = -1.0
+    ratio_of_pressure: float = 0.0
+    table: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    water: float = 0.0
 
     def height(self, x: ArrayLike) -> NDArray[np.float64]:
         """Return heights of the surface."""
         return np.asarray(np.interp(np.asarray(x), self.x, self.y))
 
+    def pressure(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return pore pressures at points."""
+        found = -self.weight[1] * self.ratio_of_pressure * (self.height(x) - y)
+        if len(self.table):
+            found = found + self.water * np.maximum(np.interp(x, *self.table.T) - y, 0.0)
+        return found
+
+    @property
+    def wet(self) -> bool:
+        """Whether there is water in the pores."""
+        return bool(len(self.table)) or self.ratio_of_pressure > 0
+
+    def at(self, value: float) -> tuple["Slope", float]:
+        """Return the slope under a value of what is sought, and the divisor of strengths."""
+        across, down = self.weight
+        if self.control == "strength":
+            return self, value
+        if self.control == "bounds":
+            return replace(self, weight=(value * across, value * down)), 1.0
+        return replace(self, weight=(-value * self.push * down, down)), 1.0
+
 
 def slope_of(case: dict[str, Any]) -> Slope | None:
-    """Return the slope of a case file; None if it is not homogeneous, dry and free of loads.
+    """Return the slope of a case file; None if the script does not apply.
+
+    It applies to one body without loads but its weight, whose base and ends alone are held, and
+    whose water does not reach above the surface.
 
     Args:
         case: The parsed TOML file.
     """
     drawn = [*case.get("stratum", ()), *case.get("region", ())]
-    if len(drawn) != 1 or {"water", "seepage", "load"} & case.keys():
+    (control,) = {case["loading"]["control"]} & RANGES.keys() or {""}
+    held = {support["on"] for support in case.get("support", ())}
+    (law,) = list(case["material"].values())[:1]
+    cohesion = law.get("cohesion", law.get("yield_stress", 0.0) / math.sqrt(3))
+    if len(drawn) != 1 or not control or held - ENDS or isinstance(cohesion, str):
         return None
     (body,) = drawn
+    surface, weight = _surface(body), _weight(case, control, body["name"])
+    if surface is None or weight is None:
+        return None
+    points, bottom = surface
+    water = case.get("water", {})
+    table = np.array(water.get("table", np.empty((0, 2))), float)
+    density = case.get("gravity", {}).get("density", {}).get(body["name"])
+    if {"piezometric", "dry", "on"} & water.keys() or "seepage" in case:
+        return None
+    if any(value != density for value in water.get("saturated", {}).values()):
+        return None
+    push = float(case.get("earthquake", {}).get("direction", (-1.0, 0.0))[0])
+    if points[0, 1] > points[-1, 1]:  # the mirror image
+        points, table = points[::-1] * (-1, 1), table[::-1] * (-1, 1)
+        weight, push = (-weight[0], weight[1]), -push
+    x, y = points.T
+    both = np.union1d(x, table[:, 0])
+    if len(table) and (np.interp(both, *table.T) > np.interp(both, x, y) + 1e-9).any():
+        return None
+    return Slope(
+        x,
+        y,
+        float(bottom),
+        float(cohesion),
+        math.tan(math.radians(law.get("friction_angle", 0.0))),
+        weight,
+        control,
+        push,
+        float(water.get("ru", {}).get(body["name"], 0.0)),
+        table,
+        float(water.get("unit_weight", 9.81)),
+    )
+
+
+def _surface(body: dict[str, Any]) -> tuple[NDArray[np.float64], float] | None:
+    """Return corners of the surface of a drawn body and the level of its base; None if it has none.
+
+    A vertical part of the surface is inclined by a billionth.
+    """
     if "top" in body:
         points, bottom = np.array(body["top"], float), body["bottom"]
         if not isinstance(bottom, int | float):
             return None
     else:
-        points = np.array(body["points"], float)
-        bottom = points[:, 1].min()
-        base = np.flatnonzero(points[:, 1] == bottom)
-        points = points[np.argsort(points[:, 0], kind="stable")]
-        if len(base) != 2 or not points[0, 1] == bottom:
+        ring = np.array(body["points"], float)
+        bottom = ring[:, 1].min()
+        first, last = (np.lexsort((-ring[:, 1], side * ring[:, 0]))[0] for side in (1, -1))
+        count = len(ring)
+        ways = [ring[(first + step * np.arange(count)) % count] for step in (1, -1)]
+        lengths = [(step * (last - first)) % count + 1 for step in (1, -1)]
+        over = [way[:length] for way, length in zip(ways, lengths, strict=True)]
+        over = [way for way in over if (way[1:, 1] > bottom).all()]
+        if len(over) != 1 or np.count_nonzero(ring[:, 1] == bottom) != 2:
             return None
-        right = points[points[:, 0] == points[-1, 0]]
-        points = np.vstack([points[points[:, 0] < points[-1, 0]], right[[right[:, 1].argmax()]]])
-    (law,) = case["material"].values()
-    (density,) = case["gravity"]["density"].values()
+        (points,) = over
+    steps = np.diff(points[:, 0])
+    if (steps < 0).any():
+        return None
+    points[1:, 0] += 1e-9 * np.ptp(points[:, 0]) * np.cumsum(steps == 0)
+    return points, float(bottom)
+
+
+def _weight(case: dict[str, Any], control: str, name: str) -> tuple[float, float] | None:
+    """Return the force per volume of a body; None if other loads act."""
+    loads = case.get("load", ())
+    if control == "bounds":
+        if len(loads) != 1 or set(loads[0]) != {"on", "body_force"} or loads[0]["on"] != name:
+            return None
+        across, down = loads[0]["body_force"]
+        return float(across), float(down)
+    if loads or "gravity" not in case:
+        return None
+    density = case["gravity"]["density"][name]
     across, down = (density * part for part in case["gravity"]["acceleration"])
-    if points[0, 1] > points[-1, 1]:  # the mirror image
-        points, across = points[::-1] * (-1, 1), -across
-    friction = math.tan(math.radians(law.get("friction_angle", 0.0)))
-    x, y = points.T
-    return Slope(x, y, float(bottom), law["cohesion"], friction, (across, down))
+    return across, down
 
 
 def ratio(mechanism: Sequence[float], slope: Slope, factor: float) -> float:
@@ -130,6 +233,10 @@ def ratio(mechanism: Sequence[float], slope: Slope, factor: float) -> float:
     if not inside or (above(end * SAMPLES[1:-1]) > 0).any():
         return math.inf
     work = float(np.dot(slope.weight, _velocity(slope, pole, (angle, radius, t), end, x[[0, -1]])))
+    if slope.wet:
+        along = end * PRESSED
+        pressed = np.maximum(slope.pressure(*arc(along)), 0.0)
+        work += t * float(np.trapezoid(pressed * (radius * np.exp(-t * along)) ** 2, along))
     if work <= 0:
         return math.inf
     swept = radius**2 * (-math.expm1(-2 * t * end) / (2 * t) if t > 0 else end)
@@ -188,11 +295,12 @@ def least(slope: Slope, factor: float, starts: Sequence[Sequence[float]]) -> tup
 
 
 def upper_bound(slope: Slope) -> float | None:
-    """Return the least factor at which a log spiral falls; None if none of them does.
+    """Return the least factor at which a log spiral falls; None if no spiral falls.
 
     The factor is rounded up, and the work of its mechanism is checked at it.
     """
-    low, high = FACTORS
+    low, high = RANGES[slope.control]
+    largest = high
     span, rise = slope.x[-1] - slope.x[0], float(np.ptp(slope.y))
     top, foot = slope.y[-1], float(slope.x[np.flatnonzero(slope.y > slope.y[0])[0] - 1])
     grid = [
@@ -203,15 +311,17 @@ def upper_bound(slope: Slope) -> float | None:
     ]
     last: list[Any] = []
     while high > (1 + TOLERANCE) * low:
-        factor = math.sqrt(low * high)
-        best = least(slope, factor, last)
+        value = math.sqrt(low * high)
+        loaded, factor = slope.at(value)
+        best = least(loaded, factor, last)
         if best[0] > 1 and high > 1.05 * low:
-            ranked = sorted(grid, key=lambda start: ratio(start, slope, factor))[:3]
-            best = min(best, least(slope, factor, ranked), key=lambda pair: pair[0])
+            rank = partial(ratio, slope=loaded, factor=factor)
+            ranked = sorted(grid, key=rank)[:3]
+            best = min(best, least(loaded, factor, ranked), key=lambda pair: pair[0])
         if best[1] is not None:
             last = [best[1]]
-        low, high = (low, factor) if best[0] < 1 - 1e-9 else (factor, high)
-    return None if high == FACTORS[1] else math.ceil(high * 1e5) / 1e5
+        low, high = (low, value) if best[0] < 1 - 1e-9 else (value, high)
+    return None if high == largest else math.ceil(high * 1e5) / 1e5
 
 
 def main(paths: Sequence[str]) -> None:
@@ -219,7 +329,7 @@ def main(paths: Sequence[str]) -> None:
     for path in map(Path, paths):
         slope = slope_of(tomllib.loads(path.read_text(encoding="utf-8")))
         bound = None if slope is None else upper_bound(slope)
-        print(path.stem, "no log spiral" if bound is None else f"F ≤ {bound:.5f}", flush=True)
+        print(path.stem, "no log spiral" if bound is None else f"at most {bound:.5f}", flush=True)
 
 
 if __name__ == "__main__":

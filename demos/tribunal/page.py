@@ -1,0 +1,320 @@
+"""Write the page of published numbers before a proof."""
+
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
+from pathlib import Path
+from statistics import median
+
+from demos.tribunal.verdicts import (
+    BELOW,
+    IMPOSSIBLE,
+    METHODS,
+    POSSIBLE,
+    UNDECIDED,
+    WORDS,
+    Published,
+    Solved,
+    Verdict,
+    ends,
+    judged,
+    kind_of,
+    percent,
+)
+
+NARROW = Decimal("1.5")
+"""Width (percent) that nine of ten problems shall not exceed."""
+
+MOST_NAMED = 15
+"""Number of problems that are named beside published numbers."""
+
+ABOVE_ALL = """# Published numbers before a proof
+
+<!-- written by demos/tribunal/tribunal.py; edit that -->
+
+Many programs, papers and books give factors of safety of the same slopes, or limit loads of the
+same bodies, and their numbers differ. This page compares each number with two bounds that a file
+proves. With strengths divided by the lower bound on a factor of safety, a stress carries the
+weight, and no cell yields. With strengths divided by the upper bound, a mechanism moves, and the
+weight does more work than the ground can take up. Bounds on a load factor multiply the loads
+instead.
+
+```bash
+make tribunal                     # solves all problems; NAMES="pruska_01 cheng" selects
+```
+
+- [Case files](../demos/tribunal) of at most 25 lines have coordinates and strengths.
+- [published.csv](../demos/tribunal/published.csv) has the numbers and their sources.
+- [bounds.csv](../demos/tribunal/bounds.csv) has the bounds and the checksums of their proofs.
+- [verdicts.csv](../demos/tribunal/verdicts.csv) has a verdict for each number.
+
+"""
+
+EXPLAINED = """
+## What is proven, and what is not
+
+- A number is **impossible** if it is above the upper bound by more than its rounding. Then it is
+  wrong for the ground as written, whatever the flow rule is. Ground that dilates less than its
+  angle of friction has no larger factor (D. Radenkovic, 1961).
+- A number is **below what associated ground carries for certain** if it is below the lower bound by
+  more than its rounding. Ground that dilates less may fall there. Limit equilibrium may rest on a
+  cautious assumption.
+- A number is **possible** if it is neither. A number that its source calls a lower or an upper
+  bound is wrong only if it is on the wrong side of both bounds.
+- A number is **not decided** if a bound is missing, or if it is not certain which problem was
+  solved.
+- The rounding is half a unit of the last printed digit. The percentage is the least one within it.
+
+The bounds hold for plane strain, the law in the case file (Mohr–Coulomb's without a limit of
+tension, or von Mises'), associated flow, and the geometry as written. In slopes this includes the
+base, which is fixed, and the ends, which cannot move along x. A published number may belong to
+other ends or to another base. Nothing is proven of cracks, of progressive failure, or of the ground
+in the field.
+
+Most sources were read in a transcription, which `published.csv` names in each row. So a verdict may
+also mean a misprint in the source or in its transcription. Problems with a geometry that only a
+figure has are left out, and so are factors of one given slip surface.
+
+Factors of bearing capacity in textbooks are empirical or for design. "Impossible" then means that
+no footing of this kind on such ground carries that much, and says nothing of a footing in the
+field.
+
+The last column of the table of slopes is independent of the other bounds. It is the best log spiral
+that `log_spiral.py` finds, with NumPy and SciPy alone: an upper bound of homogeneous slopes, with
+water in the pores or without. Without friction the spiral is a slip circle. The script that writes
+this page fails if a lower bound is above it.
+
+Five of the loads were also bounded with another solver, Clarabel (`[solve] conic = "clarabel"`), on
+meshes that it adapted itself. Each of its brackets overlaps the one above:
+
+| problem | lower | upper |
+|---|---:|---:|
+| `strip_punch` | 5.13043 | 5.15120 |
+| `double_cracks_50` | 1.40398 | 1.41040 |
+| `notches_90` | 1.78316 | 1.78907 |
+| `footing_nc_20` | 14.82315 | 14.88340 |
+| `footing_at_slope_45` | 3.56258 | 3.57802 |
+
+To check the proofs of a problem, solve it and call the checker, which needs NumPy and h5py alone:
+
+```bash
+./fenicsx python3 demos/tribunal/tribunal.py --only pruska_01 -o build/tribunal
+./fenicsx python3 -m perfplast_fenicsx.proof build/tribunal/pruska_01/results/stands.h5
+./fenicsx python3 -m perfplast_fenicsx.proof build/tribunal/pruska_01/results/falls.h5
+```
+
+The checker prints F, the strengths, the area and the supports that the proof takes as written
+([proof files](proof.md)).
+"""
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table of Markdown; heads that end with ":" are aligned to the right."""
+    lines = [[head.removesuffix(":") for head in heads]]
+    lines += [["---:" if head.endswith(":") else "---" for head in heads], *map(list, rows)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def page(
+    cases: Mapping[str, Path], published: Sequence[Published], solved: Mapping[str, Solved]
+) -> str:
+    """Return the page in docs, which depends on the tables and the titles of the cases alone."""
+    titles = {
+        name: tomllib.loads(case.read_text(encoding="utf-8"))["title"]
+        for name, case in cases.items()
+    }
+    verdicts = judged(published, solved)
+    kinds = {number.problem: kind_of(number.quantity) for number in published}
+    return "".join(
+        [
+            ABOVE_ALL,
+            in_short(kinds, verdicts, solved),
+            "\n## Verdicts by method\n\n",
+            of_methods(verdicts),
+            "\n## Slopes\n\nBounds are those of the factor of safety, unless the title names k_c or"
+            " γH/c. The columns of verdicts have numbers of published values.\n\n",
+            of_problems(_of("slopes", kinds, titles), verdicts, solved, spirals=True),
+            "\n## Footings, cuts, tunnels, anchors and piles\n\nBounds are those of the load"
+            " factor, which each case file explains.\n\n",
+            of_problems(_of("ground", kinds, titles), verdicts, solved),
+            "\n## Metal\n\n",
+            of_problems(_of("metal", kinds, titles), verdicts, solved),
+            "\n## Beside what is published\n\n",
+            beside(titles, published, solved),
+            EXPLAINED,
+            "\n## All numbers\n\nPercentages are above the upper or below the lower bound.\n\n",
+            of_numbers(titles, verdicts),
+        ]
+    )
+
+
+def _of(kind: str, kinds: Mapping[str, str], titles: Mapping[str, str]) -> dict[str, str]:
+    """Return the titles of the problems of a kind."""
+    return {name: title for name, title in titles.items() if kinds.get(name) == kind}
+
+
+def in_short(
+    kinds: Mapping[str, str],
+    verdicts: Sequence[tuple[Published, Verdict]],
+    solved: Mapping[str, Solved],
+) -> str:
+    """Return the result in some sentences.
+
+    Args:
+        kinds: Of all problems, by name.
+        verdicts: On all numbers.
+        solved: What is proven, by name.
+    """
+    counts = Counter(verdict.word for _, verdict in verdicts)
+    widths = {name: width for name, row in solved.items() if (width := row.width) is not None}
+    both = Counter(kinds[name] for name in widths if name in kinds)
+    said = [
+        f"{len(widths)} of {len(kinds)} problems have bounds on both sides: {both['slopes']}"
+        f" slopes, {both['ground']} other problems of ground, {both['metal']} of metal.",
+        f"Of {len(verdicts)} published numbers {counts[IMPOSSIBLE]} are impossible,"
+        f" {counts[POSSIBLE]} possible, {counts[BELOW]} below what associated ground carries for"
+        f" certain, and {counts[UNDECIDED]} not decided.",
+    ]
+    if widths:
+        seconds = [float(row.seconds) for row in solved.values()]
+        narrow = 100 * sum(width <= NARROW for width in widths.values()) // len(widths)
+        said.insert(
+            1,
+            f"The median distance of the two bounds is {median(widths.values()):.2f} %, the largest"
+            f" {max(widths.values()):.2f} %; {narrow} % of the problems have at most {NARROW} %. A"
+            f" problem takes {median(seconds):.0f} s of one core in the median, all together"
+            f" {sum(seconds) / 60:.0f} minutes.",
+        )
+    above = [it.percent for _, it in verdicts if it.word == IMPOSSIBLE and it.percent is not None]
+    if above:
+        said.append(
+            f"Impossible numbers are {median(above):.1f} % above the upper bound in the median,"
+            f" and {max(above):.1f} % at most."
+        )
+    return " ".join(said) + "\n"
+
+
+def of_problems(
+    titles: Mapping[str, str],
+    verdicts: Sequence[tuple[Published, Verdict]],
+    solved: Mapping[str, Solved],
+    spirals: bool = False,
+) -> str:
+    """Return the table with a row a problem.
+
+    Args:
+        titles: Of the problems in the table, by name.
+        verdicts: On all numbers.
+        solved: What is proven, by name.
+        spirals: Whether the table has a column of log spirals.
+    """
+    heads = ["problem", "case", "lower:", "upper:", "width, %:", "s:"]
+    heads += ["impossible:", "possible:", "below:", "not decided:"]
+    heads += ["log spiral:"] if spirals else []
+    rows = []
+    for name in sorted(titles, key=lambda name: (not name.startswith("pruska"), name)):
+        row = solved.get(name)
+        numbers = Counter(verdict.word for number, verdict in verdicts if number.problem == name)
+        case = f"[`{name}`](../demos/tribunal/{name}.toml)"
+        found = ["–"] * 4
+        if row is not None:
+            width = "–" if row.width is None else f"{row.width:.2f}"
+            found = [row.lower or "–", row.upper or "–", width, row.seconds]
+        shown = [titles[name], case, *found, *(str(numbers[word] or "") for word in WORDS)]
+        rows.append([*shown, "" if row is None else row.spiral] if spirals else shown)
+    return table(heads, rows)
+
+
+def beside(
+    titles: Mapping[str, str], published: Sequence[Published], solved: Mapping[str, Solved]
+) -> str:
+    """Return our widths beside the best published pairs of bounds, and beside published numbers.
+
+    Where we know no pair of bounds, the least and the largest published number are compared. That
+    leaves out problems with exact slip lines.
+    """
+    pairs, spreads = [], []
+    for name in sorted(titles):
+        row = solved.get(name)
+        mine = [it for it in published if it.problem == name and not it.doubt]
+        if row is None or row.width is None:
+            continue
+        lows = [it for it in mine if it.bound == "lower"]
+        highs = [it for it in mine if it.bound == "upper"]
+        if lows and highs:
+            low = max(lows, key=lambda it: ends(it.value))
+            high = min(highs, key=lambda it: ends(it.value))
+            theirs = 100 * (Decimal(high.value) / Decimal(low.value) - 1)
+            sources = " and ".join(dict.fromkeys([low.source, high.source]))
+            here = f"{row.lower} … {row.upper}"
+            pairs.append((name, f"{low.value} … {high.value}", theirs, here, row.width, sources))
+        elif len({it.program for it in mine}) > 2 and all(it.method != "slip lines" for it in mine):
+            least = min(ends(it.value)[1] for it in mine)
+            most = max(ends(it.value)[0] for it in mine)
+            spreads.append((name, 100 * (most / least - 1), row.width))
+    said = (
+        f"We know published pairs of bounds of {len(pairs)} problems. Our two bounds are closer in"
+        f" {sum(width < theirs for *_, theirs, _, width, _ in pairs)} of them:\n\n"
+    )
+    heads = ["problem", "published pair", "width, %:", "here", "width, %:", "source of the pair"]
+    lines = [
+        [titles[name], printed, f"{theirs:.2f}", here, f"{width:.2f}", sources]
+        for name, printed, theirs, here, width, sources in pairs
+    ]
+    return said + table(heads, lines) + beside_numbers(titles, spreads)
+
+
+def beside_numbers(
+    titles: Mapping[str, str], spreads: Sequence[tuple[str, Decimal, Decimal]]
+) -> str:
+    """Return our widths beside the differences of published numbers.
+
+    Args:
+        titles: Of all problems, by name.
+        spreads: Name, difference of the numbers (percent) and width of the bounds (percent).
+    """
+    finer = sorted((it for it in spreads if it[2] < it[1]), key=lambda it: it[2] / it[1])
+    ratio = median(spread / width for _, spread, width in finer) if finer else 0
+    named = finer[:MOST_NAMED]
+    said = (
+        "\nFor the other problems we know no published pair of bounds, only numbers."
+        f" {len(spreads)} problems have numbers of at least three programs, methods or authors. In"
+        f" {len(finer)} of these problems our two bounds are closer to each other than the least"
+        f" and the largest number, by a factor of {ratio:.0f} in the median. Rounding is deducted"
+        f" from the distance of the numbers. These {len(named)} problems have the largest factors;"
+        " the last table has the sources:\n\n"
+    )
+    cells = [
+        [titles[name], f"{spread:.1f}", f"{width:.2f}", f"{spread / width:.0f}"]
+        for name, spread, width in named
+    ]
+    heads = ["problem", "numbers differ by, %:", "bounds differ by, %:", "factor:"]
+    return said + table(heads, cells)
+
+
+def of_methods(verdicts: Sequence[tuple[Published, Verdict]]) -> str:
+    """Return the distribution of verdicts by method."""
+    counts = Counter((number.method, verdict.word) for number, verdict in verdicts)
+    rows = []
+    for method in METHODS:
+        numbers = [counts[method, word] for word in WORDS]
+        if sum(numbers):
+            rows.append([method, str(sum(numbers)), *map(str, numbers)])
+    return table(["method", "numbers:", *(f"{word}:" for word in WORDS)], rows)
+
+
+def of_numbers(titles: Mapping[str, str], verdicts: Sequence[tuple[Published, Verdict]]) -> str:
+    """Return the table of all numbers."""
+    rows = []
+    for number, verdict in verdicts:
+        by = f" ({percent(verdict)} %)" if verdict.percent is not None else ""
+        why = f": {number.doubt}" if number.doubt else ""
+        source = number.source
+        if number.transcribed_by:
+            source += f"; transcribed by {number.transcribed_by}"
+        value = f"{number.value} ({number.bound} bound)" if number.bound else number.value
+        shown = [titles[number.problem], value, number.program, number.method]
+        rows.append([*shown, number.year, f"{verdict.word}{by}{why}", source])
+    heads = ["problem", "value:", "program or author", "method", "year", "verdict", "source"]
+    return table(heads, rows)
