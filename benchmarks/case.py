@@ -1,4 +1,4 @@
-"""One measured run, on any number of ranks: a load path beside E on the same mesh.
+"""Measure one load path and the unit E on the same mesh, on any number of ranks.
 
 python3 -m benchmarks.case two_blocks --n 16 -o case.json      (benchmarks/run.py does this)
 """
@@ -45,23 +45,23 @@ LEVEL_KEYS = (
 
 
 class Run:
-    """What is measured, and its clocks."""
+    """The measurement of one load path, with its clocks."""
 
     def __init__(self, comm: MPI.Intracomm, arguments: argparse.Namespace) -> None:
-        """Note what to run; nothing is run yet."""
+        """Store what to run; nothing is run yet."""
         self.comm, self.arguments = comm, arguments
         self.model: Model = MODELS[arguments.model]
         self.first_step: float | None = None
         self._clock = time.perf_counter()
 
     def lap(self) -> float:
-        """Seconds since the lap before, all ranks having arrived."""
+        """Return the seconds since the previous lap, after a barrier. Collective."""
         self.comm.Barrier()
         before, self._clock = self._clock, time.perf_counter()
         return self._clock - before
 
     def stepped(self, iteration: Iteration) -> None:
-        """Note the time of day of the first Newton step."""
+        """Store the time of the first Newton step."""
         if self.first_step is None:
             self.first_step = time.time()
 
@@ -78,7 +78,7 @@ class Run:
         PETSc.garbage_cleanup(self.comm)
 
     def measure(self) -> dict[str, Any]:
-        """Everything. Collective.
+        """Measure E and the load path. Collective.
 
         Returns:
             A record for JSON; the same keys on every rank.
@@ -132,14 +132,14 @@ class Run:
         return [elasticity.measure() for _ in range(count)]
 
     def _phases(self) -> dict[str, float]:
-        """Seconds of each phase so far, mean over ranks."""
+        """Return the seconds of each phase so far, as the mean over ranks."""
         spent = self.comm.allgather(seconds())
         return {name: sum(one[name] for one in spent) / self.comm.size for name in PHASES}
 
     def _detail(
         self, problem: Problem, memory: list[float], traffic: list[dict[str, Any]]
     ) -> list[dict[str, Any]]:
-        """What each rank has and does."""
+        """Return sizes, memory and messages of each rank."""
         index_map, block = problem.V.dofmap.index_map, problem.V.dofmap.index_map_bs
         mine = (
             index_map.size_local * block,
@@ -161,7 +161,7 @@ class Run:
 
 
 def _traffic() -> dict[str, Any]:
-    """What this rank has sent and received in the phases, and its reductions, by PETSc's count."""
+    """Return PETSc's counts of messages and reductions of this rank in each phase."""
     events = {name: PETSc.Log.Event(f"perfplast {name}").getPerfInfo() for name in PHASES}
     keys = {"messages": "numMessages", "bytes": "messageLength", "reductions": "numReductions"}
     return {
@@ -173,7 +173,7 @@ def _traffic() -> dict[str, Any]:
 def _path_record(
     levels: list[Level], parts: dict[str, float], phases: dict[str, float]
 ) -> dict[str, Any]:
-    """Counts and seconds of the path; the phases without what the problem's making took."""
+    """Return counts of iterations on the path, and seconds by phase."""
     reports = [level.report for level in levels]
     path_phases = {name: spent for name, spent in phases.items() if name != "contact set-up"}
     run = sum(parts.values())
@@ -201,13 +201,13 @@ def _path_record(
 
 
 def _changes(level: Level) -> int:
-    """Newton steps of a level after which another number of pairs was closed."""
+    """Return the number of Newton steps after which the number of closed pairs changed."""
     counts = [iteration.active_contacts for iteration in level.iterations]
     return int(np.count_nonzero(np.diff(counts)))
 
 
 def _unit_record(units: list[Unit], levels: list[Level], path: float) -> dict[str, Any]:
-    """E, and the path in it."""
+    """Return E, and the time of the path in units of E."""
     if not units:
         return {}
     unit = statistics.median(one.seconds for one in units)
@@ -223,7 +223,7 @@ def _unit_record(units: list[Unit], levels: list[Level], path: float) -> dict[st
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run and write the record."""
+    """Run the measurement and write its record."""
     parser = argparse.ArgumentParser(description="One measured load path.")
     parser.add_argument("model", choices=MODELS)
     parser.add_argument("--n", type=int, required=True, help="cubes per unit length")

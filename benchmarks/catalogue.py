@@ -1,4 +1,4 @@
-"""What ``make bench`` runs: groups of jobs whose runs take turns."""
+"""The groups of jobs that ``make bench`` runs in turn."""
 
 from dataclasses import dataclass, field
 
@@ -19,14 +19,14 @@ REFERENCES = {
 
 @dataclass(frozen=True)
 class Job:
-    """One command, run in processes of its own; it writes a JSON record.
+    """One command that runs in its own processes and writes a JSON record.
 
     Attributes:
-        name: Within its group.
-        command: What follows ``python3``, without output file.
+        name: Name within its group.
+        command: Arguments of ``python3``, without the output file.
         ranks: Processes; 0 for a command that starts MPI itself.
-        peer: Python module or program that must be there, or "" for what always is.
-        reference: α of the last level, if it is known.
+        peer: Python module or program that must be installed, or "" if none is needed.
+        reference: α of the last level; None if it is not known.
     """
 
     name: str
@@ -41,9 +41,9 @@ class Group:
     """Jobs that are compared with each other: they run in turn, ``rounds`` times.
 
     Attributes:
-        about: For people.
-        jobs: In the order of a round.
-        rounds: Unless the user wants another number.
+        about: Description for the reader.
+        jobs: The jobs, in the order of a round.
+        rounds: Number of rounds by default.
     """
 
     about: str
@@ -54,14 +54,14 @@ class Group:
 def case(
     model: str, n: int, *options: str, ranks: int = 1, solver: str = "default", name: str = ""
 ) -> Job:
-    """A job of the program itself."""
+    """Return a job that solves a load path by the program."""
     label = name or f"{plural(ranks)}, {solver} solver"
     command = (*CASE, model, "--n", str(n), "--solver", solver, *options)
     return Job(label, command, ranks, reference=REFERENCES.get((model, n)))
 
 
 def one_level(n: int) -> tuple[Job, ...]:
-    """The bolted assembly at its first level, by factorisations and by Total FETI, on 2 ranks."""
+    """Return jobs for one level of the bolted assembly, by factorisation and by Total FETI."""
     options = ("--degree", "2", "--levels", "0.5", "--units", "0")
     return (
         case("bolted", n, *options, ranks=2, solver="direct"),
@@ -70,43 +70,43 @@ def one_level(n: int) -> tuple[Job, ...]:
 
 
 def limit(model: str, n: int, *options: str, ranks: int) -> Job:
-    """A search for a limit load by the program."""
+    """Return a job that computes a limit load by the program."""
     return Job(f"limit load, {plural(ranks)}", (*LIMIT, model, "--n", str(n), *options), ranks)
 
 
 def plural(ranks: int) -> str:
-    """The ranks in words."""
+    """Return the number of ranks in words."""
     return f"{ranks} rank{'s' if ranks > 1 else ''}"
 
 
 def getfem(n: int) -> Job:
-    """GetFEM on the punch."""
+    """Return a job that solves the punch by GetFEM."""
     command = ("benchmarks/peers/getfem_punch.py", "--n", str(n))
     return Job("GetFEM", command, peer="getfem", reference=REFERENCES.get(("punch", n)))
 
 
 def plain(n: int, ranks: int, factor: str) -> Job:
-    """The plain DOLFINx loop on the plate."""
+    """Return a job that solves the plate by the plain DOLFINx loop."""
     command = ("-m", "benchmarks.peers.plain_newton", "--n", str(n), "--factor", factor)
     name = f"plain UFL, MUMPS {factor}, {plural(ranks)}"
     return Job(name, command, ranks, reference=REFERENCES.get(("l_plate", n)))
 
 
 def step42(ranks: int, refinements: int = 5) -> Job:
-    """deal.II's step-42 with perfect plasticity."""
+    """Return a job that runs deal.II's step-42 with perfect plasticity."""
     command = ("-m", "benchmarks.peers.step42", "--ranks", str(ranks))
     name = f"deal.II step-42, {plural(ranks)}"
     return Job(name, (*command, "--refinements", str(refinements)), 0, peer="step-42")
 
 
 def calculix(name: str, stiffer: int) -> Job:
-    """CalculiX and the program on one ``.inp``, with Young's modulus of steel or many of it."""
+    """Return a job for CalculiX and the program on one ``.inp``; ``stiffer`` scales the modulus."""
     command = ("-m", "benchmarks.peers.calculix", name, "--stiffer", str(stiffer))
     return Job(f"{name}, {stiffer} E, both", command, 0, peer="calculix")
 
 
 def plate(n: int) -> tuple[Job, ...]:
-    """The plate on 1 and 2 ranks, and what it is compared with."""
+    """Return the jobs of the plate on 1 and 2 ranks, with those it is compared with."""
     return tuple(
         job
         for ranks in (1, 2)
@@ -119,7 +119,7 @@ def plate(n: int) -> tuple[Job, ...]:
 
 
 WORKS = ("--works", "0.016", "0.025", "0.066")
-"""Works of `two_blocks` n = 8 at ζ = 60, 80, 100; at them finer meshes deform as much."""
+"""Works of `two_blocks`, n = 8, at ζ = 60, 80, 100; finer meshes are loaded to the same works."""
 
 GROUPS = {
     "start": Group(

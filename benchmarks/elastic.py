@@ -1,6 +1,6 @@
-"""E, the unit of cost: plain linear elasticity on the same mesh, solved once by the same multigrid.
+"""E, the unit of cost: one solution of linear elasticity on the same mesh by the same multigrid.
 
-Nothing here comes from the program's solvers, so that E stays the yardstick whatever they learn.
+This module uses none of the program's solvers, so that E does not change when they improve.
 """
 
 import gc
@@ -39,15 +39,15 @@ GAMG = {
 
 @dataclass(frozen=True)
 class Unit:
-    """What one linear elasticity cost.
+    """The cost of one solution of linear elasticity.
 
     Attributes:
-        allocation: Sparsity pattern and memory of the matrix (s); not part of E.
-        assembly: Of the matrix (s).
-        setup: Multigrid set-up (s).
-        solve: Conjugate gradients (s).
-        iterations: How many.
-        compliance: L(u), to see that it is the right problem.
+        allocation: Time (s) for the sparsity pattern and the memory of the matrix; not part of E.
+        assembly: Time (s) to assemble the matrix.
+        setup: Time (s) to set up the multigrid.
+        solve: Time (s) of the conjugate gradient iterations.
+        iterations: Number of conjugate gradient iterations.
+        compliance: L(u), which shows that the right problem was solved.
     """
 
     allocation: float
@@ -59,7 +59,7 @@ class Unit:
 
     @property
     def seconds(self) -> float:
-        """E."""
+        """Return E (s)."""
         return self.assembly + self.setup + self.solve
 
 
@@ -72,9 +72,9 @@ class Elasticity:
         """Compile the forms. Collective.
 
         Args:
-            problem: Whose mesh, elements, supports and loads are taken.
-            material: Of all bodies, whose yield stress does not count.
-            extra_supports: Held in addition.
+            problem: The problem with the mesh, elements, supports and loads to use.
+            material: Material of all bodies; its yield stress is not used.
+            extra_supports: Supports in addition to those of the problem.
         """
         V = problem.V
         gdim = V.mesh.geometry.dim
@@ -94,7 +94,7 @@ class Elasticity:
         self._V = V
 
     def measure(self) -> Unit:
-        """Assemble, set up and solve once, from nothing. Collective.
+        """Assemble, set up and solve once, starting from zero. Collective.
 
         Raises:
             RuntimeError: If CG does not converge.
@@ -136,7 +136,7 @@ class Elasticity:
         return Unit(allocation, assembly, setup, solve, iterations, compliance)
 
     def _rigid_motions(self) -> PETSc.NullSpace:
-        """The 6 (3 in 2D) rigid motions of the whole mesh."""
+        """Return the 6 (3 in 2D) rigid motions of the whole mesh as a null space."""
         gdim, owned = self._V.mesh.geometry.dim, self._V.dofmap.index_map.size_local
         x = self._load.duplicate()
         x.array[:] = self._V.tabulate_dof_coordinates()[:owned, :gdim].ravel()

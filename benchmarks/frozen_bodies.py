@@ -62,7 +62,7 @@ from tests.stones import box, stones, weight_and
 COMM = MPI.COMM_WORLD
 FILE = Path(__file__).with_suffix(".json")
 SAME = 1e-8
-"""Relative difference of values that are equal."""
+"""Relative difference below which two values count as equal."""
 
 Row = dict[str, Any]
 STRONG = VonMises(2e5, 0.3, 900.0)
@@ -79,7 +79,7 @@ PULL = Traction("top", (0.0, 0.0, 1.0), name="pull")
 
 
 def strip(law: Any, *loads: Any, rigid: Any = (), degree: int = 2, **more: Any) -> Problem:
-    """Half of a strip footing on ground, the plane of symmetry on the left."""
+    """Return half of a strip footing on ground, with the plane of symmetry on the left."""
     surfaces: dict[str, Any] = {
         "left": lambda x: x[0] < 1e-9,
         "right": lambda x: x[0] > 3 - 1e-9,
@@ -94,7 +94,7 @@ def strip(law: Any, *loads: Any, rigid: Any = (), degree: int = 2, **more: Any) 
 
 
 def bank(law: Any, *loads: Any) -> Problem:
-    """A vertical cut, 1 high and held at its bottom and back."""
+    """Return a vertical cut of height 1 that is held at its bottom and back."""
     surfaces: dict[str, Any] = {
         "back": lambda x: x[0] < 1e-9,
         "bottom": lambda x: x[1] < 1e-9,
@@ -106,7 +106,7 @@ def bank(law: Any, *loads: Any) -> Problem:
 
 
 def square(law: Any, *loads: Any, thin: bool = False) -> Problem:
-    """A quarter of a square with a square hole, on rollers."""
+    """Return a quarter of a square with a square hole, on rollers."""
     surfaces: dict[str, Any] = {
         "x0": lambda x: x[0] < 1e-9,
         "y0": lambda x: x[1] < 1e-9,
@@ -126,7 +126,7 @@ def square(law: Any, *loads: Any, thin: bool = False) -> Problem:
 
 
 def pushed(n: int, slope: float = 0.0, gdim: int = 2, moved: float = 0.5, **rubs: Any) -> Problem:
-    """A block that a constant pressure of 10 presses on another one, pushed aside."""
+    """Return a block that is pressed on another by a pressure of 10, and pushed sideways."""
     mesh = blocks_apart(COMM, [n] * gdim, [n] * gdim, moved_by=moved, slope=slope)
     push = Traction("top", (1.0, 0.0) if gdim == 2 else (0.8, 0.6, 0.0))
     return Problem(
@@ -140,7 +140,7 @@ def pushed(n: int, slope: float = 0.0, gdim: int = 2, moved: float = 0.5, **rubs
 
 
 def pressed(lower: int, upper: int, **rubs: Any) -> Problem:
-    """A strong block that is pressed on a weak one."""
+    """Return a strong block that is pressed on a weak one."""
     return Problem(
         blocks_apart(COMM, [lower, lower], [upper, upper], moved_by=0.0),
         {"lower": VonMises(2e5, 0.3, 100.0), "upper": STRONG},
@@ -152,7 +152,7 @@ def pressed(lower: int, upper: int, **rubs: Any) -> Problem:
 
 
 def disc(law: Any, *loads: Any, **rubs: Any) -> Problem:
-    """A disc around the axis x = 0 on a floor, pressed from above."""
+    """Return a disc around the axis x = 0 on a floor, pressed from above."""
     surfaces: dict[str, Any] = {
         "bottom": lambda x: x[1] < 1e-9,
         "side": lambda x: x[0] > 1 - 1e-9,
@@ -165,14 +165,14 @@ def disc(law: Any, *loads: Any, **rubs: Any) -> Problem:
 
 
 def blocks(lower: Any, upper: Any, *loads: Any, n: int = 1, **more: Any) -> Problem:
-    """Two blocks on each other, touching unless they are joined."""
+    """Return two blocks on each other, in contact unless ``more`` is given."""
     more = more or {"contacts": [Contact(*SEAM)]}
     laws, loads = {"lower": lower, "upper": upper}, loads or (Pressure("top", 1.0),)
     return Problem(stacked_blocks(COMM, n), laws, ROLLERS, loads, degree=2, **more)
 
 
 def stamped(base: Any, stamp: Any, degree: int = 2, **rubs: Any) -> Problem:
-    """A square punch on a block, a quarter of it."""
+    """Return a quarter of a square punch on a block."""
     return Problem(
         punch(COMM, 2),
         {"base": base, "punch": stamp},
@@ -184,7 +184,7 @@ def stamped(base: Any, stamp: Any, degree: int = 2, **rubs: Any) -> Problem:
 
 
 def stone(mu: float) -> Problem:
-    """A rigid stone on a held one, with its weight and a growing push to the right."""
+    """Return a rigid stone on a fixed one, with its weight and a growing push to the right."""
     mesh = stones(COMM, [box([0, -1], [1, 0]), box([0, 0], [1, 2])], (3, 2))
     laws: Any = {"0": Rigid(), "1": Rigid()}
     loads = weight_and(mesh, [1.0, 0.0], ["0"])
@@ -193,7 +193,7 @@ def stone(mu: float) -> Problem:
 
 
 def strict(problem: Problem) -> Row:
-    """Strict bounds of the body, and the limit load of the mesh."""
+    """Return the strict bounds of the body and the limit load of the mesh."""
     found = limit_bounds(problem)
     return {
         "lower": found.lower.value,
@@ -204,7 +204,7 @@ def strict(problem: Problem) -> Row:
 
 
 def of_mesh(problem: Problem) -> Row:
-    """Both sides of the limit load of the mesh."""
+    """Return both bounds of the limit load of the mesh."""
     found = interior_point(problem)
     return {
         "lower": found.lower,
@@ -215,14 +215,14 @@ def of_mesh(problem: Problem) -> Row:
 
 
 def factor(problem: Problem) -> Row:
-    """Bounds of the factor of safety."""
+    """Return the bounds of the factor of safety."""
     steps: list[Any] = []
     found = factor_of_safety(problem, 1e-2, steps=steps.append)
     return {"lower": found.lower, "upper": found.upper, "steps": len(steps)}
 
 
 def diagram(problem: Problem, *loads: Any) -> Row:
-    """Radii of the inner and the outer polygon of two loads, summed over rays."""
+    """Return the radii of the inner and the outer polygon of two loads, summed over rays."""
     steps: list[Any] = []
     found = envelope(
         problem, [[load] for load in loads], 3, 0.01, progress=Progress(steps=steps.append)
@@ -233,7 +233,7 @@ def diagram(problem: Problem, *loads: Any) -> Row:
 
 
 def shaken(problem: Problem, **ranges: tuple[float, float]) -> Row:
-    """Both sides of the shakedown load of the mesh."""
+    """Return both bounds of the shakedown load of the mesh."""
     found = shakedown_load(problem, LoadDomain.of_ranges(ranges))
     return {
         "lower": found.load,
@@ -325,18 +325,18 @@ BODIES: dict[str, Callable[[], Row]] = {
         square(STEEL, *TWO_WAYS), x=(0.0, 1.0), y=(-0.5, 1.0)
     ),
 }
-"""What is solved, by name."""
+"""The functions that solve each body, by name."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """What a body has come to, beside what is on file.
+    """The difference of a body's new result from the stored one.
 
     Attributes:
-        name: Of the body.
-        apart: Largest relative difference of its values, ∞ where one is missing on one side.
-        steps: By how many there are more.
-        seconds: Times as many as on file.
+        name: Name of the body.
+        apart: Largest relative difference of its values; ∞ if a value is missing on one side.
+        steps: New number of steps minus the stored one.
+        seconds: New processor time over the stored one.
     """
 
     name: str
@@ -346,12 +346,12 @@ class Change:
 
     @property
     def worse(self) -> bool:
-        """Whether a value differs, or there are more steps."""
+        """Return whether a value differs or the number of steps is larger."""
         return self.apart > SAME or self.steps > 0
 
 
 def solved(name: str, sweeps: int) -> Row:
-    """The row of a body, with the least processor seconds of some sweeps. Collective."""
+    """Return the row of a body, with the least processor time of all sweeps. Collective."""
     spent = []
     for _ in range(sweeps):
         began = time.process_time()
@@ -361,7 +361,7 @@ def solved(name: str, sweeps: int) -> Row:
 
 
 def changed(name: str, before: Row, after: Row) -> Change:
-    """What the row of a body is beside another one."""
+    """Return the difference of two rows of a body."""
     apart = max(_apart(before[key], after[key]) for key in ("lower", "upper"))
     counts = [key for key in ("steps", "factorisations") if key in before]
     more = max(after[key] - before[key] for key in counts)

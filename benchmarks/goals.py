@@ -1,4 +1,4 @@
-"""What the benchmarks have to show: each goal, its limits, and its value in a set of records."""
+"""The goals of the benchmarks: each goal, its limits, and its value in a set of records."""
 
 import statistics
 from collections.abc import Callable, Mapping, Sequence
@@ -8,10 +8,10 @@ from typing import Any
 Record = dict[str, Any]
 
 Results = Mapping[str, Mapping[str, Sequence[Record | None]]]
-"""Records by group, job and round; None where a run has failed."""
+"""Records by group, job and round; None if a run failed."""
 
 Round = Mapping[str, Record]
-"""Records of one round by job, those that have failed left out."""
+"""Records of one round by job, without the jobs that failed."""
 
 MULTIGRID = "1 rank, multigrid solver"
 MULTIGRID_2 = "2 ranks, multigrid solver"
@@ -21,13 +21,13 @@ DEFAULT_2 = "2 ranks, default solver"
 
 @dataclass(frozen=True)
 class Goal:
-    """A number that is to be at most ``limit``, better at most ``aim``.
+    """A number that must be at most ``limit``, and preferably at most ``aim``.
 
     Attributes:
-        text: What the number is.
-        groups: Of the catalogue, which it takes.
-        value: From a round of these groups; KeyError where a job is missing.
-        more: Larger is better.
+        text: Description of the number.
+        groups: Groups of the catalogue that it needs.
+        value: Function of a round of these groups; it raises KeyError if a job is missing.
+        more: Whether larger values are better.
     """
 
     text: str
@@ -38,7 +38,7 @@ class Goal:
     more: bool = False
 
     def measured(self, results: Results) -> float | None:
-        """Median over the rounds; None where something is missing."""
+        """Return the median over the rounds; None if a job is missing."""
         chosen = [results.get(group, {}) for group in self.groups]
         rounds = max((len(runs) for jobs in chosen for runs in jobs.values()), default=0)
         values = []
@@ -50,7 +50,7 @@ class Goal:
         return statistics.median(values) if values else None
 
     def verdict(self, value: float | None) -> str:
-        """In one word."""
+        """Return the verdict in one word."""
         if value is None:
             return "-"
         if self.aim is not None and self._within(value, self.aim):
@@ -62,18 +62,21 @@ class Goal:
 
 
 def _round(jobs: Mapping[str, Sequence[Record | None]], number: int) -> Round:
-    """The round, or the last one there is."""
+    """Return the record of each job in the round, or in its last round if there are fewer."""
     found = {name: runs[min(number, len(runs) - 1)] for name, runs in jobs.items() if runs}
     return {name: record for name, record in found.items() if record}
 
 
 def per_step(record: Record) -> float:
-    """Seconds per unknown and Newton step."""
+    """Return the seconds per unknown and Newton step."""
     return float(record["seconds"]["path"] / record["newton_iterations"] / record["dofs"])
 
 
 def units_in_plastic_range(record: Record) -> float:
-    """E per Newton step of the levels that end 10 % to 35 % plastic; KeyError without any."""
+    """Return E per Newton step of the levels that end 10 % to 35 % plastic.
+
+    KeyError without any.
+    """
     chosen = [one for one in record["levels"] if 0.10 <= one["plastic_fraction"] <= 0.35]
     if not chosen:
         raise KeyError("no such level")
@@ -82,7 +85,7 @@ def units_in_plastic_range(record: Record) -> float:
 
 
 def iterations_at(record: Record, zeta: float) -> float:
-    """CG iterations per solve at one load level; KeyError without it."""
+    """Return the CG iterations per solve at one load level; KeyError if it is missing."""
     for level in record["levels"]:
         if level["zeta"] == zeta:
             return float(level["linear_iterations"] / level["linear_solves"])
@@ -90,14 +93,14 @@ def iterations_at(record: Record, zeta: float) -> float:
 
 
 def whole_path(record: Record) -> float:
-    """E of the path; KeyError where it was not solved."""
+    """Return the time of the path in E; KeyError if it was not solved."""
     if not record["converged"]:
         raise KeyError("not solved")
     return float(record["E_path"])
 
 
 def _against_plain(ours: str, ranks: str) -> Callable[[Round], float]:
-    """Time of ours over that of the faster of the plain loops."""
+    """Return a function for the program's time over that of the faster plain loop."""
 
     def ratio(jobs: Round) -> float:
         plain = [

@@ -1,4 +1,4 @@
-"""Both bounds at once on two ranks, each on its own, against one after the other on both.
+"""Compare both bounds at once, one on each of two ranks, with one after the other on both ranks.
 
 ./fenicsx mpirun -n 2 python3 -m benchmarks.halves_at_once [--plane 0.25 0.12] [--space 2 3 4]
 
@@ -23,7 +23,7 @@ COMM = MPI.COMM_WORLD
 
 
 def seconds(problem: Problem, at_once: bool) -> float:
-    """Wall time of both bounds. Collective."""
+    """Return the wall time (s) of both bounds. Collective."""
     import_module(limit_bounds.__module__).pays = lambda *_: at_once  # type: ignore[attr-defined]
     COMM.barrier()
     began = time.perf_counter()
@@ -33,7 +33,7 @@ def seconds(problem: Problem, at_once: bool) -> float:
 
 
 def compare(name: str, problem: Problem, rounds: int) -> None:
-    """Print both. Collective."""
+    """Print the times and memory of both ways. Collective."""
     seconds(problem, at_once=True)
     taken = COMM.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
     times = [[seconds(problem, at_once) for at_once in (True, False)] for _ in range(rounds)]
@@ -45,7 +45,7 @@ def compare(name: str, problem: Problem, rounds: int) -> None:
 
 
 def main() -> None:
-    """Parse the command line."""
+    """Parse the command line and compare."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plane", nargs="*", type=float, default=[0.25, 0.12, 0.06, 0.03])
     parser.add_argument("--space", nargs="*", type=int, default=[2, 3, 4, 5])

@@ -1,4 +1,4 @@
-"""One measured search for a limit load, on any number of ranks, beside E on the same mesh.
+"""Measure one search for a limit load and the unit E on the same mesh, on any number of ranks.
 
 python3 -m benchmarks.limit bolted --n 2 --degree 2 -o limit.json      (benchmarks/run.py does this)
 """
@@ -25,7 +25,7 @@ from perfplast_fenicsx.io.results.result_folder import peak_memory
 def measure(
     comm: MPI.Intracomm, name: str, n: int, degree: int, rtol: float, units: int
 ) -> dict[str, Any]:
-    """Measure E, and then the search by the method that the program chooses. Collective.
+    """Measure E, and then a search by the method that the program chooses. Collective.
 
     Returns:
         A record for JSON; the same keys on every rank.
@@ -71,7 +71,7 @@ def _elasticity(
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run and write the record."""
+    """Run the measurement and write its record."""
     parser = argparse.ArgumentParser(description="One measured search for a limit load.")
     parser.add_argument("model", choices=MODELS)
     parser.add_argument("--n", type=int, required=True, help="cubes per unit length")

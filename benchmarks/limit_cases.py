@@ -1,4 +1,4 @@
-"""Limit loads and bounds of fifteen cases, to compare before and after a change of the method.
+"""Compare limit loads and bounds of fifteen cases before and after a change of the method.
 
 ./fenicsx python3 -m benchmarks.limit_cases -o before.json      (on the one commit)
 ./fenicsx python3 -m benchmarks.limit_cases -o after.json       (on the other)
@@ -44,12 +44,12 @@ SEAM = [Contact("lower_top", "upper_bottom")]
 
 
 def ground(angle: float, match: str = "plane-strain") -> DruckerPrager:
-    """Ground of an angle of friction (degrees)."""
+    """Return ground of an angle of friction (degrees)."""
     return DruckerPrager(1e4, 0.3, 10.0, angle, match)  # type: ignore[arg-type]
 
 
 def meshed(write: Callable[..., None], axisymmetric: bool = False, **sizes: Any) -> TaggedMesh:
-    """A mesh of a generator. Collective."""
+    """Return the mesh that a generator writes. Collective."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(COMM.bcast(folder)) / "mesh.msh"
         if COMM.rank == 0:
@@ -61,7 +61,7 @@ def meshed(write: Callable[..., None], axisymmetric: bool = False, **sizes: Any)
 
 
 def footing(material: Any, size: float = 0.5) -> Problem:
-    """A strip footing, smooth."""
+    """Return a smooth strip footing."""
     tagged_mesh = meshed(write_strip_footing, width=6.0, depth=3.0, grading=1.0, size=size)
     return Problem(
         tagged_mesh, {"ground": material}, ON_GROUND, [Pressure("footing", 1.0)], degree=2
@@ -69,7 +69,7 @@ def footing(material: Any, size: float = 0.5) -> Problem:
 
 
 def blocks(lower: Any, upper: Any, n: int = 2, **more: Any) -> Problem:
-    """Two blocks on each other."""
+    """Return two blocks on each other."""
     arguments: dict[str, Any] = {
         "contacts": SEAM,
         "loads": [Pressure("top", 1.0)],
@@ -79,21 +79,21 @@ def blocks(lower: Any, upper: Any, n: int = 2, **more: Any) -> Problem:
 
 
 def tube(material: Any, *loads: Any, size: float = 0.15) -> Problem:
-    """A quarter of a thick tube, on curved cells."""
+    """Return a quarter of a thick tube, on curved cells."""
     tagged_mesh = meshed(write_thick_tube, outer=2.0, interface=None, size=size, order=2)
     volumes = dict.fromkeys(tagged_mesh.volumes, material)
     return Problem(tagged_mesh, volumes, SYMMETRY, list(loads), degree=2)
 
 
 def sphere(material: Any) -> Problem:
-    """Half a section of a thick sphere."""
+    """Return half a section of a thick sphere."""
     tagged_mesh = meshed(write_thick_tube, axisymmetric=True, outer=2.0, size=0.15, order=2)
     volumes = dict.fromkeys(tagged_mesh.volumes, material)
     return Problem(tagged_mesh, volumes, SYMMETRY[1:], [Pressure("inner", 1.0)], degree=2)
 
 
 def punched(base: Any, stamp: Any, **more: Any) -> Problem:
-    """A square punch on a block, a quarter of it."""
+    """Return a quarter of a square punch on a block."""
     supports = [*SYMMETRY, Support("bottom")]
     return Problem(
         punch(COMM, 2),
@@ -132,11 +132,11 @@ CASES: dict[str, tuple[Callable[[], Problem], bool]] = {
     "space: punch, elastic": (lambda: punched(STEEL, Elastic(2e5, 0.3)), False),
     "space: punch, Tresca's friction": (lambda: punched(STEEL, STRONG, tresca=50.0), False),
 }
-"""Problems, and whether strict bounds of the body are sought besides."""
+"""Functions that make the problems, and whether strict bounds of the body are computed as well."""
 
 
 def run(case: str) -> dict[str, Any]:
-    """Bounds, iterations and seconds of processor time. Collective."""
+    """Return bounds, iterations and processor time (s) of a case. Collective."""
     make, strictly = CASES[case]
     problem, began = make(), time.process_time()
     found = interior_point(problem)
@@ -157,7 +157,7 @@ def run(case: str) -> dict[str, Any]:
 
 
 def compare(before: Path, after: Path) -> None:
-    """Print both, and the largest relative difference of bounds."""
+    """Print both records, and the largest relative difference of bounds."""
     one, other = (json.loads(path.read_text()) for path in (before, after))
     for case in CASES:
         a, b = one[case], other[case]
@@ -176,7 +176,7 @@ def _apart(a: float | None, b: float | None) -> float:
 
 
 def main() -> None:
-    """Parse the command line."""
+    """Parse the command line, and run or compare."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--compare", type=Path, nargs=2)

@@ -1,4 +1,4 @@
-"""Which libraries a run used."""
+"""The libraries that a run used."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ from perfplast_fenicsx.environment import WHEEL, version_of
 
 
 def libraries() -> dict[str, str]:
-    """Versions, and the BLAS that this process has really loaded."""
+    """Return versions, and the BLAS that this process has loaded."""
     return {
         "dolfinx": version_of("fenics-dolfinx") or version_of(WHEEL) or "unknown",
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
@@ -18,7 +18,7 @@ def libraries() -> dict[str, str]:
 
 
 def blas() -> str:
-    """File names of the BLAS libraries in this process's memory map."""
+    """Return the file names of the BLAS libraries in the memory map of this process."""
     maps = Path("/proc/self/maps").read_text(encoding="utf-8")
     paths = {Path(path).resolve() for path in re.findall(r"\S+/lib\w*blas\w*[^/\s]*\.so\S*", maps)}
     return ", ".join(sorted(f"{path.parent.name}/{path.name}" for path in paths)) or "unknown"

@@ -1,4 +1,4 @@
-"""The problems that are measured, with their load levels and the linear elasticity that is E."""
+"""The problems that are measured, with their load levels and the elastic problem of E."""
 
 import math
 import shutil
@@ -31,16 +31,16 @@ PUNCH_METAL = VonMises(young=2e5, poisson=0.3, yield_stress=400 * math.sqrt(1.5)
 
 @dataclass(frozen=True)
 class Model:
-    """A problem in any size.
+    """A problem on meshes of any size.
 
     Attributes:
-        problem: Makes it: ranks, cubes per unit length, degree of the displacements.
+        problem: Function of communicator, cubes per unit length and degree that makes the problem.
         levels: Load levels ζ of the path, each from the one before.
-        smallest: Number of cubes for a run that only warms up.
-        material: Of all bodies.
-        elastic_supports: Surfaces and components that E holds beyond the supports, so that bodies
-            which contact alone holds do not move as rigid ones.
-        glued: Makes the problem that E is of, without contact; None for the problem itself.
+        smallest: Number of cubes for a run that only compiles forms.
+        material: Material of all bodies.
+        elastic_supports: Supports of E in addition to those of the problem, so that bodies held
+            only by contact have no rigid motions.
+        glued: Function that makes the problem of E, without contact; None for the problem itself.
     """
 
     problem: Callable[[MPI.Intracomm, int, int], Problem]
@@ -52,7 +52,7 @@ class Model:
 
 
 def _two_blocks(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
-    """Two cantilevers on top of each other; ζ is the traction on the upper one's free half."""
+    """Return two stacked cantilevers; ζ is the traction on the free half of the upper one."""
     return Problem(
         two_blocks(comm, n),
         {"lower": STEEL, "upper": STEEL},
@@ -64,7 +64,7 @@ def _two_blocks(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
 
 
 def _punch(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
-    """A quarter of a square punch on a block; ζ is the pressure on the punch."""
+    """Return a quarter of a square punch on a block; ζ is the pressure on the punch."""
     return Problem(
         punch(comm, n),
         {"base": PUNCH_METAL, "punch": PUNCH_METAL},
@@ -76,7 +76,7 @@ def _punch(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
 
 
 def _l_plate(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
-    """A plate with a hole, a quarter of it, in plane strain: no contact; ζ = 1 is 200."""
+    """Return a quarter of a plate with a hole in plane strain, without contact; ζ = 1 is 200."""
     return Problem(
         l_plate(comm, n),
         {"plate": STEEL},
@@ -87,14 +87,17 @@ def _l_plate(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
 
 
 def _bolted(comm: MPI.Intracomm, n: int, degree: int, apart: float | None = None) -> Problem:
-    """Brackets bolted onto a plate; ζ is the traction on the grip of the rod between them."""
+    """Return brackets bolted onto a plate.
+
+    Ζ is the traction on the grip of the rod between them.
+    """
     assembly = _assembly(comm, n, glued=False, apart=apart)
     contacts = [Contact(*pair, 0.0) for pair in sides(assembly.surfaces)]
     return _pulled(assembly, contacts, degree)
 
 
 def _glued(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
-    """The same in one piece."""
+    """Return the bolted assembly as one body."""
     return _pulled(_assembly(comm, n, glued=True), [], degree)
 
 
@@ -110,12 +113,12 @@ def _pulled(assembly: TaggedMesh, contacts: list[Contact], degree: int) -> Probl
 
 
 def _bolted_apart(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
-    """The same of bodies that were meshed apart, with mortar contact."""
+    """Return the bolted assembly with bodies meshed separately and mortar contact."""
     return _bolted(comm, n, degree, apart=1.3)
 
 
 def _assembly(comm: MPI.Intracomm, n: int, glued: bool, apart: float | None = None) -> TaggedMesh:
-    """The bolted assembly with ``n`` elements on the length of a bracket's foot. Collective."""
+    """Return the bolted assembly with ``n`` elements along the foot of a bracket. Collective."""
 
     def write(path: Path) -> None:
         write_bolted_assembly(path, FOOT / n, glued=glued, apart=apart)
@@ -124,7 +127,9 @@ def _assembly(comm: MPI.Intracomm, n: int, glued: bool, apart: float | None = No
 
 
 def _shells(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
-    """An octant of two thick shells, ``n`` elements on the inner radius; ζ is the pressure inside.
+    """Return an octant of two thick shells, ``n`` elements on the inner radius.
+
+    Ζ is inner pressure.
 
     The limit load is 480 log 1.4 + 710 log(2/1.4).
     """
@@ -142,7 +147,7 @@ def _shells(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
 
 
 def _generated(comm: MPI.Intracomm, write: Callable[[Path], None]) -> TaggedMesh:
-    """A mesh of a generator. Collective."""
+    """Return the mesh that a generator writes. Collective."""
     folder = Path(comm.bcast(mkdtemp() if comm.rank == 0 else ""))
     path = folder / "mesh.msh"
     try:

@@ -1,4 +1,4 @@
-"""The benchmarks: runs each job in processes of its own and prints tables. Not under mpirun.
+"""Run each benchmark job in its own processes and print tables; not under mpirun.
 
 make bench                                everything (hours)
 make bench CASES="two_blocks_16 start"    some groups; CASES=list shows them all
@@ -29,14 +29,14 @@ from benchmarks.peers.step42 import program
 from benchmarks.table import is_wrong, report
 
 LIMIT = 3 * 3600
-"""Seconds that one run may take."""
+"""Longest time (s) of one run."""
 
 CHANGES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "PETSC_OPTIONS")
-"""Variables that change what is measured."""
+"""Environment variables that change the measured times."""
 
 
 def missing(job: Job) -> bool:
-    """Whether the job needs a peer that is not installed."""
+    """Return whether the job needs a peer that is not installed."""
     if job.peer == "step-42":
         return not program().exists()
     if job.peer == "calculix":
@@ -45,7 +45,7 @@ def missing(job: Job) -> bool:
 
 
 def run(job: Job, limit: float = LIMIT) -> Record | None:
-    """Run a job; None, and its last words on the terminal, where it fails."""
+    """Run a job and return its record; print its last lines and return None if it fails."""
     with TemporaryDirectory() as folder:
         output = Path(folder) / "record.json"
         command = [sys.executable, *job.command, "-o", str(output)]
@@ -83,7 +83,7 @@ def run(job: Job, limit: float = LIMIT) -> Record | None:
 
 
 def run_group(group: Group, rounds: int, limit: float) -> dict[str, list[Record | None]]:
-    """Run the jobs of a group in turn."""
+    """Run the jobs of a group in turn and return their records."""
     absent = [job.name for job in group.jobs if missing(job)]
     if absent:
         print(f"  left out, as benchmarks/peers has not set it up: {', '.join(absent)}")
@@ -99,7 +99,7 @@ def run_group(group: Group, rounds: int, limit: float) -> dict[str, list[Record 
 
 
 def machine() -> dict[str, Any]:
-    """What the times depend on."""
+    """Return the facts of the machine that times depend on."""
     cpu = [
         line.split(":", 1)[1].strip()
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
@@ -115,7 +115,7 @@ def machine() -> dict[str, Any]:
 
 
 def load(folder: Path) -> dict[str, dict[str, list[Record | None]]]:
-    """The records of earlier runs."""
+    """Return the records of earlier runs."""
     files = {name: folder / f"{name}.json" for name in GROUPS}
     return {
         name: json.loads(file.read_text(encoding="utf-8"))["records"]
@@ -125,7 +125,7 @@ def load(folder: Path) -> dict[str, dict[str, list[Record | None]]]:
 
 
 def about(results: dict[str, dict[str, list[Record | None]]]) -> str:
-    """Machine and libraries, in a line each."""
+    """Return a line on the machine and a line on the libraries."""
     facts = machine()
     libraries = sorted(
         {
@@ -142,7 +142,7 @@ def about(results: dict[str, dict[str, list[Record | None]]]) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run what was asked for and print the tables.
+    """Run the groups that the command line names, and print the tables.
 
     Returns:
         Exit status: 1 if a job of the program has failed or not solved its problem.

@@ -1,4 +1,4 @@
-"""Records as text."""
+"""Tables of records as text."""
 
 import statistics
 from collections.abc import Callable, Iterable, Sequence
@@ -10,7 +10,7 @@ from benchmarks.goals import GOALS, Record, Results
 Number = Callable[[Record], Any]
 
 WRONG = 1e-8
-"""Relative error of α above which a number counts as wrong."""
+"""Relative error of α above which a result counts as wrong."""
 
 COLUMNS: dict[str, tuple[Number, str]] = {
     "dofs": (lambda r: r["dofs"], "d"),
@@ -36,13 +36,13 @@ COLUMNS: dict[str, tuple[Number, str]] = {
 
 
 def is_wrong(record: Record) -> bool:
-    """Whether the run has not solved its problem, or got another number than all others."""
+    """Return whether the run did not converge, or its α differs from the reference."""
     error = record.get("reference_error")
     return not record["converged"] or (error is not None and not abs(error) <= WRONG)
 
 
 def median(records: Iterable[Record], number: Number) -> Any:
-    """Median of a number over the rounds; None where there is none."""
+    """Return the median of a number over the rounds; None if no round has it."""
     found = []
     for record in records:
         try:
@@ -54,14 +54,14 @@ def median(records: Iterable[Record], number: Number) -> Any:
 
 
 def shown(value: Any, form: str) -> str:
-    """A number for a column."""
+    """Return a number as text for a column."""
     if value is None:
         return "-"
     return f"{round(value):d}" if form == "d" else f"{value:{form}}"
 
 
 def lines(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Columns of fitting width, the first to the left."""
+    """Return lines with aligned columns, the first one to the left."""
     everything = [heading, *rows]
     widths = [max(len(row[k]) for row in everything) for k in range(len(heading))]
     return [
@@ -74,7 +74,7 @@ def lines(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def main_table(results: Results) -> list[str]:
-    """Counts, seconds, memory and E of each job."""
+    """Return counts, seconds, memory and E of each job."""
     rows = []
     for group, jobs in results.items():
         for job, runs in jobs.items():
@@ -92,7 +92,7 @@ def _phase(name: str, record: Record) -> float:
 
 
 def phase_table(results: Results) -> list[str]:
-    """Seconds by phase of each job of the program, mean over ranks."""
+    """Return the seconds by phase of each job of the program, as the mean over ranks."""
     rows, names = [], []
     for group, jobs in results.items():
         for job, runs in jobs.items():
@@ -108,7 +108,7 @@ def phase_table(results: Results) -> list[str]:
 
 
 def level_table(results: Results) -> list[str]:
-    """The load levels of each job of the program, from its first round."""
+    """Return the load levels of each job of the program, from its first round."""
     heading = ["load levels", "ζ", "α", "plastic", "Newton", "CG its", "set-ups", "E/step", "s"]
     rows = []
     for group, jobs in results.items():
@@ -131,7 +131,7 @@ def level_table(results: Results) -> list[str]:
 
 
 def beside_table(results: Results) -> list[str]:
-    """CalculiX beside the program: a line for each load, with how far they are apart."""
+    """Return a line for each load, with the differences of CalculiX from the program."""
     heading = [
         *("beside CalculiX", "load", "plastic", "work", "displacement", "contact"),
         *("last converged", "bracket", "time over CalculiX's"),
@@ -152,7 +152,7 @@ def beside_table(results: Results) -> list[str]:
 
 
 def rank_table(results: Results) -> list[str]:
-    """What each rank has and sends, of the group ``scaling``."""
+    """Return sizes and messages of each rank in the group ``scaling``."""
     heading = [
         *("ranks", "rank", "owned", "ghosts", "pairs", "MB"),
         *("messages", "MB in and out", "reductions"),
@@ -176,7 +176,7 @@ def rank_table(results: Results) -> list[str]:
 
 
 def goal_table(results: Results) -> list[str]:
-    """Goals whose groups have been run."""
+    """Return a line for each goal whose groups have been run."""
     rows = []
     for goal in GOALS:
         value = goal.measured(results)
@@ -190,7 +190,7 @@ def goal_table(results: Results) -> list[str]:
 
 
 def report(results: Results) -> str:
-    """All tables."""
+    """Return all tables."""
     tables = (main_table, phase_table, level_table, beside_table, rank_table, goal_table)
     texts = ["\n".join(table(results)) for table in tables]
     return "\n\n".join(text for text in texts if text)

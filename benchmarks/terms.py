@@ -1,9 +1,9 @@
-"""What constant loads, given motions and a history cost: a level with them beside one without.
+"""Measure the cost of constant loads, given motions and history, against a level without them.
 
 python3 -m benchmarks.terms --n 2 --degree 2 -o terms.json      (benchmarks/run.py does this)
 
-Both levels go from the same share of the plate's load to the same, several times in turn. The clock
-is the processor's, so that other work on the machine hardly counts.
+Both levels start and end at the same shares of the plate's load, several times in turn. Processor
+time is measured, so that other work on the machine has little effect.
 """
 
 import argparse
@@ -27,11 +27,11 @@ FROM, TO = 0.4, 0.7
 
 WEIGHT = BodyForce("plate", (0.0, -0.1, 0.0), constant=True)
 SQUEEZE = -1e-5
-"""What the plate's thickness of 1 shrinks by; a hundredth of the strain at first yield."""
+"""Change of the plate's thickness of 1; a hundredth of the strain at first yield."""
 
 
 def with_terms(plain: Problem) -> Problem:
-    """The plate with its weight, pressed across, and remembering. Collective."""
+    """Return the plate with weight, a given thickness change and plastic history. Collective."""
     given = plain.given
     supports = [
         replace(support, value=SQUEEZE) if support.on == "z1" else support
@@ -81,7 +81,7 @@ def measure(comm: MPI.Intracomm, n: int, degree: int, repeats: int) -> dict[str,
 
 
 def _timed(comm: MPI.Intracomm, solver: Newton, start: State) -> tuple[Level, float]:
-    """The level, and its processor time on all ranks. Collective."""
+    """Return the level, and its processor time (s) on all ranks. Collective."""
     comm.Barrier()
     began = time.process_time()
     level = solver.solve(TO, start)
@@ -89,7 +89,7 @@ def _timed(comm: MPI.Intracomm, solver: Newton, start: State) -> tuple[Level, fl
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run and write the record."""
+    """Run the measurement and write its record."""
     parser = argparse.ArgumentParser(description="A level with all terms beside one without.")
     parser.add_argument("--n", type=int, required=True, help="cubes per unit length")
     parser.add_argument("--degree", type=int, default=1)

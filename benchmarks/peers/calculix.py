@@ -1,4 +1,4 @@
-"""CalculiX beside the program: the same ``.inp``, elastic–plastic with contact, up to collapse.
+"""Compare CalculiX with the program on one ``.inp``: elastic–plastic contact up to collapse.
 
 CalculiX raises the load in increments of its own choice until it gives up or the load is far above
 the limit. The program reads the same file by ``perfplast mesh``, solves the same load factors
@@ -74,17 +74,17 @@ CASES: dict[str, tuple[Callable[..., None], float, tuple[str, str], Deck]] = {
         ),
     ),
 }
-"""Mesh and its size, surfaces in contact, and the rest."""
+"""Mesh generator, edge length, surfaces in contact and model of each problem."""
 
 SHARES = (0.25, 0.5, 0.75, 0.9)
-"""Of the limit load, next to which both are compared."""
+"""Shares of the limit load near which both programs are compared."""
 
 SAME = 0.01
-"""How far works, displacements and contact forces may be apart below four fifths, relatively."""
+"""Largest relative difference of works, displacements and contact forces below 0.8 of the limit."""
 
 
 def perfplast(folder: Path, *arguments: str) -> float:
-    """Run the program; its processor time (s)."""
+    """Run the program and return its processor time (s)."""
     command = [sys.executable, "-m", "perfplast_fenicsx", *arguments]
     seconds, status, output = timed(command, folder)
     if status:
@@ -93,13 +93,13 @@ def perfplast(folder: Path, *arguments: str) -> float:
 
 
 def with_loading(text: str, loading: str) -> str:
-    """A case with another [loading], or stages, and without pictures."""
+    """Return a case with another [loading], or stages, and without pictures."""
     kept = re.sub(r"^\[(loading|output)\]\n(?:(?!\[).*\n?)*", "", text, flags=re.M)
     return f"{kept}\n{loading}\n[output]\npictures = false\nfields = false\n"
 
 
 def loaded(folder: Path, text: str, loading: str, into: str) -> tuple[float, dict[str, Any]]:
-    """Run the case of ``folder/ours`` with a loading; its processor time (s) and summary."""
+    """Run the case of ``folder/ours`` with a loading; return processor time (s) and summary."""
     case = folder / "ours/case.toml"
     case.write_text(with_loading(text, loading), encoding="utf-8")
     seconds = perfplast(folder, "run", "ours/case.toml", "-o", into)
@@ -107,22 +107,22 @@ def loaded(folder: Path, text: str, loading: str, into: str) -> tuple[float, dic
 
 
 def history(text: str, factors: Sequence[float]) -> str:
-    """Stages of one level each, in which bodies remember plastic flow as in CalculiX."""
+    """Return stages of one level each, in which plastic strain is kept as in CalculiX."""
     (load,) = tomllib.loads(text)["load"]
     name = json.dumps(load.get("name") or load["on"])
     return "".join(f"[[stage]]\nfactors = {{ {name} = {factor!r} }}\n" for factor in factors)
 
 
 def compare(name: str, size: float | None = None, stiffer: float = 1.0) -> dict[str, Any]:
-    """Both programs on one problem.
+    """Solve one problem by both programs and return their results.
 
-    CalculiX' contact follows displacements, whatever NLGEOM says; it does not notice them where
-    Young's modulus is many times as large.
+    The contact of CalculiX follows displacements even without NLGEOM. A larger Young's modulus
+    makes these displacements too small to matter.
 
     Args:
-        name: Of the problem.
+        name: Name of the problem.
         size: Edge length of the mesh.
-        stiffer: What multiplies Young's modulus, and divides all displacements.
+        stiffer: Factor of Young's modulus; it divides all displacements.
     """
     write, usual, contact, deck = CASES[name]
     deck = replace(deck, young=stiffer * deck.young)
@@ -178,7 +178,7 @@ def compare(name: str, size: float | None = None, stiffer: float = 1.0) -> dict[
 
 
 def times(bound: float | None, most: float) -> float | None:
-    """A bound as a load."""
+    """Return a bound as a load."""
     return None if bound is None else bound * most
 
 
@@ -190,7 +190,7 @@ def level(
     factor: float,
     step: dict[str, Any],
 ) -> dict[str, float]:
-    """Both at one load: α of the load of time 1, largest displacement, resultant of contact."""
+    """Return α for the load of time 1, largest displacement and contact force by both programs."""
     u: Array = theirs["fields"][k]
     forces = [force for name, force in step["reactions"].items() if name.startswith("contact")]
     ours = float(np.linalg.norm(forces[0]))
@@ -210,7 +210,7 @@ def level(
 
 
 def main() -> None:
-    """Run one problem, and write the record."""
+    """Run one problem and write its record."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("case", choices=CASES)
     parser.add_argument("--size", type=float)

@@ -1,4 +1,4 @@
-"""CalculiX as a program: where it is, what it prints, and what that takes."""
+"""Find and run CalculiX, read what it prints, and measure its processor time."""
 
 import os
 import re
@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 
 LIMIT_TIME = 3600
-"""Longest time of CalculiX (s)."""
+"""Time (s) after which CalculiX is stopped."""
 
 
 def program() -> str | None:
-    """CalculiX, if it is there."""
+    """Return the path of CalculiX; None if it is not installed."""
     own = Path(os.environ.get("XDG_CACHE_HOME", "/nowhere")) / "calculix/usr/bin/ccx"
     return shutil.which("ccx") or (str(own) if own.is_file() else None)
 
 
 def timed(command: Sequence[str], folder: Path, **environment: str) -> tuple[float, int, str]:
-    """Run a command; its processor time (s), status and output."""
+    """Run a command and return its processor time (s), exit status and output."""
     with tempfile.TemporaryFile("w+", errors="replace") as output:
         child = subprocess.Popen(
             command, cwd=folder, stdout=output, stderr=output, env={**os.environ, **environment}
@@ -34,7 +34,7 @@ def timed(command: Sequence[str], folder: Path, **environment: str) -> tuple[flo
 
 
 def calculix(folder: Path, nodes: int) -> dict[str, Any]:
-    """Run CalculiX on ``model.inp``; what it has found at each increment that converged."""
+    """Run CalculiX on ``model.inp`` and return its results of each converged increment."""
     ccx = program()
     assert ccx is not None
     libraries = str(Path(ccx).parents[1] / "lib/x86_64-linux-gnu")

@@ -1,11 +1,12 @@
-"""Both halves of strict bounds of two blocks, beside Clarabel on the arrays of their proof file.
+"""Compare the program with Clarabel on the programs of both strict bounds of two blocks.
 
 ./fenicsx python3 -m pip install --target DIR clarabel==0.11.1
 ./fenicsx env PYTHONPATH=DIR python3 -m benchmarks.peers.clarabel_halves 3
 
-Processor time on one core, both to 1e-4: here of a whole half, with its set-up and certificate,
-once before for what is compiled; of Clarabel its solution alone. It does not solve lower halves in
-space with its usual regularisation, so that it gets more.
+Both solve to 1e-4 on one core. The processor time of the program is that of a whole bound with
+set-up and certificate, after one run that compiles forms. The time of Clarabel is that of its
+solution alone. In space Clarabel does not solve the lower bound with its default regularisation, so
+a larger one is set.
 """
 
 import argparse
@@ -33,7 +34,7 @@ RTOL = 1e-4
 
 
 def main() -> None:
-    """Measure, and print a line for each half and program."""
+    """Measure, and print a line for each bound and program."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("n", type=int, help="cubes per unit length")
     problem = admitted(blocks(MPI.COMM_WORLD, parser.parse_args().n), RTOL)
@@ -63,7 +64,7 @@ def main() -> None:
 def solve(
     cost: Floats, equal: tuple[Any, Floats], least: Any, cones: Rows, right: Floats
 ) -> float | None:
-    """As the oracle's, timed."""
+    """Solve a cone program by Clarabel, print its processor time, and return the value."""
     problem = posed(cost, equal, least, cones, right)
     settings = clarabel.DefaultSettings()
     settings.verbose, settings.max_threads = False, 1

@@ -1,4 +1,4 @@
-"""GetFEM on the punch: one step of Prandtl-Reuss plasticity from the virgin state, which is Hencky.
+"""Solve the punch by GetFEM: one step of Prandtl-Reuss plasticity from zero, which is Hencky's law.
 
 The same mesh, law, supports, pressure and nodal contact as ``punch`` in benchmarks/problems.py;
 GetFEM's bricks, its Newton method with its simplest line search, and sequential MUMPS.
@@ -30,7 +30,7 @@ CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1,
 
 
 def box(cubes: int, origin: tuple[float, float, float], h: float) -> tuple[Array, npt.NDArray]:
-    """Points and tetrahedra of a cube of ``cubes`` small cubes along each edge."""
+    """Return points and tetrahedra of a cube that has ``cubes`` small cubes along each edge."""
     k, j, i = np.meshgrid(*[np.arange(cubes)] * 3, indexing="ij")
     edge = cubes + 1
     corner = [((k + c) * edge + j + b) * edge + i + a for a, b, c in CORNERS]
@@ -42,10 +42,10 @@ def box(cubes: int, origin: tuple[float, float, float], h: float) -> tuple[Array
 
 @dataclass(frozen=True)
 class Body:
-    """GetFEM's mesh, elements and integration of one body, with the supported unknowns left out.
+    """GetFEM's mesh, elements and integration of one body, without the supported unknowns.
 
     Attributes:
-        position: Of each unknown, shape (3, num_unknowns).
+        position: Position of each unknown, shape (3, num_unknowns).
         axis: Displacement component of each unknown.
     """
 
@@ -60,7 +60,7 @@ class Body:
 def make_body(
     points: Array, cells: npt.NDArray, held: Callable[[Array, npt.NDArray[np.int64]], Flags]
 ) -> Body:
-    """A body of linear tetrahedra."""
+    """Return a body of linear tetrahedra."""
     mesh = gf.Mesh("empty", 3)
     mesh.add_convex(gf.GeoTrans("GT_PK(3,1)"), np.transpose(points[cells], (2, 1, 0)))
     full = gf.MeshFem(mesh, 3)
@@ -73,7 +73,7 @@ def make_body(
 
 
 def make_bodies(n: int) -> tuple[Body, Body]:
-    """The base and a quarter of the punch."""
+    """Return the base and a quarter of the punch."""
 
     def symmetry(x: Array, axis: npt.NDArray[np.int64]) -> Flags:
         return ((axis == 0) & (abs(x[0]) < 1e-9)) | ((axis == 1) & (abs(x[1]) < 1e-9))
@@ -86,7 +86,7 @@ def make_bodies(n: int) -> tuple[Body, Body]:
 
 
 def make_model(base: Body, punch: Body, pressure: float, n: int) -> gf.Model:
-    """The problem as bricks."""
+    """Return the problem as a model of GetFEM's bricks."""
     model = gf.Model("real")
     model.add_initialized_data("lambda", [YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))])
     model.add_initialized_data("mu", [YOUNG / (2 * (1 + POISSON))])
@@ -130,13 +130,13 @@ def make_model(base: Body, punch: Body, pressure: float, n: int) -> gf.Model:
 
 
 def _contact_nodes(body: Body, n: int) -> dict[tuple[int, ...], int]:
-    """Unknown of the normal displacement at each node of the contact plane z = 1."""
+    """Return the unknown of the normal displacement at each node of the contact plane z = 1."""
     chosen = np.flatnonzero((body.axis == 2) & (abs(body.position[2] - 1) < 1e-9))
     return {tuple(np.round(body.position[:, j] * n).astype(int)): int(j) for j in chosen}
 
 
 def main() -> None:
-    """Solve one load level and write a record."""
+    """Solve one load level and write its record."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--n", type=int, required=True)
     parser.add_argument("--pressure", type=float, default=450.0)

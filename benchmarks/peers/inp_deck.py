@@ -1,6 +1,6 @@
-"""A mesh of gmsh as a model of CalculiX: quadratic tetrahedra, contact, a load that grows.
+"""Write a mesh of gmsh as a model of CalculiX: quadratic tetrahedra, contact, a growing load.
 
-Midsides lie on straight edges, as they do where ``perfplast mesh`` reads the file.
+Midside nodes lie on straight edges, as after ``perfplast mesh`` has read the file.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 Longs = npt.NDArray[np.int64]
 
 TO_C3D10 = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)
-"""Places of gmsh's nodes of a tetrahedron in that of Abaqus."""
+"""Index in gmsh's order of each node of a C3D10 element."""
 
 FACES = ((0, 1, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3))
 """Corners of the faces S1 to S4."""
@@ -27,24 +27,24 @@ TETRAHEDRON, TRIANGLE = 11, 9
 """Gmsh's numbers of quadratic elements."""
 
 STIFFNESS = 2000.0
-"""Of contact, in Young's moduli for each unit of length.
+"""Contact stiffness, in Young's moduli per unit of length.
 
-The manual advises 5 to 50, with which bodies sink into each other by one to three hundredths of the
-largest displacement."""
+The manual advises 5 to 50. With such values bodies overlap by 1 % to 3 % of the largest
+displacement."""
 
 
 @dataclass(frozen=True)
 class Deck:
-    """What is solved.
+    """Materials, supports and load of a model.
 
     Attributes:
         yields: Yield stress of each body (MPa); None in elastic ones.
         held: Components, such as "13", that surfaces hold.
-        pressed: The surface with a pressure of 1 at time 1, or
-        pulled: the body with a force of 1 for each unit of volume, along y.
-        most: What multiplies the load at time 1.
-        young: Modulus (MPa).
-        poisson: Ratio.
+        pressed: The surface with a pressure of 1 at time 1; or
+        pulled: The body with a force of 1 per unit of volume along y.
+        most: Largest factor of the load at time 1.
+        young: Young's modulus (MPa).
+        poisson: Poisson's ratio.
     """
 
     yields: Mapping[str, float | None]
@@ -72,12 +72,12 @@ class Mesh:
 
     @property
     def first(self) -> dict[str, int]:
-        """Number of the first element of each body."""
+        """Return the number of the first element of each body."""
         counts = np.cumsum([1, *map(len, self.cells.values())])
         return {name: int(first) for name, first in zip(self.cells, counts, strict=False)}
 
     def faces(self, surface: str) -> Iterator[tuple[int, int]]:
-        """Elements with the numbers of their faces on a surface."""
+        """Yield the elements on a surface with the numbers of their faces."""
         wanted = np.sort(self.surfaces[surface][:, :3], axis=1)
         keys = set(map(tuple, listed(wanted)))
         for name, cells in self.cells.items():
@@ -92,13 +92,13 @@ class Mesh:
 
 
 def listed(array: npt.NDArray[Any]) -> list[Any]:
-    """The rows of an array as lists, whose types NumPy does not tell."""
+    """Return the rows of an array as lists, for type checkers."""
     rows: Any = array.tolist()
     return list(rows)
 
 
 def read_mesh(path: Path) -> Mesh:
-    """A mesh of linear tetrahedra, with midsides."""
+    """Return a mesh of linear tetrahedra, with midside nodes added."""
     with gmsh_session():
         gmsh.merge(str(path))
         gmsh.model.mesh.setOrder(2)
@@ -122,7 +122,7 @@ def _named(dim: int, kind: int, width: int, number: Longs) -> dict[str, Longs]:
 
 
 def deck_text(mesh: Mesh, deck: Deck, contact: tuple[str, str]) -> str:
-    """The file for both programs."""
+    """Return the text of the file for both programs."""
     return "".join(_lines(mesh, deck, contact))
 
 
@@ -163,7 +163,7 @@ def _lines(mesh: Mesh, deck: Deck, contact: tuple[str, str]) -> Iterator[str]:
 
 
 def work(mesh: Mesh, deck: Deck, u: Array) -> float:
-    """Work that the load of factor 1 does on displacements: α. Shape of ``u``: (num_nodes, 3)."""
+    """Return α, the work of the load of factor 1 on displacements ``u``, shape (num_nodes, 3)."""
     if deck.pressed:
         nodes = mesh.surfaces[deck.pressed]
         a, b, c = (mesh.points[nodes[:, k]] for k in range(3))

@@ -1,6 +1,6 @@
-"""A plain DOLFINx Newton loop for the plate: UFL's own tangent, MUMPS in each step.
+"""Solve the plate by a plain DOLFINx Newton loop: UFL's own tangent, MUMPS in each step.
 
-What a user writes in an hour: the law as one UFL expression, its consistent tangent by
+A user writes this in an hour: the law as one UFL expression, its consistent tangent by
 ``ufl.derivative``, steps halved while the residual grows, a factorisation in each step.
 
 python3 -m benchmarks.peers.plain_newton --n 4 -o record.json
@@ -29,7 +29,7 @@ MOST_STEPS, MOST_HALVINGS = 60, 8
 
 
 def stress(e: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
-    """Hencky's law with the von Mises condition."""
+    """Return the stress by Hencky's law with the von Mises condition."""
     bulk, shear = YOUNG / (3 * (1 - 2 * POISSON)), YOUNG / (2 * (1 + POISSON))
     deviator = ufl.dev(e)
     size = 2 * shear * ufl.sqrt(ufl.inner(deviator, deviator) + 1e-30)
@@ -39,7 +39,7 @@ def stress(e: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
 
 
 def main() -> None:
-    """Solve ζ = 1 from nothing and write a record."""
+    """Solve ζ = 1 from zero displacement and write a record."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--n", type=int, required=True)
     parser.add_argument("--factor", choices=("lu", "cholesky"), default="lu")

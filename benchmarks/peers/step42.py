@@ -1,6 +1,6 @@
-"""deal.II's step-42 on one uniform mesh, from its own clocks.
+"""Measure deal.II's step-42 on one uniform mesh, by its own clocks.
 
-Its program is compiled by benchmarks/peers/setup, with perfect plasticity. Not under mpirun.
+The script benchmarks/peers/setup compiles it with perfect plasticity. Do not start it under mpirun.
 
 python3 -m benchmarks.peers.step42 --ranks 2 -o record.json
 """
@@ -25,22 +25,22 @@ set output directory              = output
 """
 
 MOST_STEPS = 100
-"""Step-42 stops there without saying so."""
+"""Number of steps at which step-42 stops without a message."""
 
 NOT_A_STEP = ("Setup", "Graphical output")
 """Sections that are not part of the Newton iteration."""
 
 
 def program() -> Path:
-    """The compiled program."""
+    """Return the path of the compiled program."""
     return Path(os.environ.get("PERFPLAST_PEERS", "/nowhere")) / "step-42" / "step-42"
 
 
 def read(output: str) -> dict[str, object]:
-    """Counts and seconds from what step-42 prints.
+    """Return counts and seconds from the output of step-42.
 
     Raises:
-        ValueError: If something is missing there.
+        ValueError: If a number is missing in the output.
     """
     dofs = re.search(r"Number of degrees of freedom: *(\d+)", output)
     total = re.search(r"Total wallclock time elapsed since start *\| *([\d.e+-]+)s", output)
