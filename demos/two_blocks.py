@@ -78,7 +78,7 @@ ZETAS = [20.0, 40.0, 50.0, 55.0, 60.0, 65.0, 70.0]
 
 
 def blocks(comm: MPI.Intracomm, n: int) -> Problem:
-    """The two cantilevers, cut into cubes of edge 1/n. Collective."""
+    """Return the problem of two cantilevers, divided into cubes of edge 1/n. Collective."""
     materials = {"lower": STEEL, "upper": STEEL}
     return Problem(two_blocks(comm, n), materials, SUPPORTS, LOADS, CONTACTS, degree=2)
 
@@ -93,14 +93,14 @@ def blocks(comm: MPI.Intracomm, n: int) -> Problem:
 
 # %%
 def orders(level: Level) -> list[float]:
-    """Order of convergence at each step that has two before it."""
+    """Return the order of convergence at each step from the third on."""
     d = [step.increment for step in level.iterations]
     steps = zip(d, d[1:], d[2:], strict=False)
     return [math.log(c / b) / math.log(b / a) for a, b, c in steps]
 
 
 def convergence_table(level: Level) -> str:
-    """The Newton steps of a level as text."""
+    """Return the Newton steps of a level as text."""
     columns = ["", "", *(f"{order:.2f}" for order in orders(level))]
     rows = [
         f"{step.number:>4}  {step.increment:>9.1e}  {step.beta:>5.2f}  {step.rho:>7.0e}"
@@ -120,7 +120,7 @@ def convergence_table(level: Level) -> str:
 
 # %%
 def bracket(comm: MPI.Intracomm, n: int, terminal: Terminal) -> AdaptiveBounds:
-    """Between which loads the bodies collapse; they carry those of the path. Collective."""
+    """Return strict bounds of the limit load of the bodies. Collective."""
     terminal.say()
     most = Adaptation(until=0.06, cells=3000 if n == 4 else 100)
     found = adaptive_bounds(blocks(comm, n // 2), most, 1e-3, terminal.mesh, terminal.interior)
@@ -154,7 +154,7 @@ KNOWN = {
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Load the blocks, write results, check them. Collective."""
+    """Load the blocks, write results and check them. Collective."""
     parser = argparse.ArgumentParser(description=TITLE)
     parser.add_argument("-o", "--output", default="results/two_blocks", help="replaced if there")
     parser.add_argument("--coarse", action="store_true", help="n = 2 instead of 4")

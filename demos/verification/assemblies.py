@@ -30,7 +30,7 @@ SUPPORTS = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z")]
 
 
 def loads_of(tagged_mesh: TaggedMesh, number: int) -> list[Load]:
-    """What presses and pulls an assembly, drawn at random."""
+    """Return loads of an assembly, drawn at random."""
     drawn = random.Random(number)
     loads: list[Load] = [Pressure("end", 1.0)]
     if "top" in tagged_mesh.surfaces:
@@ -40,7 +40,7 @@ def loads_of(tagged_mesh: TaggedMesh, number: int) -> list[Load]:
 
 
 def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
-    """An assembly of steels drawn at random; ζ is the pressure on the last block."""
+    """Return an assembly of steels drawn at random; ζ is the pressure on the last block."""
     materials = drawn_steels(sorted(tagged_mesh.volumes), number)
     loads = loads_of(tagged_mesh, number)
     contacts = [Contact(*pair) for pair in sides(tagged_mesh.surfaces)]
@@ -49,7 +49,7 @@ def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads by both methods. Collective."""
+    """Return limit loads by both methods. Collective."""
     rows = []
     for number in FEW if coarse else ASSEMBLIES:
         problem = problem_of(mesh(folder, write_assembly, number=number), number)

@@ -65,14 +65,14 @@ from perfplast_fenicsx.problem import Prescribed
 TITLE = "Autofrettage"
 MATERIAL = VonMises(young=200e3, poisson=0.3, yield_stress=240.0)
 LOADS = [Pressure("inner", 1.0, "bore"), Pressure("outer", 1.0, "outside")]
-"""The second one has the factor 0: its work tells of the displacement there."""
+"""The second load has the factor 0; its work gives the displacement there."""
 C, OUTER_SPHERE, OUTER_TUBE = 1.3, 2.0, 3.0
 TUBE_PRESSURE = 216.288835
 TUBE = {"u(a)": 2.280689e-3, "u(b)": 9.465414e-4, "residual hoop stress": -210.0515}
 LAYER = 0.15
-"""The stress at the bore is that of a parabola through points so near to it."""
+"""The stress at the bore is extrapolated by a parabola through points within this distance."""
 FRONT = 0.2
-"""The plastic radius is that of lines through points so near to it on either side."""
+"""The plastic radius is the root of lines through points within this distance on each side."""
 
 Floats = npt.NDArray[np.float64]
 
@@ -83,7 +83,7 @@ Floats = npt.NDArray[np.float64]
 
 # %%
 def sphere() -> dict[str, float]:
-    """What is compared of it, and the pressure."""
+    """Return the exact values that are compared, and the pressure."""
     a, b, Y = 1.0, OUTER_SPHERE, MATERIAL.yield_stress
     E, nu, k = MATERIAL.young, MATERIAL.poisson, (C / OUTER_SPHERE) ** 3
     p = 2 * Y * math.log(C / a) + 2 / 3 * Y * (1 - k)
@@ -100,7 +100,7 @@ def sphere() -> dict[str, float]:
 
 # %%
 def hoop_at_bore(problem: Problem, stress: fem.Function) -> float:
-    """Hoop stress at r = a: (tr σ − n·σn)/2 in space, t·σt in the plane. Collective."""
+    """Return the hoop stress at r = a: (tr σ − n·σn)/2 in space, t·σt in the plane. Collective."""
     gdim = problem.tagged_mesh.mesh.geometry.dim
     x = ufl.SpatialCoordinate(problem.tagged_mesh.mesh)
     r = ufl.sqrt(ufl.dot(x, x))
@@ -124,7 +124,7 @@ def hoop_at_bore(problem: Problem, stress: fem.Function) -> float:
 
 
 def plastic_radius(problem: Problem, level: Level, near: float) -> float:
-    """Where spherical bodies cease to be plastic, which is about ``near``. Collective."""
+    """Return the plastic radius of a spherical body, which is about ``near``. Collective."""
     x = ufl.SpatialCoordinate(problem.tagged_mesh.mesh)
     power, ratio = fem.Function(problem.Q), fem.Function(problem.Q)
     dev = ufl.dev(tensor(level.stress))
@@ -148,7 +148,7 @@ def plastic_radius(problem: Problem, level: Level, near: float) -> float:
 
 
 def cycles(problem: Problem, pressure: float, steps: int) -> list[Level]:
-    """The ends of loading, unloading, loading and unloading; raises where one has no solution."""
+    """Return the last levels of loading, unloading, loading and unloading; raise if one fails."""
     on, off = {"bore": pressure, "outside": 0.0}, {"bore": 0.0}
     stages = [Stage(on, steps), Stage(off, 2), Stage(on, 2), Stage(off, 2)]
     levels = list(stage_path(Newton(problem), LoadingHistory(problem, stages)))
@@ -157,7 +157,7 @@ def cycles(problem: Problem, pressure: float, steps: int) -> list[Level]:
 
 
 def vessel(problem: Problem, ends: Sequence[Level], outer: float) -> dict[str, float]:
-    """What two cycles leave. Collective."""
+    """Return stresses and displacements after two cycles. Collective."""
     gdim = problem.tagged_mesh.mesh.geometry.dim
     first, again = (
         {name: abs(work) for name, work in ends[i].report.works.items()} for i in (0, 2)
@@ -186,12 +186,12 @@ SIDEWAYS = 200.0
 
 
 def _at(axis: int, place: int) -> Callable[[npt.NDArray[np.int64]], npt.NDArray[np.bool_]]:
-    """Which points of a grid lie in a plane."""
+    """Return a function that marks the points of a grid in a plane."""
     return lambda x: x[axis] == place
 
 
 def block_strain(comm: MPI.Intracomm, steps: int) -> tuple[float, int, int]:
-    """Plastic strain along z at the end, unknowns and linear solves. Collective."""
+    """Return the final plastic strain along z, unknowns and linear solves. Collective."""
     sides = {"x0": (0, 0), "x1": (0, 1), "y0": (1, 0), "z0": (2, 0), "z1": (2, 1)}
     surfaces = [Surface(name, ("block",), _at(*side)) for name, side in sides.items()]
     block = structured_mesh(comm, [Box("block", (0, 0, 0), (1, 1, 1), (1, 1, 1))], surfaces)
@@ -207,7 +207,7 @@ def block_strain(comm: MPI.Intracomm, steps: int) -> tuple[float, int, int]:
 
 
 def exact_strain() -> float:
-    """The same for infinitely many steps, by Gauss' rule."""
+    """Return the final plastic strain along z for infinitely many steps, by Gauss' rule."""
     points, weights = np.polynomial.legendre.leggauss(40)
     x, z = SIDEWAYS * (points + 1) / 2, -HARD.yield_stress
     equivalent2 = z**2 - z * x + x**2
@@ -217,7 +217,7 @@ def exact_strain() -> float:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Residual stress of sphere and tube, and the error of steps. Collective."""
+    """Return residual stresses of sphere and tube, and the error of load steps. Collective."""
     exact = sphere()
     allowed = {"u(a)": 2e-3, "u(b)": 2e-3, "residual hoop stress": 5e-3, "plastic radius": 2e-3}
     same = dict.fromkeys(("second cycle, u(a)", "second cycle, stress"), 0.0)

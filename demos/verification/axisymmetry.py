@@ -55,13 +55,13 @@ OUTER = 2.0
 LOADS = [Pressure("inner", 1.0)]
 TUBE = 2 / math.sqrt(3) * MATERIAL.yield_stress * math.log(OUTER)
 SMOOTH, ROUGH = 5.69, 6.05
-"""Limit loads of circular footings over the cohesion c, with Tresca's condition."""
+"""Limit loads of smooth and rough circular footings over the cohesion c, by Tresca's condition."""
 MIDDLE = (1 / 2 + 1 / math.sqrt(3)) / 2
-"""Of c over the yield stress of von Mises, between both Tresca materials."""
+"""Mean of c over von Mises' yield stress for both Tresca materials."""
 WIDTH = (1 / math.sqrt(3) - 1 / 2) / 2 / MIDDLE
-"""How far they are from it, relative."""
+"""Relative distance of both Tresca materials from the mean."""
 WAY = (0.005, 0.02, 0.1, 1.0)
-"""Displacements of the rough footing; what it carries has levelled off at the last."""
+"""Displacements of the rough footing; its load has levelled off at the last one."""
 
 
 # %% [markdown]
@@ -70,7 +70,7 @@ WAY = (0.005, 0.02, 0.1, 1.0)
 
 # %%
 def shell(tagged_mesh: TaggedMesh, degree: int) -> Problem:
-    """Half a shell under inner pressure, or one in another."""
+    """Return half a shell, or a shell in another, under inner pressure."""
     contacts = [Contact("inner_tube_seam", "outer_tube_seam")]
     return Problem(
         tagged_mesh,
@@ -83,7 +83,7 @@ def shell(tagged_mesh: TaggedMesh, degree: int) -> Problem:
 
 
 def curve_error(problem: Problem) -> tuple[float, int]:
-    """Largest relative error of ζ at the works of half a shell, and linear systems. Collective."""
+    """Return the largest relative error of ζ(α) of half a shell, and linear solves. Collective."""
     exact = exact_points(RADII)
     solver = WorkNewton(problem)
     levels = list(load_path(solver, [4 * alpha for alpha, _ in exact]))  # of four octants
@@ -95,7 +95,7 @@ def curve_error(problem: Problem) -> tuple[float, int]:
 
 
 def spheres(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Curves and limit loads of whole and divided shells. Collective."""
+    """Return curves and limit loads of whole and divided shells. Collective."""
     rows = []
     for case, interface in (("sphere's section", None), ("sphere's section, divided", INTERFACE)):
         limits = []
@@ -126,7 +126,7 @@ def spheres(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def tubes(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads of a tube between smooth planes. Collective."""
+    """Return limit loads of a tube between smooth planes. Collective."""
     rows = []
     for degree in (1, 2):
         for size in (0.2,) if coarse else (0.2, 0.1, 0.05):
@@ -144,7 +144,7 @@ def tubes(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def footings(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads by a uniform pressure and by a punch, over the yield stress. Collective."""
+    """Return limit loads by uniform pressure and punch, over the yield stress. Collective."""
     rows = []
     soil, stiff = strip_footing.SOIL, strip_footing.STIFF
     contacts = [Contact("ground_footing", "punch_footing")]
@@ -172,7 +172,7 @@ def footings(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def rough(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Reactions of a footing that is glued to the ground and moved far. Collective."""
+    """Return reactions of a footing that is tied to the ground and moved far. Collective."""
     rows, soil = [], strip_footing.SOIL
     for size in (0.4,) if coarse else (0.4, 0.2, 0.1):
         ground = mesh(folder, write_strip_footing, size=size).turned()
@@ -203,7 +203,7 @@ def rough(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """All of them. Collective."""
+    """Return the rows of all cases. Collective."""
     parts = (spheres, tubes, footings, rough)
     return [row for part in parts for row in part(folder, coarse)]
 

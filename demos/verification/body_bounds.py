@@ -43,9 +43,9 @@ from perfplast_fenicsx.problem import Prescribed
 
 TITLE = "Bounds of the body, plane strain"
 POLYGONS = ((8, (0.043, 96)), (29, TUBE.asked))
-"""Sides of the tube's circles in a quarter, and what is asked for with so many."""
+"""Numbers of polygon sides in a quarter of the tube, and the gap and cells for each."""
 COARSE = 12.0
-"""Edge length of a mesh that follows no bounds."""
+"""Edge length of a mesh that is not adapted."""
 
 
 # %% [markdown]
@@ -57,7 +57,7 @@ COARSE = 12.0
 
 # %%
 def rows_of(case: Case, low: BodyBounds, high: BodyBounds, cells: int, seconds: float) -> list[Row]:
-    """What a lower and an upper bound of a case have reached."""
+    """Return rows of the lower and the upper bound of a case."""
     lower, upper = low.lower, high.upper
     assert lower.strict and upper.strict, f"{case.name}: {lower!r}, {upper!r}"
     assert lower.value is not None and upper.value is not None
@@ -86,7 +86,7 @@ def rows_of(case: Case, low: BodyBounds, high: BodyBounds, cells: int, seconds: 
 
 
 def adapted(case: Case, problem: Problem) -> tuple[AdaptiveBounds, list[Row]]:
-    """Bounds of a case on finer and finer meshes. Collective."""
+    """Return bounds of a case on adapted meshes. Collective."""
     began = time.perf_counter()
     found = adaptive_bounds(problem, Adaptation(*case.asked))
     seconds = time.perf_counter() - began
@@ -94,7 +94,7 @@ def adapted(case: Case, problem: Problem) -> tuple[AdaptiveBounds, list[Row]]:
 
 
 def tube(folder: ResultFolder, sides: int, asked: tuple[float, int]) -> list[Row]:
-    """Bounds of the round tube from a polygon on either side of it. Collective."""
+    """Return bounds of the round tube from an inner and an outer polygon. Collective."""
     began, size = time.perf_counter(), math.pi / 2 / sides
     low, high = (
         limit_bounds(TUBE.problem(folder, lesser=lesser, size=size)) for lesser in (True, False)
@@ -104,7 +104,7 @@ def tube(folder: ResultFolder, sides: int, asked: tuple[float, int]) -> list[Row
 
 
 def of_mesh(row: Row, limit: LimitLoad, element: str, inside: bool) -> Row:
-    """The limit load of a mesh beside the middle of the bracket, and whether it must be inside."""
+    """Return a row that compares a limit load of a mesh with the middle of the bracket."""
     low, high = (float(end) for end in row.bracket.split(" ... "))
     return replace(
         row,
@@ -136,7 +136,7 @@ def show(folder: ResultFolder, case: Case, found: AdaptiveBounds) -> None:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Bounds on adapted meshes, and of the tube on its polygons. Collective."""
+    """Return bounds on adapted meshes, and of the tube on polygons. Collective."""
     rows = []
     for case in ADAPTED:
         if coarse:

@@ -48,12 +48,12 @@ STEEL, STIFF = VonMises(210e3, 0.3, 640.0), VonMises(210e6, 0.3, 64e3)
 SHARE = SHANK**2 / (SHANK**2 + OUTER**2 - INNER**2)
 APART = PRELOAD / (1 - SHARE)
 LOADS = (0.0, 0.5, 0.9, 1.1, 1.5)
-"""In shares of the load at which the joint opens."""
+"""Loads over the load at which the joint opens."""
 
 
 # %%
 def joint(tagged_mesh: TaggedMesh, preload: float) -> Problem:
-    """ζ is the force at the head (N). Collective."""
+    """Return the bolted ring; ζ is the force at the head (N). Collective."""
     bolts = [Bolt("bolt", preload, (0.0, 1.0), (15.0, 45.0))] if preload else []
     return Problem(
         tagged_mesh,
@@ -67,7 +67,7 @@ def joint(tagged_mesh: TaggedMesh, preload: float) -> Problem:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """The bolt's force over the load, and the limit load with and without preload. Collective."""
+    """Return bolt forces, and limit loads with and without preload. Collective."""
     rows = []
     for size in (5.0,) if coarse else (5.0, 2.5):
         tagged_mesh = mesh(folder, write_bolted_ring, size=size).turned()

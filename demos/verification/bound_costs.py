@@ -25,20 +25,20 @@ from perfplast_fenicsx.mesh import refine
 
 TITLE = "Cost of bounds"
 GAP, ROUGHLY = 0.01, 0.05
-"""The gap that cells are counted for; another one for a quick look."""
+"""The gap at which cells are counted; and the gap of a quick run."""
 FEWER, LESS = 1 / 5, 1 / 2
-"""Cells of the adapted meshes, relative to the others, at these gaps."""
+"""Largest ratio of cells of adapted to uniform meshes at these gaps."""
 STEPS = 30
-"""Of the interior point method for one bound."""
+"""Largest number of interior point iterations for one bound."""
 LARGE = 0.0125
 """Edge length of the largest mesh."""
 
 Reached = list[tuple[int, float]]
-"""Cells and gap of finer and finer meshes."""
+"""Cells and gaps of a sequence of finer meshes."""
 
 
 def cells_for(reached: Reached, gap: float) -> float:
-    """Cells at which a gap is reached, between two meshes by a power law."""
+    """Return the number of cells for a gap, interpolated between two meshes by a power law."""
     for (few, wide), (many, narrow) in pairwise(reached):
         if narrow <= gap:
             share = np.log(wide / gap) / np.log(wide / narrow)
@@ -47,13 +47,13 @@ def cells_for(reached: Reached, gap: float) -> float:
 
 
 def num_cells(problem: Problem) -> int:
-    """Cells of all ranks."""
+    """Return the number of cells of all ranks."""
     count: int = problem.tagged_mesh.mesh.topology.index_map(2).size_global
     return count
 
 
 def uniform(problem: Problem, gap: float) -> Reached:
-    """Gaps on meshes whose cells are all divided into four, until one is small. Collective."""
+    """Return gaps on uniformly refined meshes, until one is small enough. Collective."""
     reached: Reached = []
     while not reached or reached[-1][1] > gap:
         if reached:
@@ -64,7 +64,7 @@ def uniform(problem: Problem, gap: float) -> Reached:
 
 
 def gap_of(found: BodyBounds) -> float:
-    """By how much the upper bound exceeds the lower one, relative."""
+    """Return the relative gap of the bounds."""
     assert found.lower.value is not None
     assert found.upper.value is not None
     return found.upper.value / found.lower.value - 1
@@ -72,7 +72,7 @@ def gap_of(found: BodyBounds) -> float:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Cells for a gap, and steps on the finest mesh. Collective."""
+    """Return the cells for a gap, and the iterations on the finest mesh. Collective."""
     gap, fewer = (ROUGHLY, LESS) if coarse else (GAP, FEWER)
     began, problem = time.perf_counter(), PLATENS.problem(folder)
     found = adaptive_bounds(problem, Adaptation(until=gap))

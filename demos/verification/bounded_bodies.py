@@ -1,6 +1,6 @@
-"""Plane bodies whose limit load is to be bounded, and what is asked of the bounds.
+"""Plane bodies with the gaps that bounds of their limit loads should reach.
 
-Lengths are half widths of what presses, and yield stresses in shear 1, but for the beam's. A
+Lengths are half widths of the loaded surface, and shear yield stresses are 1, except the beam's. A
 uniform pressure, unlike a rigid punch, does not limit the mechanisms; where it ends, the lower
 bound needs a fan of cells. The drive of the two blocks is rough: it holds their top.
 """
@@ -23,7 +23,7 @@ PRANDTL = 2 + math.pi
 
 
 def of_shear(k: float) -> VonMises:
-    """Material of the yield stress k in shear."""
+    """Return a von Mises material with the shear yield stress k."""
     return VonMises(young=1000.0, poisson=0.3, yield_stress=math.sqrt(3) * k)
 
 
@@ -36,19 +36,19 @@ WIDE = {"width": 5.0, "depth": 4.0, "grading": 1.0, "size": 0.5}
 
 @dataclass(frozen=True)
 class Case:
-    """A problem, and what its bounds should reach.
+    """A problem, with the gap that its bounds should reach.
 
     Attributes:
-        name: For the table.
+        name: Name in the table.
         write: Makes the first mesh.
-        arguments: Of ``write``.
-        materials: Of its volumes.
-        supports: What holds it.
-        loads: What presses it.
-        asked: Gap, relative, with at most so many cells.
-        exact: Limit load; None where nobody knows it.
-        contacts: Between its bodies.
-        coarse: Fewer cells, and the gap for them; None to leave it out of a quick look.
+        arguments: Arguments of ``write``.
+        materials: Materials of its volumes.
+        supports: Its supports.
+        loads: Its loads.
+        asked: Relative gap to reach, and largest number of cells.
+        exact: Limit load; None if it is not known.
+        contacts: Contacts between its bodies.
+        coarse: Gap and cells of a quick run; None to leave the case out.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Case:
     coarse: tuple[float, int] | None = None
 
     def problem(self, folder: ResultFolder, **changes: object) -> Problem:
-        """On its first mesh, which arguments may change. Collective."""
+        """Return the problem on its first mesh; ``changes`` replace arguments. Collective."""
         tagged_mesh = mesh(folder, self.write, **{**self.arguments, **changes})
         held = (self.supports, self.loads, self.contacts)
         return Problem(tagged_mesh, self.materials, *held, degree=2)

@@ -45,15 +45,15 @@ from perfplast_fenicsx.limit_analysis import AdaptiveBounds
 
 TITLE = "Bounds of bodies meshed apart"
 SEAM, OUTER, SIZE, FINER, SIDES = 1.4, 2.0, 0.1, 1.5, 16
-"""Radii over the inner one, length of edges there, edges of the outer body, sides a quarter."""
+"""Radii over the inner radius, edge length at the seam, ratio of edges, sides in a quarter."""
 WIDER, QUICK = 1.5, 4.0
-"""How many times as wide as that of matching nodes a bracket may be, and that for a quick look."""
+"""Largest width of a bracket over that of matching nodes; and the same for a quick run."""
 CELLS, FEW = 4000, 400
 PAIR = ("inner_tube_seam", "outer_tube_seam")
 
 
 def bounds(section: TaggedMesh, tied: bool, cells: int) -> AdaptiveBounds:
-    """Strict bounds on an adapted mesh. Collective."""
+    """Return strict bounds on an adapted mesh. Collective."""
     supports = [Support("y0", "y")]
     if not section.axisymmetric:
         supports.append(Support("x0", "x"))
@@ -70,7 +70,7 @@ def bounds(section: TaggedMesh, tied: bool, cells: int) -> AdaptiveBounds:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Brackets of matching nodes and of bodies meshed apart. Collective."""
+    """Return brackets of matching nodes and of bodies meshed separately. Collective."""
     rows: list[Row] = []
     cells, size, wider = (FEW, 2 * SIZE, QUICK) if coarse else (CELLS, SIZE, WIDER)
     shape = {"interface": SEAM, "outer": OUTER, "size": size, "sides": SIDES}

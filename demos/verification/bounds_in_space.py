@@ -50,7 +50,7 @@ from perfplast_fenicsx.limit_analysis import AdaptiveBounds
 
 TITLE = "Bounds of the body, in space"
 RTOL = 1e-3
-"""Of each bound on its mesh: far less than the gaps."""
+"""Tolerance of each bound on its mesh, much smaller than the gaps."""
 STRONG = Elastic(1e6, 0.3)
 SYMMETRY = [Support("x0", "x"), Support("y0", "y")]
 TOP = [Pressure("top", 1.0)]
@@ -87,14 +87,14 @@ PUNCH = Case(
     asked=(0.065, 8000),
 )
 FEWER = (0.12, 2300)
-"""Of the punch: a gap, and cells for it."""
+"""Gap of the punch, and largest number of cells for it."""
 COARSE_SPHERE = 0.4
-"""Edge length, for a quick look."""
+"""Edge length of a quick run."""
 
 
 # %%
 def adapted(case: Case, problem: Problem) -> tuple[AdaptiveBounds, list[Row]]:
-    """Bounds of a case on finer and finer meshes. Collective."""
+    """Return bounds of a case on adapted meshes. Collective."""
     began = time.perf_counter()
     found = adaptive_bounds(problem, Adaptation(*case.asked), RTOL)
     seconds = time.perf_counter() - began
@@ -102,7 +102,7 @@ def adapted(case: Case, problem: Problem) -> tuple[AdaptiveBounds, list[Row]]:
 
 
 def sphere(folder: ResultFolder, case: Case, **changes: object) -> list[Row]:
-    """Bounds of the sphere from a polyhedron on either side of it. Collective."""
+    """Return bounds of the sphere from an inner and an outer polyhedron. Collective."""
     began = time.perf_counter()
     low, high = (
         limit_bounds(case.problem(folder, circumscribed=surface, **changes), RTOL)
@@ -113,7 +113,7 @@ def sphere(folder: ResultFolder, case: Case, **changes: object) -> list[Row]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Bounds of the three bodies; of the punch with more and more cells. Collective."""
+    """Return bounds of the three bodies; those of the punch on adapted meshes. Collective."""
     if coarse:
         assert SPHERE.coarse is not None
         assert CUBE.coarse is not None

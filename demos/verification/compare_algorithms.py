@@ -68,7 +68,7 @@ STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 
 
 def blocks(comm: MPI.Intracomm, n: int) -> Problem:
-    """The two cantilevers. Collective."""
+    """Return the problem of two cantilevers. Collective."""
     return Problem(
         two_blocks(comm, n),
         {"lower": STEEL, "upper": STEEL},
@@ -104,7 +104,7 @@ NAMES = {
 
 @dataclass
 class Row:
-    """What a method needed to come from one level to the next, failed attempts included."""
+    """The cost of one load level by one method, including failed attempts."""
 
     method: str
     share: float
@@ -117,7 +117,7 @@ class Row:
     seconds: float = 0.0
 
     def add(self, level: Level) -> None:
-        """Count an attempt."""
+        """Add the cost of an attempt."""
         report = level.report
         self.level = level
         self.steps += 1
@@ -129,7 +129,7 @@ class Row:
 
 
 def follow(solver: LevelSolver, values: Sequence[float], shares: Sequence[float]) -> list[Row]:
-    """Take a method along the path. Collective."""
+    """Solve the levels of the path by one method and return their costs. Collective."""
     rows: list[Row] = []
     past: list[State | None] = [None, None]
     for share, value in zip(shares, values, strict=True):
@@ -156,7 +156,7 @@ def follow(solver: LevelSolver, values: Sequence[float], shares: Sequence[float]
 
 
 def path_table(rows: Sequence[Row]) -> str:
-    """The rows of all methods as text."""
+    """Return the rows of all methods as text."""
     head = (
         "share  method  steps  iterations  solves  set-ups  Krylov  seconds          zeta"
         "         alpha  duality gap"
@@ -200,7 +200,7 @@ UZAWA_SHARES = (0.30, 0.60, 0.90, 0.98)
 def penalty_table(
     problem: Problem, limit: float, shares: Sequence[float], cap: int
 ) -> dict[tuple[str, float | str], list[int]]:
-    """Iterations for each acceleration and penalty; more than ``cap`` stands for no end."""
+    """Return iterations by acceleration and penalty; values above ``cap`` mean no convergence."""
     found: dict[tuple[str, float | str], list[int]] = {}
     for acceleration in ACCELERATIONS:
         for penalty in PENALTIES:
@@ -222,7 +222,7 @@ def penalty_table(
 def penalty_text(
     found: dict[tuple[str, float | str], list[int]], shares: Sequence[float], cap: int
 ) -> str:
-    """The iterations as text."""
+    """Return the iterations as text."""
     lines = ["acceleration         r" + "".join(f"{share:>8.0%}" for share in shares)]
     for (acceleration, penalty), counts in found.items():
         cells = "".join(f"{f'>{cap}' if n > cap else n:>8}" for n in counts)
@@ -337,7 +337,7 @@ LIMITS = {2: 328.7764, 4: 325.722, 8: 324.58}
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Compare, print, draw, check. Collective."""
+    """Compare the methods, print and draw the results, and check them. Collective."""
     parser = argparse.ArgumentParser(description=TITLE)
     parser.add_argument("-o", "--output", default="results/compare_algorithms")
     parser.add_argument("-n", type=int, default=4, help="cubes per unit length (4)")

@@ -51,7 +51,7 @@ MATERIALS = {
 LOADS = [Pressure("top", 1.0)]
 CONTACTS = [Contact("lower_seam", "upper_seam")]
 ELASTIC = 100.0
-"""A load at which nothing yields."""
+"""A load below first yield."""
 
 
 # %% [markdown]
@@ -61,18 +61,18 @@ ELASTIC = 100.0
 # %%
 @dataclass(frozen=True)
 class Exact:
-    """What is known of the blocks in space (dim 3) or in plane strain (dim 2)."""
+    """The exact solution of the blocks in space (dim 3) or in plane strain (dim 2)."""
 
     dim: int
 
     @property
     def name(self) -> str:
-        """Of the case."""
+        """Return the name of the case."""
         return "patch, plane strain" if self.dim == 2 else "patch, space"
 
     @property
     def work(self) -> float:
-        """α at the elastic load."""
+        """Return α at the elastic load."""
         compliance = 0.0
         for material in MATERIALS.values():
             nu = material.poisson if self.dim == 2 else 0.0
@@ -81,7 +81,7 @@ class Exact:
 
     @property
     def first_yield(self) -> float:
-        """ζ at which a block begins to yield."""
+        """Return ζ at first yield."""
         if self.dim == 3:
             return YIELD_STRESS
         ratios = [material.poisson for material in MATERIALS.values()]
@@ -89,16 +89,16 @@ class Exact:
 
     @property
     def limit(self) -> float:
-        """The limit load."""
+        """Return the limit load."""
         return YIELD_STRESS if self.dim == 3 else 2 * YIELD_STRESS / math.sqrt(3)
 
     @property
     def limit_allowed(self) -> float:
-        """In the plane ζ does not reach its limit, and the loading ends within 1e-4 of it."""
+        """Return the allowed error of the limit load; in the plane ζ ends within 1e-4 of it."""
         return 1e-9 if self.dim == 3 else 1e-4
 
     def stress(self, poisson: float) -> list[float]:
-        """Mandel vector at the elastic load."""
+        """Return the Mandel vector of the stress at the elastic load."""
         if self.dim == 3:
             return [0.0, 0.0, -ELASTIC, 0.0, 0.0, 0.0]
         return [0.0, -ELASTIC, -poisson * ELASTIC, 0.0]
@@ -110,7 +110,7 @@ class Exact:
 
 # %%
 def stress_error(problem: Problem, level: Level, exact: Exact) -> float:
-    """Largest deviation of a stress component from the exact one. Collective."""
+    """Return the largest error of a stress component. Collective."""
     stress = level.stress.x.array.reshape(-1, len(exact.stress(0)))
     largest = 0.0
     for name, material in MATERIALS.items():
@@ -121,7 +121,7 @@ def stress_error(problem: Problem, level: Level, exact: Exact) -> float:
 
 
 def contact_forces(problem: Problem, level: Level) -> tuple[float, float]:
-    """Push on the lower block: resultant, and integral of the contact pressure. Collective."""
+    """Return the contact force on the lower block, and the integral of the pressure. Collective."""
     recovery, tagged_mesh = OutputFields(problem), problem.tagged_mesh
     pressure: fem.Function = recovery.update(level)["contact_pressure"]
     ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
@@ -130,7 +130,10 @@ def contact_forces(problem: Problem, level: Level) -> tuple[float, float]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Elastic solution, first yield and limit load in space and in the plane. Collective."""
+    """Return rows of elastic solution, first yield and limit load, in space and plane.
+
+    Collective.
+    """
     size = 0.4 if coarse else 0.25
     rows: list[Row] = []
     for exact, degree in ((Exact(dim), degree) for dim in (2, 3) for degree in (1, 2)):

@@ -59,14 +59,14 @@ ALLOWED = 1e-9
 
 # %%
 def in_elastic_seat(tagged_mesh: TaggedMesh, degree: int) -> Problem:
-    """The block in the seat of the mesh. Collective."""
+    """Return the block in the elastic seat. Collective."""
     supports = [Support("seat_bottom", "y"), Support("seat_left", "x"), *along_z(tagged_mesh)]
     materials = {"block": STEEL, "seat": STEEL}
     return Problem(tagged_mesh, materials, supports, LOADS, CONTACTS, degree=degree)
 
 
 def in_rigid_seat(tagged_mesh: TaggedMesh, degree: int) -> Problem:
-    """The block between two rigid planes. Collective."""
+    """Return the block between two rigid planes. Collective."""
     zero = [0.0] * (tagged_mesh.mesh.geometry.dim - 2)
     planes = [
         Plane("block_corner", point=(0.0, 0.0, *zero), normal=(1.0, 0.0, *zero)),
@@ -78,12 +78,12 @@ def in_rigid_seat(tagged_mesh: TaggedMesh, degree: int) -> Problem:
 
 
 def along_z(tagged_mesh: TaggedMesh) -> list[Support]:
-    """What holds both bodies along z."""
+    """Return the supports of both bodies along z."""
     return [Support("z0", "z")] if tagged_mesh.mesh.geometry.dim == 3 else []
 
 
 def exact_work(dim: int) -> float:
-    """α of the block between rigid planes."""
+    """Return α of the block between rigid planes."""
     E, nu = STEEL.young, STEEL.poisson
     if dim == 3:
         return (P**2 + Q**2 - 2 * nu * P * Q) / E
@@ -101,7 +101,7 @@ def exact_work(dim: int) -> float:
 
 # %%
 def reaction(problem: Problem, level: Level, surface: str, axis: int) -> float:
-    """Force along an axis of the supports on a surface. Collective."""
+    """Return the force of the supports on a surface along an axis. Collective."""
     V = problem.V
     force = fem.assemble_vector(fem.form(problem.internal_form(level.stress)))
     force.scatter_reverse(la.InsertMode.add)
@@ -113,7 +113,7 @@ def reaction(problem: Problem, level: Level, surface: str, axis: int) -> float:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Forces, reactions and work of both seats, in the plane and in space. Collective."""
+    """Return forces, reactions and work for both seats, in the plane and in space. Collective."""
     rows = []
     for dim, size in ((2, 0.2 if coarse else 0.05), (3, 0.4 if coarse else 0.25)):
         tagged_mesh = mesh(folder, write_corner_seat, dim=dim, size=size)

@@ -54,10 +54,10 @@ class Strip:
     """A cracked strip.
 
     Attributes:
-        name: For the table and the pictures.
-        width, length: Half of the strip's.
+        name: Name in the table and the pictures.
+        width, length: Half width and half length of the strip.
         tip: x of the crack's tip.
-        held: The part of y = 0 that is ligament.
+        held: The surface of the ligament, on y = 0.
         exact: ζ of an infinitely long strip.
         lines: Slip lines of the exact solution.
     """
@@ -71,7 +71,7 @@ class Strip:
     lines: Sequence[Line]
 
     def problem(self, folder: ResultFolder, size: float) -> Problem:
-        """With quadratic elements. Collective."""
+        """Return the problem with quadratic elements. Collective."""
         shape = {"width": self.width, "length": self.length, "tip": self.tip}
         tagged_mesh = mesh(folder, write_cracked_strip, size=size, **shape)
         supports = [Support("x0", "x"), Support(self.held, "y")]
@@ -92,7 +92,7 @@ SHORT = Strip("two notches, short", 10.0, 10.0, 1.0, "inner", NOTCHED.exact, NOT
 
 # %%
 def bounds(strip: Strip, problem: Problem, size: float, found: Collapse) -> list[Row]:
-    """Lower bound of the mesh against its upper bound, where one has been found."""
+    """Return rows that compare the lower bound of the mesh with an upper bound, if any."""
     lower, upper = found.limit.lower, found.limit.upper
     if upper is None:
         return []
@@ -115,7 +115,7 @@ def bounds(strip: Strip, problem: Problem, size: float, found: Collapse) -> list
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads of a strip with a slit and of strips with two notches. Collective."""
+    """Return limit loads of a strip with a slit and of strips with two notches. Collective."""
     rows = []
     for strip, sizes in ((SLIT, (0.1, 0.05, 0.025)), (NOTCHED, (0.4, 0.2, 0.1))):
         certain = []

@@ -50,17 +50,17 @@ Floats = npt.NDArray[np.float64]
 TITLE = "Curved seams in space"
 STEEL = Elastic(young=2e5, poisson=0.3)
 EVEN, UNEVEN = 100.0, 40.0
-"""p₀ and p₂: the seam stays closed."""
+"""p₀ and p₂, with which the seam stays closed."""
 OVERLAP, SEAM, HOLE, SHELL = 1e-3, 1.4, 1.0, 2.0
-"""δ, and the radii of the shrink fit: of the seam, of the hole inside, and of the shell."""
+"""δ, and the radii of the shrink fit: seam, inner hole and outer surface."""
 FINER = 1.5
-"""How many times as many edges the outer body has at the seam where it is meshed apart."""
+"""Ratio of edges of outer and inner body at the seam of separate meshes."""
 LENGTH = 0.5
-"""Of the pin."""
+"""Length of the pin."""
 WORSE = 1.5
-"""How many times the error of matching nodes mortar may have."""
+"""Largest ratio of the errors of mortar and of matching nodes."""
 SLOWER = 0.3
-"""By how much its order may be lower, over all meshes of a case."""
+"""Largest loss of order of mortar against matching nodes, over all meshes of a case."""
 
 # %% [markdown]
 # ## Closed forms
@@ -68,7 +68,7 @@ SLOWER = 0.3
 
 # %%
 def second_mode(sphere: bool) -> float:
-    """What p₂ = 1 on the outer surface makes at the seam.
+    """Return the pressure at the seam for p₂ = 1 on the outer surface.
 
     The powers r^k have U = a r^k and V = b r^k, with a and b such that Navier's equations hold.
     """
@@ -110,7 +110,7 @@ def second_mode(sphere: bool) -> float:
 
 
 def shrink_fit_pressure() -> float:
-    """δ over what a pressure of 1 opens at the seam."""
+    """Return the pressure of the shrink fit: δ over the gap that a pressure of 1 opens."""
     nu = STEEL.poisson
 
     def give(radius: float) -> float:
@@ -130,18 +130,18 @@ class Case:
     """A case and its closed form: the pressure is p₀ + p₂ · mode at the seam.
 
     Attributes:
-        name: For the table.
-        bodies: Inner and outer one; the seam of each is ``BODY_seam``.
-        write: Generator of its mesh.
-        shape: What that is given, beside an edge length and what the outer body is finer by.
-        load: On them.
-        fit: What is given of their contact.
-        planes: Of symmetry, or held along their normal.
-        sizes: Edge lengths.
+        name: Name in the table.
+        bodies: Inner and outer body; the seam of each is ``BODY_seam``.
+        write: Generator of the mesh.
+        shape: Its arguments, except the edge length and the ratio of edges.
+        load: Load on the bodies.
+        fit: Arguments of their contact.
+        planes: Planes of symmetry, or surfaces held along their normal.
+        sizes: Edge lengths of the meshes.
         pressures: p₀ and p₂.
-        mode: A formula in x, y, z.
+        mode: Formula in x, y, z.
         forces: Resultants of the pressure 1 and of the mode on the seam.
-        axis: Of these.
+        axis: Axis of these resultants.
     """
 
     name: str
@@ -159,12 +159,12 @@ class Case:
 
 
 def legendre(x: Any) -> Any:
-    """P₂(cos θ) of the angle from the z axis."""
+    """Return P₂(cos θ), with the angle θ from the z axis."""
     return 1.5 * x[2] ** 2 / (x[0] ** 2 + x[1] ** 2 + x[2] ** 2) - 0.5
 
 
 def twice(x: Any) -> Any:
-    """cos 2θ about the z axis."""
+    """Return cos 2θ, with the angle θ about the z axis."""
     return (x[0] ** 2 - x[1] ** 2) / (x[0] ** 2 + x[1] ** 2)
 
 
@@ -213,18 +213,18 @@ CASES = (
         0,
     ),
 )
-"""Round bodies, and their seams of radius 1 but for the shells."""
+"""All cases; seams have the radius 1, except those of the shells."""
 
 
 # %%
 def press(folder: ResultFolder, case: Case, size: float, kind: str) -> list[Row]:
-    """The error of the pressure, and the force across the seam. Collective.
+    """Return the error of the pressure, and the force across the seam. Collective.
 
     Args:
-        folder: For the mesh.
-        case: What is solved.
+        folder: Folder of the mesh.
+        case: The case.
         size: Edge length.
-        kind: "nodes" or "mortar", or "apart", which is mortar too.
+        kind: "nodes", "mortar", or "apart" for mortar on separate meshes.
     """
     began = time.perf_counter()
     finer = FINER if kind == "apart" else None
@@ -280,7 +280,7 @@ def press(folder: ResultFolder, case: Case, size: float, kind: str) -> list[Row]
 
 
 def force_of(case: Case) -> float:
-    """Resultant of the closed form."""
+    """Return the resultant of the closed form."""
     return sum(p * force for p, force in zip(case.pressures, case.forces, strict=True))
 
 
@@ -293,7 +293,7 @@ def force_of(case: Case) -> float:
 
 # %%
 def judged(nodes: Sequence[Row], mortar: Sequence[Row]) -> list[Row]:
-    """Ratios of errors of the same quantity on each mesh, and the difference of orders."""
+    """Return ratios of errors of the same quantity on each mesh, and the difference of orders."""
     rows = [
         replace(
             row,
@@ -316,13 +316,13 @@ def judged(nodes: Sequence[Row], mortar: Sequence[Row]) -> list[Row]:
 
 
 def order(rows: Sequence[Row]) -> float:
-    """The power of h that the errors fall with, fitted to all."""
+    """Return the order of the errors in h, fitted to all meshes."""
     sizes, errors = np.log([(row.size, abs(row.error)) for row in rows]).T
     return float(np.polyfit(sizes, errors, 1)[0])
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Errors of all cases by nodes and by mortar. Collective."""
+    """Return errors of all cases by nodes and by mortar. Collective."""
     table: list[Row] = []
     for case in CASES:
         sizes = case.sizes[:2] if coarse else case.sizes

@@ -45,7 +45,7 @@ CUT = (3.7752, 3.7776)
 """Published bracket of the weight that a vertical cut bears, γH/k."""
 CELLS = 4000
 STRIP, STEEP, CREST, FALLS, QUICK = 0.003, 0.01, 0.005, 0.01, 0.15
-"""Widths of strict brackets, and for a quick look."""
+"""Widths of strict brackets; the last one is that of a quick run."""
 
 
 # %% [markdown]
@@ -54,7 +54,7 @@ STRIP, STEEP, CREST, FALLS, QUICK = 0.003, 0.01, 0.005, 0.01, 0.15
 
 # %%
 def strip(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """V beside a dead H, and H of both signs beside a dead V. Collective."""
+    """Return bounds of V with a dead H, and of H of both signs with a dead V. Collective."""
     rows = []
     least = 1e-3  # gap that ends the search before there are so many cells
     cases = {
@@ -91,7 +91,10 @@ def strip(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """A pressure on the crest, and how much is missing where the cut falls. Collective."""
+    """Return bounds of a pressure on the crest, and of the missing load of a falling cut.
+
+    Collective.
+    """
     rows = []
     crest = [Pressure("top", 1.0)]
     cases = {"live crest": (2.0, crest), "too heavy": (4.0, crest), "falls": (4.0, [])}
@@ -124,7 +127,7 @@ def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """All of them. Collective."""
+    """Return the rows of all cases. Collective."""
     return [*strip(folder, coarse), *cut(folder, coarse)]
 
 

@@ -65,7 +65,7 @@ SEAM = ("lower_seam", "upper_seam")
 
 # %%
 def slides(comm: MPI.Intracomm, coarse: bool) -> list[Row]:
-    """ζ at which a block slides in three directions. Collective."""
+    """Return ζ at which a block slides, in three directions. Collective."""
     rows = []
     for degrees in (0.0, 37.0, 45.0):
         angle, n = math.radians(degrees), 2 if coarse else 4
@@ -102,7 +102,7 @@ def slides(comm: MPI.Intracomm, coarse: bool) -> list[Row]:
 
 # %%
 def platens(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads for some m and both shapes. Collective."""
+    """Return limit loads for several m and both shapes. Collective."""
     rows: list[Row] = []
     for shape, height in (("as wide as high", 1.0), ("twice as wide", 0.5)):
         fine, size = (0.01, 0.1) if coarse else (0.005, 0.05)
@@ -145,7 +145,7 @@ def platens(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def slope(comm: MPI.Intracomm) -> list[Row]:
-    """F/G at which a block slides up. Collective."""
+    """Return F/G at which a block slides up. Collective."""
     tangent, mu = 0.1, 0.3
     angle = math.atan(tangent)
     c, s = math.cos(angle), math.sin(angle)
@@ -182,7 +182,7 @@ def slope(comm: MPI.Intracomm) -> list[Row]:
 
 # %%
 def floor(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """How far the corner of a block moves. Collective."""
+    """Return the displacement of the corner of a block. Collective."""
     length, size = 40.0, 2.5 if coarse else 1.25
     tagged_mesh = mesh(
         folder,
@@ -230,7 +230,7 @@ def floor(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def cattaneo(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Half-width of the part that sticks. Collective."""
+    """Return the half-width of the sticking part. Collective."""
     body, width, share, mu, radius = Elastic(210e3, 0.3), 0.1, 0.5, 0.3, 10.0
     modulus = contact_modulus(body, body)
     push = math.pi * modulus * width**2 / (4 * radius)
@@ -288,7 +288,7 @@ def cattaneo(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """All of them. Collective."""
+    """Return the rows of all cases. Collective."""
     return [
         *slides(comm, coarse),
         *slope(comm),

@@ -56,33 +56,33 @@ CONTACTS = [Contact("inner_tube_seam", "outer_tube_seam")]
 
 
 def ground(angle: float, match: str = "plane-strain") -> DruckerPrager:
-    """Ground of an angle of friction (degrees)."""
+    """Return ground of an angle of friction (degrees)."""
     return DruckerPrager(1e5, 0.3, COHESION, angle, match)  # type: ignore[arg-type]
 
 
 def tube_limit(angle: float, outside: float = 0.0, falling: bool = False) -> float:
-    """Inner pressure at which the tube is plastic everywhere."""
+    """Return the inner pressure at which the tube is plastic everywhere."""
     s, tip = math.sin(math.radians(angle)), COHESION / math.tan(math.radians(angle))
     power = -2 * s / (1 - s) if falling else 2 * s / (1 + s)
     return float((outside + tip) * OUTER**power - tip)
 
 
 def sphere_limit(angle: float, match: str) -> float:
-    """Inner pressure at which the sphere is plastic everywhere."""
+    """Return the inner pressure at which the sphere is plastic everywhere."""
     slope, strength = ground(angle, match).cone
     power = 6 * slope / (math.sqrt(3) + 2 * slope)
     return float(strength / slope * (OUTER**power - 1))
 
 
 def footing_limit(angle: float) -> float:
-    """Pressure under a strip footing on weightless ground."""
+    """Return the limit pressure of a strip footing on weightless ground."""
     phi = math.radians(angle)
     grows = math.exp(math.pi * math.tan(phi)) * (1 + math.sin(phi)) / (1 - math.sin(phi))
     return COHESION * (grows - 1) / math.tan(phi)
 
 
 def block_limit(angle: float) -> float:
-    """Pressure on a block between smooth plates, free at its sides."""
+    """Return the limit pressure of a block between smooth plates with free sides."""
     s = math.sin(math.radians(angle))
     return 2 * COHESION * math.sqrt((1 + s) / (1 - s))
 
@@ -102,7 +102,7 @@ def shell(
     degree: int = 2,
     match: str = "plane-strain",
 ) -> Problem:
-    """A quarter of a tube, or half a section of a sphere."""
+    """Return a quarter of a tube, or half a section of a sphere."""
     divided = len(tagged_mesh.volumes) > 1
     return Problem(
         tagged_mesh,
@@ -115,7 +115,10 @@ def shell(
 
 
 def tubes(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
-    """Whole and divided tubes, without and with a pressure outside. Collective."""
+    """Return limit loads of whole and divided tubes, without and with outer pressure.
+
+    Collective.
+    """
     rows = []
     live, outside = Pressure("inner", 1.0), Pressure("outer", SURCHARGE, constant=True)
     for angle in (10.0, 20.0, 30.0, 40.0):
@@ -146,7 +149,7 @@ def tubes(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
 
 # %%
 def spheres(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
-    """Sections of spheres, with cones of two matches. Collective."""
+    """Return limit loads of spheres, with cones fitted in two ways. Collective."""
     rows = []
     for match in ("compression", "plane-strain"):
         for angle in (10.0, 40.0):
@@ -161,11 +164,11 @@ def spheres(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
 
 
 FOOTINGS = {10.0: (6.0, 3.0), 20.0: (9.0, 4.0), 30.0: (16.0, 7.0)}
-"""Width and depth of the ground by the angle; its sides confine no more."""
+"""Width and depth of the ground by the angle, so large that its sides have no effect."""
 
 
 def footings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
-    """Uniform pressures on a strip, by the interior point method. Collective."""
+    """Return limit pressures of a strip, by the interior point method. Collective."""
     rows = []
     for angle, (width, depth) in FOOTINGS.items():
         for size in sizes:
@@ -185,7 +188,7 @@ def footings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
 
 
 def blocks(comm: MPI.Intracomm) -> list[Row]:
-    """Two stacked cubes in contact, in space, free at their sides. Collective."""
+    """Return limit loads of two stacked cubes in contact with free sides. Collective."""
     tagged_mesh = stacked_blocks(comm, n=1)
     problem = Problem(
         tagged_mesh,
@@ -199,7 +202,7 @@ def blocks(comm: MPI.Intracomm) -> list[Row]:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads of tubes, spheres and blocks. Collective."""
+    """Return limit loads of tubes, spheres and blocks. Collective."""
     sizes = (0.1,) if coarse else (0.3, 0.15, 0.075)
     rows = [*tubes(folder, sizes), *spheres(folder, sizes), *blocks(comm)]
     rows += footings(folder, (0.5,) if coarse else (0.5, 0.25, 0.12))

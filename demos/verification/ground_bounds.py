@@ -50,19 +50,19 @@ from perfplast_fenicsx.limit_analysis import AdaptiveBounds
 
 TITLE = "Ground from both sides"
 FOOTING = {"width": 12.0, "depth": 8.0, "size": 3.0, "grading": 1.0}
-"""A coarse mesh of even size, as fans of cells are as large as its cells at first."""
+"""A coarse mesh of uniform size; the first fans of cells are as large as its cells."""
 CELLS, FEW = 4000, 300
 SUPPORTS = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
 
 
 def surcharge_factor(degrees: float) -> float:
-    """N_q."""
+    """Return N_q."""
     phi = math.radians(degrees)
     return math.exp(math.pi * math.tan(phi)) * math.tan(math.pi / 4 + phi / 2) ** 2
 
 
 def cohesion_factor(degrees: float) -> float:
-    """N_c."""
+    """Return N_c."""
     return (surcharge_factor(degrees) - 1) / math.tan(math.radians(degrees))
 
 
@@ -70,7 +70,7 @@ def cohesion_factor(degrees: float) -> float:
 def footing(
     ground: TaggedMesh, degrees: float, cohesion: float, cells: int, until: float
 ) -> AdaptiveBounds:
-    """A smooth one on weightless ground, beside a surcharge of 1 where c = 0. Collective."""
+    """Return bounds of a smooth footing on weightless ground; surcharge 1 if c = 0. Collective."""
     loads = [Pressure("footing", 1.0)]
     if not cohesion:
         loads.append(Pressure("free", 1.0, constant=True))
@@ -81,7 +81,7 @@ def footing(
 
 
 def on_sand(ground: TaggedMesh, rough: bool, cells: int, until: float) -> AdaptiveBounds:
-    """A stiff footing on ground of 30° and of weight 1 without cohesion. Collective."""
+    """Return bounds of a stiff footing on ground of 30°, weight 1 and no cohesion. Collective."""
     touches = ("ground_footing", "punch_footing")
     problem = Problem(
         ground,
@@ -98,7 +98,7 @@ def on_sand(ground: TaggedMesh, rough: bool, cells: int, until: float) -> Adapti
 def falling(
     ground: TaggedMesh, supports: list[Support], degrees: float, cells: int, tension: float | None
 ) -> AdaptiveBounds:
-    """Ground of cohesion 1 and height 1 under its own weight, which is sought. Collective."""
+    """Return bounds of the weight that ground of cohesion 1 and height 1 carries. Collective."""
     material = MohrCoulomb(1e4, 0.3, 1.0, degrees, tensile_strength=tension)
     name = next(iter(ground.volumes))
     loads = [BodyForce(name, (0.0, -1.0))]
@@ -107,7 +107,7 @@ def falling(
 
 
 def draw_factors(folder: ResultFolder, found: dict[str, dict[float, tuple[float, float]]]) -> None:
-    """Curves of N_c and N_q with the brackets on them. On one process."""
+    """Draw curves of N_c and N_q with the brackets. Not collective."""
     figure = Figure(figsize=(6, 4.5), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
@@ -124,7 +124,7 @@ def draw_factors(folder: ResultFolder, found: dict[str, dict[float, tuple[float,
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Brackets and what is known between them. Collective."""
+    """Return brackets with the exact or published values. Collective."""
     rows: list[Row] = []
     cells = FEW if coarse else CELLS
     brackets: dict[str, dict[float, tuple[float, float]]] = {"N_c": {}, "N_q": {}}

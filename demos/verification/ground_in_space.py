@@ -48,19 +48,19 @@ from perfplast_fenicsx.limit_analysis import AdaptiveBounds
 
 TITLE = "Ground in space from both sides"
 RTOL = 1e-3
-"""Of each bound on its mesh: far less than the gaps."""
+"""Tolerance of each bound on its mesh, much smaller than the gaps."""
 SYMMETRY = [Support("x0", "x"), Support("y0", "y")]
 SIZES = {"inner": 0.12, "outer": 0.14}
-"""Of the sphere's elements, where the facets of a surface are outside; the former is below."""
+"""Edge lengths of the sphere's elements, for the lower and the upper bound."""
 PROTOTYPE = 2.941, 3.349
 PUBLISHED = 5.523, 6.221
 ONE_MESH = 1
-"""Cells that no finer mesh may have: the first mesh is the only one."""
+"""Largest number of cells: there is no finer mesh than the first."""
 
 
 # %%
 def sphere(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Bounds of the sphere from a polyhedron on either side of it. Collective."""
+    """Return bounds of the sphere from an inner and an outer polyhedron. Collective."""
     began, found = time.perf_counter(), list[AdaptiveBounds]()
     for surface, size in SIZES.items():
         shell = mesh(
@@ -85,7 +85,7 @@ def sphere(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def cube(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Bounds of the mean pressure of the rough cube. Collective."""
+    """Return bounds of the mean pressure of the rough cube. Collective."""
     began, percent = time.perf_counter(), 30.0 if coarse else 6.0
     octant = mesh(folder, write_rough_cube, size=0.25 if coarse else 0.125, platen=False)
     problem = Problem(
@@ -107,7 +107,7 @@ def cube(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def footing(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Bounds of the mean pressure under the square footing. Collective."""
+    """Return bounds of the mean pressure under the square footing. Collective."""
     began = time.perf_counter()
     lowest, highest = PUBLISHED
     percent = 60.0 if coarse else 200 * (highest - lowest) / (highest + lowest)
@@ -130,7 +130,7 @@ def footing(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Brackets and what is known between them. Collective."""
+    """Return brackets with the exact or published values. Collective."""
     return [row for case in (sphere, cube, footing) for row in case(folder, coarse)]
 
 

@@ -40,11 +40,11 @@ STEEL, ALUMINIUM = Elastic(young=210e3, poisson=0.3), Elastic(young=70e3, poisso
 HALF_WIDTH = 0.06
 ALLOWED = 0.03
 FINER = 1.5
-"""How many times as fine the lower body is where bodies are meshed apart."""
+"""Ratio of edges of the lower and the upper body on separate meshes."""
 
 
 def contact_modulus(*bodies: Elastic) -> float:
-    """E* of elastic bodies in contact."""
+    """Return E* of elastic bodies in contact."""
     return 1 / sum((1 - body.poisson**2) / body.young for body in bodies)
 
 
@@ -58,14 +58,14 @@ def contact_modulus(*bodies: Elastic) -> float:
 # %%
 @dataclass(frozen=True)
 class Pressures:
-    """The pressure on a surface about the origin.
+    """The contact pressure on a surface about the origin.
 
     Attributes:
         force: ∫p.
         spread: ∫p r² / ∫p, with r the distance from the z axis (in the plane, from x = 0).
         peak: Largest nodal value.
-        r: Of the vertices, on rank 0.
-        p: Pressure there.
+        r: Distance of the vertices, on rank 0.
+        p: Pressure at the vertices, on rank 0.
     """
 
     force: float
@@ -76,7 +76,7 @@ class Pressures:
 
 
 def measure(problem: Problem, pressure: fem.Function, surface: str) -> Pressures:
-    """Integrals and vertex values of the pressure on a surface. Collective."""
+    """Return integrals and vertex values of the pressure on a surface. Collective."""
     tagged_mesh, comm, V = problem.tagged_mesh, problem.comm, pressure.function_space
     tag, sides = tagged_mesh.surfaces[surface], tagged_mesh.mesh.geometry.dim - 1
     ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)(tag)
@@ -106,13 +106,13 @@ def measure(problem: Problem, pressure: fem.Function, surface: str) -> Pressures
 def draw_pressures(
     folder: ResultFolder, found: dict[str, tuple[Pressures, float]], radius: float, title: str
 ) -> None:
-    """Draw pressures relative to Hertz's largest ones over the distance. Collective.
+    """Draw pressures over Hertz's largest pressure against the distance. Collective.
 
     Args:
-        folder: Gets the picture.
-        found: Pressures and Hertz's largest one, by label.
+        folder: Folder of the picture.
+        found: Pressures and Hertz's largest pressure, by label.
         radius: Hertz's half-width or radius of the contact.
-        title: Heading.
+        title: Title of the picture.
     """
 
     def draw() -> None:
@@ -153,7 +153,7 @@ def draw_pressures(
 def press(
     folder: ResultFolder, bodies: int, degree: int, size: float, finer: float | None = None
 ) -> tuple[list[Row], Pressures, float]:
-    """Rows of one mesh, its pressures, and Hertz's largest pressure. Collective."""
+    """Return rows of one mesh, its pressures, and Hertz's largest pressure. Collective."""
     materials = {"upper": STEEL, "lower": ALUMINIUM} if bodies == 2 else {"upper": STEEL}
     curvature, modulus = bodies / RADIUS, contact_modulus(*materials.values())
     load = math.pi * modulus * HALF_WIDTH**2 * curvature / 4
@@ -200,7 +200,7 @@ def press(
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Half-width, peak pressure and force of all cases. Collective."""
+    """Return half-width, peak pressure and force of all cases. Collective."""
     table: list[Row] = []
     finest = {}
     cases: list[tuple[int, float | None]] = [(1, None), (2, None)]

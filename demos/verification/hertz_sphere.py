@@ -72,7 +72,7 @@ CONTACT_RADIUS = 0.12
 
 # %%
 def write_block(path: str | Path, contact_size: float, order: int = 1) -> None:
-    """Mesh a quarter of a block below z = 0 and write a .msh file. On one process.
+    """Mesh a quarter of a block below z = 0 and write a .msh file. Not collective.
 
     Args:
         path: The file to write.
@@ -98,7 +98,7 @@ def write_block(path: str | Path, contact_size: float, order: int = 1) -> None:
 
 # %%
 def ball_on_plane(folder: ResultFolder, degree: int, size: float) -> Problem:
-    """A ball on a rigid plane. Collective."""
+    """Return a ball on a rigid plane. Collective."""
     tagged_mesh = mesh(folder, write_hertz_sphere, contact_size=size, order=degree)
     return Problem(
         tagged_mesh,
@@ -111,14 +111,14 @@ def ball_on_plane(folder: ResultFolder, degree: int, size: float) -> Problem:
 
 
 def balls_apart(folder: ResultFolder, degree: int, size: float) -> Problem:
-    """A ball of steel on one of aluminium that has a finer mesh. Collective."""
+    """Return a ball of steel on one of aluminium with a finer mesh. Collective."""
     return ball_on_ball(folder, degree, size, FINER)
 
 
 def ball_on_ball(
     folder: ResultFolder, degree: int, size: float, finer: float | None = None
 ) -> Problem:
-    """A ball of steel on one of aluminium. Collective."""
+    """Return a ball of steel on one of aluminium. Collective."""
     shape = {"contact_size": size, "order": degree, "bodies": 2, "finer": finer}
     tagged_mesh = mesh(folder, write_hertz_sphere, **shape)
     return Problem(
@@ -132,7 +132,7 @@ def ball_on_ball(
 
 
 def rigid_ball(folder: ResultFolder, degree: int, size: float) -> Problem:
-    """A block pressed against a rigid ball. Collective."""
+    """Return a block that is pressed against a rigid ball. Collective."""
     tagged_mesh = mesh(folder, write_block, contact_size=size, order=degree)
     return Problem(
         tagged_mesh,
@@ -145,12 +145,12 @@ def rigid_ball(folder: ResultFolder, degree: int, size: float) -> Problem:
 
 
 def hertz_load(*bodies: Elastic) -> float:
-    """P of the contact radius wanted: one elastic body and a rigid one, or two balls."""
+    """Return the force for the given contact radius; ``bodies`` are the elastic ones."""
     return 4 / 3 * CONTACT_RADIUS**3 * contact_modulus(*bodies) * len(bodies) / RADIUS
 
 
 def area(tagged_mesh: TaggedMesh, surface: str) -> float:
-    """Of a surface of the mesh, whose chords make it smaller. Collective."""
+    """Return the area of a surface of the mesh, smaller than that of the sphere. Collective."""
     ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
     one = fem.Constant(tagged_mesh.mesh, default_scalar_type(1)) * ds(tagged_mesh.surfaces[surface])
     return float(tagged_mesh.mesh.comm.allreduce(fem.assemble_scalar(fem.form(one))))
@@ -161,12 +161,12 @@ class Case:
     """A case and its meshes.
 
     Attributes:
-        name: For the table.
-        make: Makes the problem of a degree and an edge length.
-        surface: Where the pressure is measured.
-        bodies: The elastic ones.
-        parts: Elements over the contact radius, by degree.
-        coarse: The same for a quick look.
+        name: Name in the table.
+        make: Function of folder, degree and edge length that makes the problem.
+        surface: Surface on which the pressure is measured.
+        bodies: The elastic materials.
+        parts: Numbers of elements over the contact radius, by degree.
+        coarse: The same for a quick run.
     """
 
     name: str
@@ -209,7 +209,7 @@ CASES = (
 def press(
     case: Case, folder: ResultFolder, degree: int, parts: int
 ) -> tuple[list[Row], Pressures, float]:
-    """Rows of one mesh, its pressures, and Hertz's largest pressure. Collective."""
+    """Return rows of one mesh, its pressures, and Hertz's largest pressure. Collective."""
     load = hertz_load(*case.bodies)
     peak = 3 * load / (2 * math.pi * CONTACT_RADIUS**2)
     size = CONTACT_RADIUS / parts
@@ -242,7 +242,7 @@ def press(
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Contact radius, peak pressure and force of all cases. Collective."""
+    """Return contact radius, peak pressure and force of all cases. Collective."""
     table: list[Row] = []
     finest = {}
     for case in CASES:

@@ -29,16 +29,16 @@ from perfplast_fenicsx.pictures import save_envelope
 TITLE = "Hollow shaft"
 STEEL = VonMises(2e5, 0.3, 1.0)
 APART = 0.02
-"""Of the polygons along any ray."""
+"""Largest relative distance of the polygons along a ray."""
 
 
 def tension() -> list[Traction]:
-    """Of N₀ at the upper end."""
+    """Return tractions of the resultant N₀ at the upper end."""
     return [Traction(f"top{i}", (0.0, 0.0, 1.0)) for i in range(SIDES)]
 
 
 def torsion() -> list[Traction]:
-    """Of T₀ at both ends: σ_y/√3 along each wall."""
+    """Return tractions of the torque T₀ at both ends: σ_y/√3 along each wall."""
     shear, loads = STEEL.yield_stress / math.sqrt(3), []
     for i in range(SIDES):
         angle = 2 * math.pi * i / SIDES
@@ -48,7 +48,7 @@ def torsion() -> list[Traction]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """The circle and two polygons. Collective."""
+    """Return rows that compare the exact circle with both polygons. Collective."""
     began = time.perf_counter()
     problem = Problem(
         mesh(folder, write_hollow_shaft, size=1.0 if coarse else 0.5),

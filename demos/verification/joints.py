@@ -48,13 +48,13 @@ ROUGH = 2.42768
 """Mean pressure over k between rough platens."""
 CELLS = 4000
 MONOTONE, JOINT, FINER, QUICK = 0.005, 0.015, 0.003, 0.1
-"""Widths of strict brackets: with Tresca's friction, of an associated joint, on meshes that are
-finer, and for a quick look."""
+"""Widths of strict brackets: with Tresca's friction, of an associated joint, on finer meshes, and
+of a quick run."""
 COULOMB = 0.1
 
 
 def between_platens(folder: ResultFolder, size: float, **friction: float | bool) -> Problem:
-    """The quarter, with one of the platens as a body. Collective."""
+    """Return a quarter of the block, with the platen as a body. Collective."""
     shape = {"left": 0.0, "below": 0.5, "above": 0.25, "fine": size, "size": size}
     return Problem(
         mesh(folder, write_facing_blocks, **shape),
@@ -72,7 +72,7 @@ def between_platens(folder: ResultFolder, size: float, **friction: float | bool)
 
 # %%
 def adhesive(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Strict brackets for some m. Collective."""
+    """Return strict brackets for several m. Collective."""
     gap, rows = QUICK if coarse else MONOTONE, list[Row]()
     found = []
     for m in (0.0, 1.0) if coarse else (0.0, 0.25, 0.5, 0.75, 1.0):
@@ -99,7 +99,7 @@ def adhesive(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def joint(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """An associated joint, Drucker's pair, and a path with true slip between. Collective."""
+    """Return an associated joint, Drucker's two bounds, and a Coulomb path between. Collective."""
     gap, finer = (QUICK, QUICK / 2) if coarse else (JOINT, FINER)
     began, rubs = time.perf_counter(), {"coulomb": COULOMB}
     associated = between_platens(folder, 0.25, **rubs, associated=True)
@@ -130,7 +130,7 @@ def joint(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Both. Collective."""
+    """Return the rows of both kinds of joint. Collective."""
     return [*adhesive(folder, coarse), *joint(folder, coarse)]
 
 

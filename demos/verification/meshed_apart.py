@@ -35,7 +35,7 @@ from perfplast_fenicsx.pictures import draw
 
 TITLE = "Meshed apart"
 FINER = 1.5
-"""How many times as many edges the outer body has at the seam."""
+"""Ratio of edges of the outer and the inner body at the seam."""
 TUBE = VonMises(young=70e3, poisson=0.3, yield_stress=250.0)
 STEEL = VonMises(young=210e3, poisson=0.3, yield_stress=240.0)
 SUPPORTS = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z")]
@@ -53,7 +53,7 @@ OVERLAP = 1.5e-3
 
 # %%
 def nested(tagged_mesh: TaggedMesh, inner: VonMises, outer: VonMises) -> Problem:
-    """One body in the other, under inner pressure. Collective."""
+    """Return one body in another, under inner pressure. Collective."""
     kind = "tube" if "inner_tube" in tagged_mesh.volumes else "shell"
     return Problem(
         tagged_mesh,
@@ -66,7 +66,7 @@ def nested(tagged_mesh: TaggedMesh, inner: VonMises, outer: VonMises) -> Problem
 
 
 def limits(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Tubes, shells, and shells of two yield stresses. Collective."""
+    """Return limit loads of tubes, shells, and shells of two yield stresses. Collective."""
     rows = []
     exact = 2 / math.sqrt(3) * TUBE.yield_stress * math.log(OUTER)
     for size in (0.1,) if coarse else (0.1, 0.05):
@@ -96,7 +96,7 @@ def limits(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def press_fit(folder: ResultFolder, size: float) -> Row:
-    """Pressure of a tube in a tube that is too small for it, at no load. Collective."""
+    """Return the pressure of a press fit of two tubes without loads. Collective."""
     began = time.perf_counter()
     tagged_mesh = mesh(folder, write_thick_tube, size=size, order=2, finer=FINER, **FIT)
     problem = Problem(
@@ -128,7 +128,7 @@ def press_fit(folder: ResultFolder, size: float) -> Row:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads and the press fit. Collective."""
+    """Return limit loads and the press fit. Collective."""
     return limits(folder, coarse) + [
         press_fit(folder, size) for size in ((0.2,) if coarse else (0.2, 0.1))
     ]

@@ -47,15 +47,15 @@ BOUND = 2 * K * (1 - HOLE / WIDTH)
 SUPPORTS = [Support("x0", "x"), Support("y0", "y")]
 LOADS = [Traction("top", (0.0, 1.0))]
 ROUNDING = 1e-4
-"""Tolerance of the limit loads."""
+"""Relative tolerance of the limit loads."""
 NEAR = 0.005
-"""Largest distance of quadratic elements from the bound of the hinges."""
+"""Largest relative distance of limit loads by quadratic elements from the bound of the hinges."""
 FALLS = 0.8
-"""Largest share of it that the finest mesh leaves of that of the coarsest."""
+"""Largest ratio of this distance on the finest and the coarsest mesh."""
 
 
 def hinges() -> float:
-    """The upper bound of two hinges."""
+    """Return the upper bound of two hinges."""
     arm, square = WIDTH - HOLE, WIDTH**2
 
     def bound(parts: Sequence[float]) -> float:
@@ -68,13 +68,13 @@ def hinges() -> float:
 
 # %%
 def plane(folder: ResultFolder, size: float, degree: int) -> Problem:
-    """A quarter of the plate. Collective."""
+    """Return a quarter of the plate. Collective."""
     tagged_mesh = mesh(folder, write_plate_with_hole, size=size)
     return Problem(tagged_mesh, {"plate": MATERIAL}, SUPPORTS, LOADS, degree=degree)
 
 
 def slice_in_space(comm: MPI.Intracomm, cubes: int) -> Problem:
-    """A quarter of the slice, so many cubes thick. Collective."""
+    """Return a quarter of a slice of the plate, ``cubes`` cubes thick. Collective."""
     supports = [*SUPPORTS, Support("z0", "z"), Support("z1", "z")]
     loads = [Traction("top", (0.0, 1.0, 0.0))]
     return Problem(l_plate(comm, cubes), {"plate": MATERIAL}, supports, loads)
@@ -82,7 +82,7 @@ def slice_in_space(comm: MPI.Intracomm, cubes: int) -> Problem:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads of plate and slice. Collective."""
+    """Return limit loads of plate and slice. Collective."""
     rows = []
     for degree, sizes in ((1, (1.0, 0.5, 0.25)), (2, (1.0, 0.5, 0.25, 0.125))):
         for size in sizes[:2] if coarse else sizes:
@@ -106,7 +106,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def against_hinges(rows: Sequence[Row]) -> list[Row]:
-    """Rows of a sequence of meshes, against the bound of two hinges."""
+    """Return rows that compare a sequence of meshes with the bound of two hinges."""
     exact = hinges()
     near = [
         replace(

@@ -41,7 +41,7 @@ LOADS = [Pressure("top", 1.0)]
 
 
 def elastic(stiffness: float) -> Elastic:
-    """So many times as stiff as the block."""
+    """Return a material ``stiffness`` times as stiff as the block."""
     return Elastic(stiffness * BLOCK.young, BLOCK.poisson)
 
 
@@ -55,12 +55,12 @@ class Case:
     """One of the problems, without its mesh.
 
     Attributes:
-        name: For the table.
-        write: Makes its mesh.
-        arguments: Of ``write``.
-        materials: Of its volumes.
+        name: Name in the table.
+        write: Generator of the mesh.
+        arguments: Arguments of ``write``.
+        materials: Materials of its volumes.
         exact: Limit load.
-        supports, contacts, obstacles: What holds it.
+        supports, contacts, obstacles: Its supports, contacts and obstacles.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Case:
     obstacles: Sequence[Obstacle] = ()
 
     def problem(self, folder: ResultFolder, size: float, degree: int) -> Problem:
-        """On a mesh. Collective."""
+        """Return the problem on a mesh. Collective."""
         tagged_mesh = mesh(folder, self.write, size=size, **self.arguments)
         held = (self.supports, LOADS, self.contacts, self.obstacles)
         return Problem(tagged_mesh, self.materials, *held, degree=degree)
@@ -108,7 +108,7 @@ ROUGH = Case(
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads between smooth and rough platens. Collective."""
+    """Return limit loads between smooth and rough platens. Collective."""
     fine = (0.1, 0.05) if coarse else (0.1, 0.05, 0.025)
     rows = []
     for case, sizes, degree, allowed in (

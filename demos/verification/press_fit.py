@@ -32,7 +32,7 @@ ALLOWED = 2e-3
 
 # %%
 def lame(steel: Elastic, a: float, c: float, b: float, delta: float) -> float:
-    """The pressure of the formula above."""
+    """Return the pressure by the formula above."""
     nu = steel.poisson / (1 - steel.poisson)
     inside = (c**2 + a**2) / (c**2 - a**2) - nu
     outside = (b**2 + c**2) / (b**2 - c**2) + nu
@@ -48,16 +48,16 @@ def row_of(
     radii: Sequence[float],
     share: float = 1.0,
 ) -> Row:
-    """The pressure by the contact force. Collective.
+    """Return a row of the pressure, measured by the contact force. Collective.
 
     Args:
-        folder: Where pictures go; None for none.
-        case: Its name.
-        tagged_mesh: With the seams of two bodies.
-        steel: Of both.
+        folder: Folder of pictures; None to draw none.
+        case: Name of the case.
+        tagged_mesh: Mesh with the seams of two bodies.
+        steel: Material of both bodies.
         size: Edge length.
         radii: a, c, b and the interference δ.
-        share: How much of it there is.
+        share: Share of the full circle that is meshed.
     """
     began = time.perf_counter()
     inner, outer = sorted(
@@ -93,7 +93,7 @@ def row_of(
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """The pressures of two fits, 84.7118 and 46.514332 by hand. Collective."""
+    """Return the pressures of two fits, 84.7118 and 46.514332 by the formula. Collective."""
     sizes = (0.4, 0.2) if coarse else (0.4, 0.2, 0.1)
     rows, steel = [], Elastic(young=206900.0, poisson=0.29)
     for size in sizes:

@@ -49,24 +49,24 @@ from perfplast_fenicsx.problem import Prescribed
 
 TITLE = "Published numbers"
 CUT = (3.7752, 3.7776)
-"""Published bounds of γH/c, of the cohesion 1 and the height 1."""
+"""Published bounds of γH/c, for cohesion 1 and height 1."""
 ASKED, QUICK = (2e-4, 40000), (0.15, 400)
-"""Gap of the bounds of the cut and cells for it; the same for a quick look."""
+"""Gap of the bounds of the cut and cells for it; the same for a quick run."""
 VESSEL = VonMises(young=200e3, poisson=0.3, yield_stress=100.0)
 VESSEL_ASKED = (0.002, 4000)
 """Gap of the bounds of the vessel, and cells for it."""
 ESTIMATE, ABOVE, BELOW = 3.8673, 3.9396, 3.997
-"""Limit load of the vessel by EDF, an estimate from below and a value from above, and by Jülich, a
-value from below."""
+"""Limit loads of the vessel: a lower estimate and an upper value by EDF, and a lower value by
+Jülich."""
 READINGS = {
     "radii inside": (CROWN, KNUCKLE),
     "radii of the middle": (CROWN - THICKNESS / 2, KNUCKLE - THICKNESS / 2),
     "radii outside": (CROWN - THICKNESS, KNUCKLE - THICKNESS),
     "crown inside, knuckle out": (CROWN, KNUCKLE - THICKNESS),
 }
-"""Inner radii of crown and knuckle, by what the published ones may mean."""
+"""Inner radii of crown and knuckle, for each reading of the published radii."""
 AGREES = "crown inside, knuckle out"
-"""The one reading of these whose limit load lies between EDF's two."""
+"""The only reading with a limit load between EDF's two values."""
 SPHERE = VonMises(young=210e3, poisson=0.3, yield_stress=240.0)
 
 
@@ -74,7 +74,7 @@ SPHERE = VonMises(young=210e3, poisson=0.3, yield_stress=240.0)
 def at_most(
     case: str, found: AdaptiveBounds, seconds: float, rows: Sequence[tuple[str, float, float]]
 ) -> list[Row]:
-    """Rows of a strict bracket: a quantity, and a number that may not be above another one."""
+    """Return rows of a strict bracket: a quantity, and a number with its upper limit."""
     dofs = found.problem.num_dofs
     bracket = f"{found.lower.shown} ... {found.upper.shown}"
     return [
@@ -97,7 +97,7 @@ def at_most(
 
 
 def ends(found: AdaptiveBounds) -> tuple[float, float]:
-    """Both bounds, which are strict."""
+    """Return both strict bounds."""
     lower, upper = found.lower, found.upper
     assert lower.strict and upper.strict, f"{lower!r}, {upper!r}"
     assert lower.value is not None and upper.value is not None
@@ -124,7 +124,7 @@ def show_bounds(folder: ResultFolder, title: str, found: AdaptiveBounds) -> None
 
 # %%
 def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Strict bounds of the cut. Collective."""
+    """Return strict bounds of the cut. Collective."""
     ground = mesh(folder, write_vertical_cut)
     held = [Support("sides"), Support("bottom")]
     loads = [BodyForce("ground", (0.0, -1.0))]
@@ -155,7 +155,7 @@ def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def vessel(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Strict bounds of the vessel, by readings of its radii. Collective."""
+    """Return strict bounds of the vessel, for each reading of its radii. Collective."""
     rows = []
     gap, cells = QUICK if coarse else VESSEL_ASKED
     for reading, (crown, knuckle) in READINGS.items():
@@ -188,7 +188,10 @@ def vessel(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def sphere(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit load of the sphere's section, lengths over its inner radius. Collective."""
+    """Return the limit load of the sphere's section, with lengths over its inner radius.
+
+    Collective.
+    """
     size = 0.3 if coarse else 0.075
     section = mesh(folder, write_thick_tube, outer=2.0, size=size, order=2).turned()
     held, loads = [Support("y0", "y")], [Pressure("inner", 1.0)]
@@ -198,7 +201,7 @@ def sphere(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """All of them. Collective."""
+    """Return the rows of all cases. Collective."""
     return [row for part in (cut, vessel, sphere) for row in part(folder, coarse)]
 
 

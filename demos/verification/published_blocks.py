@@ -28,11 +28,11 @@ from perfplast_fenicsx.pictures import draw
 TITLE = "Published limit loads of blocks"
 METAL = VonMises(young=200e3, poisson=0.3, yield_stress=10.0)
 DIGITS = 1e-5
-"""To which the published numbers are given, relatively."""
+"""Relative precision of the published numbers."""
 
 
 def rectangle(folder: ResultFolder, live: float, dead: float) -> Problem:
-    """A, with a constant pressure along y. Collective."""
+    """Return problem A, with a constant pressure along y. Collective."""
     section = mesh(folder, write_box, corner=(0.0, 0.0), extent=(3.0, 1.0), size=1.0)
     held = [Support("x_low", "x"), Support("y_low", "y")]
     loads = [Traction("x_high", (-live, 0.0))]
@@ -42,7 +42,7 @@ def rectangle(folder: ResultFolder, live: float, dead: float) -> Problem:
 
 
 def cube(folder: ResultFolder) -> Problem:
-    """B. Collective."""
+    """Return problem B. Collective."""
     block = mesh(folder, write_box, size=1.0)
     held = [Support(f"{axis}_low", axis) for axis in "xyz"]
     loads = [Traction("x_high", (-0.2, 0.0, 0.0)), Traction("y_high", (0.0, -0.8, 0.0))]
@@ -50,14 +50,14 @@ def cube(folder: ResultFolder) -> Problem:
 
 
 def tube(folder: ResultFolder) -> Problem:
-    """C. Collective."""
+    """Return problem C. Collective."""
     section = mesh(folder, write_box, corner=(1.0, 0.0), extent=(2.0, 1.0), size=0.1).turned()
     held = [Support("y_low", "y"), Support("y_high", "y")]
     return Problem(section, {"box": METAL}, held, [Pressure("x_low", 1.0)], degree=2)
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """All of them, with what is proven of the bodies. Collective."""
+    """Return limit loads of all problems, with strict bounds of the bodies. Collective."""
     found = [
         collapse(rectangle(folder, 0.8, 0.2)).row("SSNV124 A, dead load", 1.0, 14.6837, DIGITS),
         collapse(rectangle(folder, 1.0, 0.0)).row("SSNV124 A", 1.0, 11.547, DIGITS),

@@ -45,15 +45,15 @@ from perfplast_fenicsx.io import OutputFields, ResultFolder, Scene
 TITLE = "Published contact"
 STEEL, ALUMINIUM = Elastic(young=210e3, poisson=0.3), Elastic(young=70e3, poisson=0.3)
 LINE_LOAD, PEAK, HALF_WIDTH = 35e3, 3585.37, 6.21
-"""Of the roller (N/mm), and Hertz's pressure (MPa) and half-width (mm), as published."""
+"""Published line load (N/mm) of the roller, and Hertz's pressure (MPa) and half-width (mm)."""
 
 SUNK, PRESSED = (0.13073, 0.13290), 93.63
-"""Published of the punch, in the middle: downward displacement (mm) of linear and quadratic
-elements, and pressure (MPa) of the latter."""
+"""Published values in the middle of the punch: downward displacement (mm) by linear and quadratic
+elements, and pressure (MPa) by quadratic ones."""
 
 
 Numbers = tuple[float, float, float | None]
-"""What was computed, what was published, and how far they may be apart, relatively."""
+"""Computed value, published value, and largest relative difference."""
 
 
 def rows(
@@ -64,7 +64,7 @@ def rows(
     began: float,
     found: Mapping[str, Numbers],
 ) -> list[Row]:
-    """A row for each quantity with its computed, published and allowed numbers."""
+    """Return a row for each quantity with its computed, published and allowed numbers."""
     return [
         Row(
             case=case,
@@ -90,7 +90,7 @@ def rows(
 
 # %%
 def roller(folder: ResultFolder, size: float) -> list[Row]:
-    """Pressure and width of the contact. Collective."""
+    """Return pressure and width of the contact. Collective."""
     section = mesh(folder, write_roller_on_block, contact_size=size)
     held = [Support("x0", "x"), Support("bottom")]
     loads = [Traction("crown", (0.0, -LINE_LOAD / 2), total=True)]
@@ -119,7 +119,7 @@ def roller(folder: ResultFolder, size: float) -> list[Row]:
 
 # %%
 def punch(folder: ResultFolder, size: float, sides: bool = False) -> list[Row]:
-    """Displacement and pressure in the middle of the contact. Collective."""
+    """Return displacement and pressure in the middle of the contact. Collective."""
     section = mesh(folder, write_rounded_punch, contact_size=size).turned()
     held = [Support("bottom"), *([Support("side")] if sides else [])]
     loads, contacts = [Pressure("top", 100.0)], [Contact("punch_seam", "foundation_seam")]
@@ -144,7 +144,7 @@ def punch(folder: ResultFolder, size: float, sides: bool = False) -> list[Row]:
 
 
 def _value_at_the_middle(problem: Problem, level: Level) -> float:
-    """Vertical displacement of the foundation's top on the axis. Collective."""
+    """Return the vertical displacement of the foundation's top on the axis. Collective."""
     V, tagged_mesh = problem.V, problem.tagged_mesh
     nodes = fem.locate_dofs_topological(V, 1, tagged_mesh.facets("foundation_seam"))
     owned = nodes[nodes < V.dofmap.index_map.size_local]
@@ -155,7 +155,7 @@ def _value_at_the_middle(problem: Problem, level: Level) -> float:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Both, on two meshes, the finer one not for a quick look. Collective."""
+    """Return rows of both problems on two meshes; a quick run has the coarser one. Collective."""
     sizes = (0.5,) if coarse else (0.5, 0.25)
     table = [row for size in sizes for row in roller(folder, size)]
     table += [row for size in sizes for row in punch(folder, 2 * size)]

@@ -29,19 +29,20 @@ TITLE = "Published limit loads of plates"
 METAL = VonMises(young=200e3, poisson=0.3, yield_stress=1.0)
 SIDE, THICKNESS = 2.0, 0.1
 UNIT = METAL.yield_stress * (THICKNESS / SIDE) ** 2 / 4
-"""m_p / L²: the load of which limit loads are multiples."""
+"""m_p / L², the unit of limit loads."""
 PLATES = {"supported": ("z", 0.1, (0.025, 6000)), "clamped": ("xyz", 0.025, (0.04, 14000))}
-"""What the sides hold, the width of the outermost elements of the first mesh, and what is asked:
-the gap, and cells for it."""
+"""Held components of the sides, width of the outermost elements of the first mesh, and the gap with
+its largest number of cells."""
 THIN = {"supported": 25.02, "clamped": 42.86}
-"""What is quoted of thin plates: above the supported one's limit load, below the clamped one's."""
+"""Quoted values of thin plates: upper bound of the supported plate, lower bound of the clamped one.
+"""
 RTOL = 2e-3
-"""Of each bound on its mesh: far less than the gaps."""
+"""Tolerance of each bound on its mesh, much smaller than the gaps."""
 
 
 # %%
 def plate(folder: ResultFolder, held: str, column: float, coarse: bool) -> Problem:
-    """One of them. Collective."""
+    """Return the problem of one plate. Collective."""
     size, layers = (0.25, 1) if coarse else (0.1, 2)
     body = mesh(
         folder,
@@ -57,7 +58,7 @@ def plate(folder: ResultFolder, held: str, column: float, coarse: bool) -> Probl
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Strict bounds of both. Collective."""
+    """Return strict bounds of both plates. Collective."""
     rows = []
     for name, (held, column, asked) in PLATES.items():
         problem = plate(folder, held, column, coarse)

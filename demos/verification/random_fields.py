@@ -38,7 +38,7 @@ from perfplast_fenicsx.proof import check
 CASE = Path(__file__).parent / "cases" / "random_slope.toml"
 FIELDS, MEAN, VARIATION, LENGTH = 200, 25.0, 0.5, 10.0
 WIDTH = 2.0
-"""Mean width that is asked (percent)."""
+"""Largest mean width of brackets (percent)."""
 COHESION = "cohesion = 25.0"
 COLUMNS = ("seed", "lower", "upper", "cells", "seconds", "mean_cohesion")
 
@@ -49,7 +49,7 @@ COLUMNS = ("seed", "lower", "upper", "cells", "seconds", "mean_cohesion")
 
 # %%
 def square_root(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return a matrix whose product with independent normal numbers is the logarithm's field."""
+    """Return a matrix that maps independent normal numbers to the field of the logarithm."""
     apart = np.linalg.norm(points[:, None] - points, axis=2)
     variance = np.log(1 + VARIATION**2)
     return np.asarray(np.linalg.cholesky(variance * np.exp(-2 * apart / LENGTH)))

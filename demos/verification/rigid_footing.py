@@ -62,20 +62,20 @@ LOADS = {
 """H and M of loads with V = 1."""
 PRANDTL = (2 + math.pi) * SHEAR
 ALLOWED = {"central": (0.2, 0.015), "half": (0.1, 0.015), "inclined": (0.1, 0.025)}
-"""What is known of these may differ by so much on meshes that are at least so fine."""
+"""Largest relative error against known values, and edge length for it."""
 BOUNDED, TOLERANCE = 0.015, 1e-4
 
 WIDTHS, QUICK = {"central": 0.006, "inclined": 0.015, "eccentric": 0.015}, 0.2
-"""Of strict brackets, by their loads; the same for a quick look."""
+"""Widths of strict brackets by load; and the width of a quick run."""
 CELLS = 4000
 APART, FOR_POLYGONS = 0.01, Adaptation(until=0.004, cells=25000)
-"""Distance of the polygons of V and H, and how the mesh of each direction is adapted for that."""
+"""Largest distance of the polygons of V and H, and the adaptation of each direction's mesh."""
 UNIT = 5 * SHEAR
-"""V/B of one unit, near all that is carried, so that directions are spread evenly."""
+"""Unit of V/B, near the limit load, so that directions are spread evenly."""
 
 
 def green(lean: float) -> float:
-    """Green's V/B under a load with H = ``lean`` V, by bisection."""
+    """Return Green's V/B under a load with H = ``lean`` V, by bisection."""
     low, high = 0.0, min(2 + math.pi, 1 / lean)
     while high - low > 1e-12:
         middle = (low + high) / 2
@@ -87,7 +87,7 @@ def green(lean: float) -> float:
 
 # %%
 def half(folder: ResultFolder, size: float) -> Row:
-    """The central load on half of the footing, held across its plane of symmetry. Collective."""
+    """Return the central load on half of the footing, held at its plane of symmetry. Collective."""
     began = time.perf_counter()
     problem = Problem(
         mesh(folder, write_strip_footing, size=size, punch=False),
@@ -116,7 +116,7 @@ def half(folder: ResultFolder, size: float) -> Row:
 
 # %%
 def bracket(folder: ResultFolder, case: str, coarse: bool) -> list[Row]:
-    """Strict bounds of the bodies, and what is known between them. Collective."""
+    """Return strict bounds of the bodies, with the known values. Collective."""
     began = time.perf_counter()
     across, moment = LOADS[case]
     central = case == "central"
@@ -165,7 +165,7 @@ def bracket(folder: ResultFolder, case: str, coarse: bool) -> list[Row]:
 
 
 def interaction(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Polygons of proof around and within Green's curve, and those of V and M. Collective."""
+    """Return proven polygons outside and inside Green's curve, and those of V and M. Collective."""
     began = time.perf_counter()
     push, shove = Force("footing", (0.0, -2 * UNIT)), Force("footing", (2 * SHEAR, 0.0))
     turn = Force("footing", (), 6 * SHEAR)
@@ -224,7 +224,7 @@ def interaction(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads over the width, central and otherwise. Collective."""
+    """Return limit loads over the width, for central and other loads. Collective."""
     rows = [row for case in WIDTHS for row in bracket(folder, case, coarse)]
     rows += interaction(folder, coarse)
     for size in (0.8, 0.2) if coarse else (0.8, 0.4, 0.2, 0.1):

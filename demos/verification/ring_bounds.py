@@ -49,17 +49,18 @@ TITLE = "Bounds of bodies of revolution"
 GROUND = of_shear(1 / math.sqrt(3))
 SMOOTH, ROUGH = (5.69 / 2, 5.69 / math.sqrt(3)), (6.05 / 2, 6.05 / math.sqrt(3))
 BELOW, ABOVE, GAP, QUICK = 0.005, 0.01, 0.01, 0.1
-"""How far bounds may be from exact loads and from each other, and that for a quick look."""
+"""Largest relative error of the lower and the upper bound, largest gap, and the gap of a quick run.
+"""
 CELLS = 4000
 N_C = {10.0: 9.987, 20.0: 20.077}
-"""Of smooth circular footings, by the angle of friction in degrees."""
+"""N_c of smooth circular footings, by the angle of friction (degrees)."""
 DILATING = 0.02
-"""Gap of the bounds of these."""
+"""Gap of the bounds of these footings."""
 
 
 # %%
 def problems(folder: ResultFolder, coarse: bool) -> dict[str, tuple[Problem, float | None]]:
-    """The bodies, and their exact loads where these are known. Collective."""
+    """Return the problems, and their exact loads where these are known. Collective."""
     inner, log = [Pressure("inner", 1.0)], math.log(2.0)
     ring = mesh(folder, write_ring, inner=1.0, outer=2.0, height=0.4, size=0.2).turned()
     size = 0.3 if coarse else 0.05
@@ -84,7 +85,7 @@ def problems(folder: ResultFolder, coarse: bool) -> dict[str, tuple[Problem, flo
 
 
 def punched(folder: ResultFolder, angle: float) -> Problem:
-    """A smooth footing on ground that dilates. Collective."""
+    """Return a smooth footing on ground that dilates. Collective."""
     section = mesh(folder, write_strip_footing, size=0.2, punch=True).turned()
     ground = MohrCoulomb(young=1e4, poisson=0.3, cohesion=1.0, friction_angle=angle)
     return Problem(
@@ -98,7 +99,7 @@ def punched(folder: ResultFolder, angle: float) -> Problem:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Strict brackets on adapted meshes. Collective."""
+    """Return strict brackets on adapted meshes. Collective."""
     gap, rows = QUICK if coarse else GAP, list[Row]()
     for name, (problem, exact) in problems(folder, coarse).items():
         began = time.perf_counter()

@@ -40,9 +40,9 @@ from perfplast_fenicsx.problem import Prescribed
 
 TITLE = "Factors of safety"
 FOLDER = Path(__file__).parent / "cases"
-"""Case files; ``perfplast run CASE --trust`` answers each by itself."""
+"""Case files; ``perfplast run CASE --trust`` solves each of them."""
 WIDTH, BOUNDS = 1.0, 12
-"""Asked of ground that is glued to other bodies: percent, and number of bounds."""
+"""Largest width (percent) and number of bounds for ground that is tied to other bodies."""
 GLUED = ("strip_in_slope", "footing_of_steel", "sand_on_clay", "gravity_wall")
 COHESIONS = (1e-2, 1e-3, 1e-4, 1e-5)
 NO_COHESION = 2.5 * math.tan(math.radians(32.0))
@@ -62,7 +62,7 @@ SLOPES = {
 def of_case(
     comm: MPI.Intracomm, name: str, coarse: bool, cohesion: float | None = None
 ) -> FactorOfSafety:
-    """Answer a case file, with another cohesion of its soil if one is given. Collective."""
+    """Return the factor of safety of a case, with another cohesion if one is given. Collective."""
     case = read_case(FOLDER / f"{name}.toml", comm, trust=True)
     if cohesion is not None:
         (soil,) = case.materials
@@ -75,7 +75,7 @@ def of_case(
 
 
 def of_slope(folder: ResultFolder, name: str, coarse: bool) -> FactorOfSafety:
-    """Answer a slope of height 1 and weight 1. Collective."""
+    """Return the factor of safety of a slope of height 1 and weight 1. Collective."""
     shape, degrees, cohesion, until, _ = SLOPES[name]
     ground = mesh(folder, write_slope, **shape)
     held = [Support("bottom"), Support("left", "x")]
@@ -89,7 +89,7 @@ def of_slope(folder: ResultFolder, name: str, coarse: bool) -> FactorOfSafety:
 def rows_of(
     case: str, found: FactorOfSafety, began: float, told: Sequence[tuple[str, float, float]]
 ) -> list[Row]:
-    """Return rows of quantities, none of which may be above the number beside it."""
+    """Return rows of quantities, each with its largest allowed value."""
     return [
         Row(
             case=case,
@@ -110,7 +110,7 @@ def rows_of(
 
 
 def ends(found: FactorOfSafety) -> tuple[float, float]:
-    """Return both factors, which are proven."""
+    """Return both proven factors."""
     assert found.lower is not None, found.in_words()
     assert found.upper is not None, found.in_words()
     return found.lower, found.upper
@@ -118,7 +118,7 @@ def ends(found: FactorOfSafety) -> tuple[float, float]:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Find brackets, their widths, and the numbers of bounds. Collective."""
+    """Return brackets, their widths, and the numbers of bounds. Collective."""
     rows: list[Row] = []
     for name in GLUED[:1] if coarse else GLUED:
         began = time.process_time()
@@ -147,7 +147,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def show(folder: ResultFolder, found: FactorOfSafety) -> None:
-    """Draw the mechanism that falls. Collective."""
+    """Draw the collapse mechanism. Collective."""
     given = found.bodies.given
     scene = Scene(TITLE, given.loads, given.contacts)
     writer = ResultWriter(folder, found.bodies, scene, "interior-point", prescribed=Prescribed.WORK)

@@ -53,12 +53,12 @@ from perfplast_fenicsx.problem import Temperature
 TITLE = "Shakedown"
 STEEL = VonMises(2e5, 0.3, 1.0)
 PUBLISHED = {0.0: 0.595, 0.5: 0.499, 1.0: 0.430}
-"""Of the square plate, in σ_y, by the ratio of the other tension."""
+"""Published shakedown loads of the square plate over σ_y, by the ratio of the other tension."""
 CLOSE, NEAR, ROUGHLY = 0.005, 0.01, 0.02
 
 
 def of(case: str, quantity: str, problem: Problem, *numbers: float | int) -> Row:
-    """A row of what is of a mesh: computed, exact, allowed, solves, seconds."""
+    """Return a row of a mesh; ``numbers`` are computed, exact, allowed, solves, seconds."""
     computed, exact, allowed, solves, seconds = numbers
     about = (case, quantity, f"P{problem.degree}", 1.0, problem.num_dofs)
     return Row(*about, computed, exact, allowed, int(solves), seconds)
@@ -70,7 +70,7 @@ def of(case: str, quantity: str, problem: Problem, *numbers: float | int) -> Row
 
 # %%
 def alternating(problem: Problem, domain: LoadDomain, case: str, exact: float, by: float) -> Row:
-    """A shakedown load beside an exact one. Collective."""
+    """Return a row of a shakedown load with its exact value. Collective."""
     began = time.perf_counter()
     found = shakedown_load(problem, domain)
     load = math.nan if found.load is None else found.load
@@ -79,7 +79,7 @@ def alternating(problem: Problem, domain: LoadDomain, case: str, exact: float, b
 
 
 def tubes(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Three tubes by their sections in the plane. Collective."""
+    """Return rows of three tubes in plane strain. Collective."""
     rows = []
     for ratio in (1.5, 2.0, 3.0):
         section = mesh(folder, write_thick_tube, outer=ratio, size=0.1 if coarse else 0.05)
@@ -97,7 +97,7 @@ def tubes(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def beam(folder: ResultFolder, coarse: bool) -> Row:
-    """A beam and a load that moves along it. Collective."""
+    """Return a row of a beam with a moving load. Collective."""
     sheet = mesh(folder, write_loaded_beam, size=0.5 if coarse else 0.25).thin()
     names = [f"at{i}" for i in range(len(PLACES))]
     problem = Problem(
@@ -118,7 +118,7 @@ def beam(folder: ResultFolder, coarse: bool) -> Row:
 
 # %%
 def wall(comm: MPI.Intracomm) -> tuple[Problem, LoadDomain]:
-    """Half of it, and what comes and goes. Collective."""
+    """Return half of the wall, and the domain of its varying loads. Collective."""
     narrow = 0.01
     bodies = ("bar", "end")
     bars = structured_mesh(
@@ -150,14 +150,14 @@ def wall(comm: MPI.Intracomm) -> tuple[Problem, LoadDomain]:
 
 
 def pair(row: Direction) -> tuple[float, float]:
-    """Both factors of a direction; not a number where none was found."""
+    """Return both factors of a direction; nan where none was found."""
     if row.first is None or row.second is None:
         return math.nan, math.nan
     return row.first, row.second
 
 
 def bree(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Bree's diagram. Collective."""
+    """Return rows of Bree's diagram. Collective."""
     problem, domain = wall(comm)
     rows = []
     began = time.perf_counter()
@@ -181,7 +181,7 @@ def bree(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def hoop(radius: float) -> tuple[float, float]:
-    """Largest and smallest hoop stress at a hole of radius 1 in a round plate that is pulled by 1.
+    """Return the extreme hoop stresses at a hole of radius 1 in a round plate under unit tension.
 
     By Airy's functions (A r² + B r⁴ + C/r² + D) cos 2θ and that of Lamé; 3 and −1 (G. Kirsch 1898)
     of an infinite one.
@@ -199,7 +199,7 @@ def hoop(radius: float) -> tuple[float, float]:
 
 
 def round_plate(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Two tensions of a round plate. Collective."""
+    """Return rows of a round plate under two tensions. Collective."""
     radius = 5.0
     sheet = mesh(folder, write_thick_tube, outer=radius, size=0.15 if coarse else 0.1).thin()
     problem = Problem(
@@ -228,7 +228,7 @@ def round_plate(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def square_plate(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """One tension of a square plate, and two. Collective."""
+    """Return rows of a square plate under one tension and under two. Collective."""
     sheet = mesh(folder, write_round_hole, size=0.1 if coarse else 0.05).thin()
     rows = []
     for ratio, known in PUBLISHED.items():
@@ -248,7 +248,7 @@ def square_plate(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """All of them. Collective."""
+    """Return the rows of all cases. Collective."""
     rows = [*tubes(folder, coarse), beam(folder, coarse), *bree(comm, folder, coarse)]
     return [*rows, *round_plate(folder, coarse), *square_plate(folder, coarse)]
 

@@ -1,4 +1,4 @@
-"""A picture of a collapse mechanism in plane strain: where it slips, and where it should."""
+"""Draw a collapse mechanism in plane strain with the exact slip lines."""
 
 import math
 from collections.abc import Sequence
@@ -13,17 +13,17 @@ Line = Sequence[tuple[float, float]]
 """Points (x, y) of a slip line."""
 
 SHARPEST = 0.2
-"""Share of the plastic work in the cells that are drawn in the darkest colour."""
+"""Share of the plastic work in the cells that have the darkest colour."""
 
 MARGIN = 0.25
-"""Room around the exact slip lines, relative to the size of the box around them."""
+"""Margin around the exact slip lines, relative to the size of their bounding box."""
 
 
 def prandtl_lines(down: bool) -> list[Line]:
-    """Slip lines of Prandtl's solution on one side of a ligament 0 ≤ x ≤ 1 of the line y = 0.
+    """Return slip lines of Prandtl's solution on one side of a ligament 0 ≤ x ≤ 1 on y = 0.
 
     Args:
-        down: Whether the body lies below the line, else above.
+        down: Whether the body lies below the line; otherwise it lies above.
     """
     sign, radius = -1.0 if down else 1.0, math.sqrt(2)
     angles = np.linspace(3, 1, 31) * math.pi / 4
@@ -33,7 +33,7 @@ def prandtl_lines(down: bool) -> list[Line]:
 
 
 def subfolder(folder: ResultFolder, name: str) -> ResultFolder:
-    """A folder in a folder, for the pictures of one of several cases. Collective."""
+    """Return a subfolder for the pictures of one case. Collective."""
     inside = ResultFolder(folder.comm, folder.file(name), force=True)
     inside.create()
     return inside
@@ -43,8 +43,8 @@ def draw_slip(folder: ResultFolder, title: str, exact: Sequence[Line] = ()) -> N
     """Draw ``slip.png``: plastic work of a mechanism, and exact slip lines. Collective.
 
     Args:
-        folder: With the limit load of a problem in the plane; gets the picture.
-        title: Heading.
+        folder: Results of a plane problem's limit load; the picture is written there.
+        title: Title of the picture.
         exact: Slip lines of the exact solution; the picture shows their neighbourhood.
     """
     folder.on_root(lambda: _draw(folder.path, title, exact))

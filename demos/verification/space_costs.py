@@ -59,36 +59,36 @@ from perfplast_fenicsx.materials import Material
 
 TITLE = "What a per cent costs in space"
 RTOL = 1e-3
-"""Of each bound on its mesh: far less than the gaps."""
+"""Tolerance of each bound on its mesh, much smaller than the gaps."""
 NARROWER = 1e-3  # gap that no case comes down to, as cells end it
 ONE_MESH = 1  # cell that no finer mesh may have: the first mesh is the only one
 S235 = VonMises(young=210e3, poisson=0.3, yield_stress=235.0)
 Y0, OBLIQUE = Support("y0", "y"), Support("oblique", "normal")
 MIDDLE = Support("z0", "xy")
-"""Of what is bent, in its plane alone."""
+"""Support of bent bodies in their plane."""
 EXACT = 2 * math.sqrt(3) * math.log(OUTER / INNER)
 SIZES = {"inner": 0.065, "outer": 0.09}
-"""Of the sphere's elements, where the facets of a surface are outside; the former is below."""
+"""Edge lengths of the sphere's elements, for the lower and the upper bound."""
 COARSE = 0.33
 STARTED = sum(os.times()[:4])
-"""Processor time that it took to get here (s)."""
+"""Processor time (s) of the start of the program."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A body, and what its bounds should reach.
+    """A problem, with the gap that its bounds should reach.
 
     Attributes:
-        name: For the table.
+        name: Name in the table.
         write: Makes the first mesh.
-        materials: Of its volumes.
-        supports: What holds it, planes of symmetry among it.
-        loads: What pushes it.
-        asked: Gap in percent, with at most so many cells.
-        coarse: The gap on the first mesh, for a quick look; None to leave it out.
-        contacts: Between its bodies.
-        rigid: Surfaces.
-        above: Makes the first mesh of the upper bound alone; ``write`` then that of the lower one.
+        materials: Materials of its volumes.
+        supports: Its supports, including planes of symmetry.
+        loads: Its loads.
+        asked: Gap (percent) to reach, and largest number of cells.
+        coarse: Gap on the first mesh for a quick run; None to leave the case out.
+        contacts: Contacts between its bodies.
+        rigid: Rigid surfaces.
+        above: Makes the first mesh of the upper bound; then ``write`` makes that of the lower one.
     """
 
     name: str
@@ -189,10 +189,10 @@ CASES = (
 # %%
 @dataclass
 class Clock:
-    """Meshes, gaps and processor time of one case, from the start of a program that has it alone.
+    """Meshes, gaps and processor time of one case, including the start of the program.
 
     Attributes:
-        comm: The ranks, whose time is counted together.
+        comm: Communicator; the times of its ranks are added.
         below: A lower bound of another mesh, if any.
         reached: Cells, gap and seconds after each mesh.
     """
@@ -208,11 +208,11 @@ class Clock:
         return float(self.comm.allreduce(sum(os.times()[:4])))
 
     def seconds(self) -> float:
-        """Processor time so far, with the start of the program. Collective."""
+        """Return the processor time (s) so far, including the start of the program. Collective."""
         return self._now() - self.began + self.comm.size * STARTED
 
     def mesh(self, round_: Round) -> None:
-        """After a mesh. Collective."""
+        """Store cells, gap and time after a mesh. Collective."""
         seconds = self.seconds()
         upper, gap = round_.upper, round_.gap
         gap = gap if self.below is None or upper is None else upper / self.below - 1
@@ -220,12 +220,12 @@ class Clock:
             self.reached.append((round_.cells, 100 * gap, seconds))
 
     def rates(self) -> tuple[float, float]:
-        """Exponents p and q of gap ~ cells^-p and seconds^-q, from the second mesh on."""
+        """Return the exponents p and q of gap ~ cells^-p, seconds^-q, from the second mesh on."""
         cells, gaps, seconds = np.log(np.array(self.reached[1:])).T
         return -float(np.polyfit(cells, gaps, 1)[0]), -float(np.polyfit(seconds, gaps, 1)[0])
 
     def words(self, name: str) -> str:
-        """What gaps cost, extrapolated where in brackets."""
+        """Return a line with the time for each gap; extrapolated times are in brackets."""
         told = "; ".join(f"{n} cells {gap:.2f} % {s:.0f} s" for n, gap, s in self.reached)
         if len(self.reached) < 3:
             return f"{name}: {told}"
@@ -234,7 +234,7 @@ class Clock:
         return f"{name}: {told}\n    p = {p:.2f}, q = {q:.2f}; {costs}"
 
     def cost(self, gap: float, q: float) -> str:
-        """Seconds for a gap (percent): between two meshes by a power law, or extrapolated."""
+        """Return the time (s) for a gap (percent), interpolated or extrapolated."""
         gaps, seconds = (np.log([it[i] for it in self.reached]) for i in (1, 2))
         wanted = math.log(gap)
         if wanted >= gaps[0]:
@@ -246,7 +246,7 @@ class Clock:
 
 # %%
 def bounds_of(folder: ResultFolder, case: Case, coarse: bool) -> tuple[AdaptiveBounds, Clock]:
-    """Bounds of a case on finer and finer meshes. Collective."""
+    """Return bounds of a case on adapted meshes. Collective."""
 
     def on(write: Callable[..., None]) -> Problem:
         given = (case.materials, case.supports, case.loads, case.contacts)
@@ -259,7 +259,7 @@ def bounds_of(folder: ResultFolder, case: Case, coarse: bool) -> tuple[AdaptiveB
 
 
 def apart(clock: Clock, below: Problem, above: Problem, cells: int) -> AdaptiveBounds:
-    """A lower bound on one mesh, and upper ones on finer and finer others. Collective."""
+    """Return a lower bound on one mesh, and upper bounds on other, adapted ones. Collective."""
     low = adaptive_bounds(below, Adaptation(NARROWER, ONE_MESH), RTOL)
     clock.below = low.lower.value
     found = adaptive_bounds(above, Adaptation(NARROWER, cells), RTOL, clock.mesh)
@@ -267,12 +267,12 @@ def apart(clock: Clock, below: Problem, above: Problem, cells: int) -> AdaptiveB
 
 
 def together(below: AdaptiveBounds, above: AdaptiveBounds) -> AdaptiveBounds:
-    """The lower bound of one mesh and the upper one of another."""
+    """Return the lower bound of one mesh with the upper bound of another."""
     return replace(above, low=below.low, sources=(below.sources[0], above.sources[1]))
 
 
 def sphere(folder: ResultFolder, coarse: bool) -> tuple[list[AdaptiveBounds], Clock]:
-    """Bounds of two polyhedra, whose lower and upper one are the sphere's. Collective."""
+    """Return bounds of the sphere from an inner and an outer polyhedron. Collective."""
     clock, bodies, held = Clock(folder.comm), list[Problem](), [Support("x0", "x"), Y0, OBLIQUE]
     for surface, size in SIZES.items():
         size = COARSE if coarse else size
@@ -282,7 +282,7 @@ def sphere(folder: ResultFolder, coarse: bool) -> tuple[list[AdaptiveBounds], Cl
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Strict brackets, and what they cost. Collective."""
+    """Return strict brackets and their cost. Collective."""
     terminal, rows = Terminal(comm), list[Row]()
     for case in CASES:
         if coarse and case.coarse is None:

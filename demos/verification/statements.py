@@ -43,9 +43,9 @@ from perfplast_fenicsx.problem import Prescribed
 
 TITLE = "Bounds of each kind of statement"
 TOLERANCE = 1e-4
-"""Of the search, which is how near a bound comes to the best of its kind on the mesh."""
+"""Relative tolerance of each bound on its mesh."""
 MORE = 1.5
-"""How many times as many factorisations as without the statement."""
+"""Largest ratio of factorisations with and without the statement."""
 REPEATED = 3
 """Measurements of processor time, after one that is not counted."""
 GROUND, PUNCH = of_shear(1.0), of_shear(50.0)
@@ -54,15 +54,15 @@ SEAM = ("ground_footing", "punch_footing")
 
 @dataclass(frozen=True)
 class Statement:
-    """What a problem says, and what is known of its bounds.
+    """A problem with one more statement, and its known bounds.
 
     Attributes:
-        words: The name of the case.
-        beside: Name of the frictionless proportional case on the same mesh; its own for itself.
-        known: Both bounds, as one rank found them.
-        given: What is not as in the plain footing or punch: arguments of :class:`Problem`.
-        punch: Whether a strong punch stands on the ground.
-        turned: Whether the bodies are of revolution.
+        words: Name of the case.
+        beside: Name of the frictionless proportional case on the same mesh; that case names itself.
+        known: Both bounds, as computed on one rank.
+        given: Arguments of :class:`Problem` that differ from those of the plain footing or punch.
+        punch: Whether a strong punch rests on the ground.
+        turned: Whether the bodies are axisymmetric.
     """
 
     words: str
@@ -73,7 +73,7 @@ class Statement:
     turned: bool = False
 
     def problem(self, folder: ResultFolder, size: float) -> Problem:
-        """On its mesh. Collective."""
+        """Return the problem on its mesh. Collective."""
         section = mesh(folder, write_strip_footing, size=size, punch=self.punch)
         supports = [Support("side", "x"), Support("bottom")]
         supports += [] if self.turned else [Support("x0", "x")]
@@ -97,7 +97,7 @@ PLATE = {"rigid": [RigidSurface("footing", held="x")], "loads": [Force("footing"
 
 
 def rubbing(**friction: float | bool) -> dict[str, Any]:
-    """A contact with friction."""
+    """Return a contact with friction."""
     return {"contacts": [Contact(*SEAM, **friction)]}  # type: ignore[arg-type]
 
 
@@ -135,7 +135,7 @@ STATEMENTS = (
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Bounds and their cost. Collective."""
+    """Return bounds and their cost. Collective."""
     seconds: dict[str, list[float]] = {it.words: [] for it in STATEMENTS}
     found: dict[str, BodyBounds] = {}
     for turn in range(1 if coarse else 1 + REPEATED):

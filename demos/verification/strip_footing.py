@@ -51,7 +51,10 @@ FALLS = 0.8
 def problem_of(
     folder: ResultFolder, punch: bool, degree: int, size: float, finer: float | None = None
 ) -> tuple[Problem, list[Pressure], list[Contact]]:
-    """The ground, with or without the punch, its loads and contacts. Collective."""
+    """Return the problem of the ground, with or without punch, its loads and contacts.
+
+    Collective.
+    """
     tagged_mesh = mesh(folder, write_strip_footing, size=size, punch=punch, finer=finer)
     materials = {"ground": SOIL} | ({"punch": STIFF} if punch else {})
     loads = [Pressure("top" if punch else "footing", 1.0)]
@@ -69,7 +72,7 @@ def problem_of(
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads by a uniform pressure and by punches. Collective."""
+    """Return limit loads by a uniform pressure and by punches. Collective."""
     sizes = (0.4, 0.2) if coarse else (0.4, 0.2, 0.1)
     rows = []
     cases = [("pressure", 1), ("pressure", 2), ("punch", 1), ("punch", 2)]

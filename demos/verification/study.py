@@ -1,4 +1,4 @@
-"""What the verification cases share: rows of a table, limit loads with pictures, a command line."""
+"""Shared parts of verification cases: table rows, limit loads with pictures, command line."""
 
 import argparse
 import math
@@ -28,27 +28,27 @@ from perfplast_fenicsx.pictures import draw
 from perfplast_fenicsx.problem import Prescribed
 
 MOST_FACTORISATIONS, MOST_SOLVES = 35, 80
-"""Of the interior point method."""
+"""Largest numbers of factorisations and solves of the interior point method."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One computed number and what it should be.
+    """One computed number with its exact value.
 
     Attributes:
         case: Name of the case.
-        quantity: What was computed.
+        quantity: Name of the computed quantity.
         element: Such as "P2", or "P2, curved" on second-order geometry.
         size: Edge length of the mesh, for rates.
         dofs: Displacement unknowns.
         computed: The number.
-        exact: What it should be; differences that should vanish have 0.
-        allowed: Largest relative error (absolute where ``exact`` is 0); None to show only.
-        solves: Linear systems solved.
-        seconds: Wall time.
-        bound: ``exact`` is an upper bound, not a value.
-        factorisations: Those of the interior point method, where it was used.
-        bracket: What is proven of the limit load of the body, in words.
+        exact: Exact value; 0 for differences that should vanish.
+        allowed: Largest relative error (absolute if ``exact`` is 0); None if it is not checked.
+        solves: Number of linear systems solved.
+        seconds: Wall time (s).
+        bound: Whether ``exact`` is an upper bound.
+        factorisations: Number of factorisations of the interior point method, if it was used.
+        bracket: Strict bounds of the body, in words.
     """
 
     case: str
@@ -67,12 +67,12 @@ class Row:
 
     @property
     def error(self) -> float:
-        """Signed relative error; absolute where the exact value is 0."""
+        """Return the signed relative error; absolute if the exact value is 0."""
         return (self.computed - self.exact) / (abs(self.exact) or 1.0)
 
     @property
     def right(self) -> bool:
-        """Whether the error, and the work where a limit load was found directly, are allowed."""
+        """Return whether the error and the work of a direct limit load are allowed."""
         if self.factorisations is not None and (
             self.factorisations > MOST_FACTORISATIONS or self.solves > MOST_SOLVES
         ):
@@ -84,7 +84,7 @@ class Row:
 
 
 Study = Callable[[MPI.Intracomm, ResultFolder, bool], list[Row]]
-"""Solves a case on its meshes and draws it: ranks, folder, whether coarse meshes will do."""
+"""Function of communicator, folder and whether meshes are coarse: it solves and draws a case."""
 
 
 def mesh(folder: ResultFolder, write: Callable[..., None], **arguments: object) -> TaggedMesh:
@@ -101,13 +101,13 @@ def mesh(folder: ResultFolder, write: Callable[..., None], **arguments: object) 
 
 @dataclass(frozen=True)
 class Collapse:
-    """A limit load and what it took.
+    """A limit load and its cost.
 
     Attributes:
-        problem: Whose it is.
-        limit: With bounds, mechanism and levels.
-        bracket: What is proven of the body.
-        seconds: Wall time of the limit load alone.
+        problem: The problem.
+        limit: Bounds, mechanism and levels.
+        bracket: Strict bounds of the body.
+        seconds: Wall time (s) of the limit load alone.
     """
 
     problem: Problem
@@ -117,13 +117,13 @@ class Collapse:
 
     @property
     def solves(self) -> int:
-        """Linear systems solved."""
+        """Return the number of linear systems solved."""
         return self.limit.linear_solves
 
     def row(
         self, case: str, size: float, exact: float, allowed: float | None, bound: bool = False
     ) -> Row:
-        """The limit load as a row; see :class:`Row`."""
+        """Return the limit load as a :class:`Row`."""
         return Row(
             case=case,
             quantity="limit load",
@@ -142,9 +142,9 @@ class Collapse:
 
     @property
     def zeta(self) -> float:
-        """The estimate of the limit load; where ζ does not level off, the largest ζ reached.
+        """Return the estimate of the limit load, or the largest ζ if ζ does not level off.
 
-        Infinite where nothing was found that limits it, as of elements that lock.
+        It is infinite if no upper bound was found, for example with elements that lock.
         """
         if not self.limit.collapses:
             return math.inf
@@ -162,7 +162,7 @@ class Collapse:
 
 
 def collapse(problem: Problem, rtol: float = 1e-4, method: str = "interior-point") -> Collapse:
-    """Find the limit load of a problem, and what is proven of that of the body. Collective."""
+    """Return the limit load of a problem, with strict bounds of the body. Collective."""
     began = time.perf_counter()
     limit = limit_load(problem, rtol, method=method)
     seconds = time.perf_counter() - began
@@ -176,7 +176,7 @@ def collapse(problem: Problem, rtol: float = 1e-4, method: str = "interior-point
 
 
 def in_brackets(bounds: BodyBounds) -> str:
-    """The bounds that hold for the body, or why there are none."""
+    """Return the strict bounds of the body as text, or the reason why there are none."""
     lower, upper = bounds.lower, bounds.upper
     if bounds.strict:
         return f"{lower.shown} ... {upper.shown}"
@@ -212,7 +212,7 @@ HEADING = (
 
 
 def line(row: Row) -> str:
-    """A row of the table."""
+    """Return a row as a line of the table."""
     allowed = "" if row.allowed is None else f"{row.allowed:.2g}"
     exact = f"{'<= ' if row.bound else ''}{row.exact:.7g}"
     factors = "" if row.factorisations is None else row.factorisations
@@ -224,7 +224,7 @@ def line(row: Row) -> str:
 
 
 def rates(rows: Sequence[Row]) -> list[str]:
-    """Orders of convergence in the mesh size, one line for each sequence of meshes."""
+    """Return a line with the orders of convergence for each sequence of meshes."""
     lines = []
     values = [row for row in rows if not row.bound]
     for names, group in groupby(values, key=lambda row: (row.case, row.quantity, row.element)):
@@ -236,7 +236,7 @@ def rates(rows: Sequence[Row]) -> list[str]:
 
 
 def orders(rows: Sequence[Row]) -> list[float]:
-    """Orders of convergence from mesh to mesh, where errors are large enough to tell."""
+    """Return the orders of convergence from mesh to mesh; rounding errors are left out."""
     found = []
     for coarse, fine in pairwise(rows):
         if min(abs(coarse.error), abs(fine.error)) > 1e-5 and coarse.size > fine.size:
@@ -247,7 +247,7 @@ def orders(rows: Sequence[Row]) -> list[float]:
 
 
 def costs(rows: Sequence[Row]) -> list[str]:
-    """What limit loads took that were found directly, one line for each case."""
+    """Return a line with the cost of direct limit loads for each case."""
     lines = []
     found = [row for row in rows if row.factorisations is not None]
     for case in dict.fromkeys(row.case for row in found):
@@ -264,7 +264,7 @@ def _span(counts: Sequence[int]) -> str:
 
 
 def run(title: str, study: Study, argv: Sequence[str] | None = None) -> None:
-    """Command line of a case: solve, print the table, check it. Collective.
+    """Run a case from the command line: solve, print the table and check it. Collective.
 
     Raises:
         SystemExit: If a number is wrong, on every rank.
@@ -288,7 +288,7 @@ def run(title: str, study: Study, argv: Sequence[str] | None = None) -> None:
 def solve(
     comm: MPI.Intracomm, study: Study, path: Path, coarse: bool, terminal: Terminal
 ) -> list[Row]:
-    """Rows of a study, printed. Collective."""
+    """Solve a study, print its rows and return them. Collective."""
     folder = ResultFolder(comm, path, force=True)
     folder.create()
     rows = study(comm, folder, coarse)

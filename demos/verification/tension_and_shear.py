@@ -71,19 +71,19 @@ AT_B = (0.035324711958965, 0.020351415903945)
 GUIDE_B = (0.035265, 0.020471)
 KINEMATIC_B = (0.040661299997639, 0.019780067836272)
 KINEMATIC_C = (0.044151267768728, 0.019085331590312)
-"""ε_xx and ε_xy."""
+"""Reference values of ε_xx and ε_xy."""
 SAME_STEPS, MORE_STEPS = 1e-6, 1e-3
-"""What strains may differ by, relative; the manual allows 1e-2."""
+"""Largest relative differences of strains; the manual allows 1e-2."""
 
 
 # %%
 def _at(axis: int, place: int) -> Callable[[npt.NDArray[np.int64]], npt.NDArray[np.bool_]]:
-    """Which points of a grid lie in a plane."""
+    """Return a function that marks the points of a grid in a plane."""
     return lambda x: x[axis] == place
 
 
 def cube_and_pad(comm: MPI.Intracomm) -> TaggedMesh:
-    """A cube, and a pad on its right side. Collective."""
+    """Return a cube with a pad on its right side. Collective."""
     sides = {"left": (0, 0), "right": (0, 1), "front": (1, 0), "back": (1, 1), "below": (2, 0)}
     surfaces = [Surface(name, ("cube",), _at(*side)) for name, side in sides.items()]
     surfaces += [Surface(name, ("pad",), _at(0, i)) for i, name in enumerate(("glued", "end"), 1)]
@@ -95,7 +95,7 @@ def cube_and_pad(comm: MPI.Intracomm) -> TaggedMesh:
 def strains(
     comm: MPI.Intracomm, material: Hardening, stages: Sequence[Stage]
 ) -> tuple[list[npt.NDArray[np.float64]], Problem, list[Level]]:
-    """ε_xx and ε_xy at the end of each stage, the problem and its levels. Collective.
+    """Return ε_xx and ε_xy at the end of each stage, the problem and its levels. Collective.
 
     The strains are the works of loads of 1 on a cube of side 1.
     """
@@ -117,7 +117,7 @@ def strains(
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Strains with both kinds of hardening. Collective."""
+    """Return strains with both kinds of hardening. Collective."""
     rows = []
     for case, material, stages, expected in (
         ("isotropic, 40 steps", ISOTROPIC, [Stage(A), Stage(B, 40)], {"A": AT_A, "B": AT_B}),

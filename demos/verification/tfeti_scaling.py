@@ -43,19 +43,19 @@ from perfplast_fenicsx.mesh import Box, Surface, structured_mesh
 
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 CUBES = {2: (1, 1, 1), 4: (2, 1, 1), 8: (2, 2, 1), 16: (2, 2, 2), 32: (4, 2, 2)}
-"""Of each of the two bodies, by the number of subdomains."""
+"""Numbers of cubes of each body along its edges, by the number of subdomains."""
 
 TITLE = "Total FETI: iterations against subdomains"
 
 ELASTIC, PLASTIC = 1.0, 0.3
-"""ζ at which nothing yields, and the share of the volume that is plastic elsewhere."""
+"""ζ below first yield, and the plastic share of the volume at the other load."""
 
 GROWTH = 1.3
-"""From 8 subdomains on the products of the elastic level grow by no more."""
+"""Largest growth of the products at the elastic level from 8 subdomains on."""
 
 
 def blocks(comm: MPI.Intracomm, cubes: tuple[int, int, int], n: int) -> TaggedMesh:
-    """Two bodies of unit cubes, each with n cells along its edge; ranks get whole cubes."""
+    """Return two bodies of unit cubes with n cells along an edge; each rank gets whole cubes."""
     each = math.prod(cubes)
     steps = np.array([1, cubes[0], cubes[0] * cubes[1]])  # body by body, as they lie in z
 
@@ -98,7 +98,7 @@ def solved(declared: Problem, subdomains: int, zeta: float) -> Level:
 
 
 def plastic_load(declared: Problem) -> float:
-    """ζ at which a share of the bodies has yielded."""
+    """Return ζ at which the share ``PLASTIC`` of the bodies has yielded."""
     newton = Newton(declared)
     level = newton.solve(ELASTIC)
     while level.report.plastic_fraction < PLASTIC:
@@ -109,7 +109,7 @@ def plastic_load(declared: Problem) -> float:
 # %%
 @dataclass(frozen=True)
 class Row:
-    """One mesh: products with the dual operator in a level, elastic and with plastic cells."""
+    """Products with the dual operator on one mesh, at the elastic and the plastic level."""
 
     subdomains: int
     unknowns: int
@@ -160,7 +160,7 @@ def draw(rows: Sequence[Row], n: int, path: Path) -> None:
 
 # %%
 def main(argv: Sequence[str] | None = None) -> None:
-    """Count, print, draw, check. Collective."""
+    """Count the products, print and draw them, and check them. Collective."""
     parser = argparse.ArgumentParser(description=TITLE)
     parser.add_argument("-o", "--output", default="results/tfeti_scaling")
     parser.add_argument("-n", type=int, default=4, help="cells along the edge of a cube (4)")

@@ -61,11 +61,11 @@ LOADS = [Pressure("inner", 1.0)]
 SUPPORTS = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z")]
 CONTACTS = [Contact("inner_shell_seam", "outer_shell_seam")]
 RADII = 7
-"""Plastic radii at which points of the curve are computed."""
+"""Number of plastic radii at which points of the curve are computed."""
 
 Floats = npt.NDArray[np.float64]
 Points = list[tuple[float, float]]
-"""Of a curve: (α, ζ)."""
+"""Points (α, ζ) of a curve."""
 
 
 # %% [markdown]
@@ -74,7 +74,7 @@ Points = list[tuple[float, float]]
 
 # %%
 def exact_point(c: float) -> tuple[float, float]:
-    """α of the octant and ζ where the plastic zone reaches as far as the radius c."""
+    """Return α of the octant, and ζ, for the plastic radius c."""
     a, b, yield_stress = INNER, OUTER, MATERIAL.yield_stress
     E, nu = MATERIAL.young, MATERIAL.poisson
     p = 2 * yield_stress * math.log(c / a) + 2 / 3 * yield_stress * (1 - (c / b) ** 3)
@@ -83,7 +83,7 @@ def exact_point(c: float) -> tuple[float, float]:
 
 
 def exact_points(radii: int) -> Points:
-    """Half of first yield, from there to full plasticity, and on the plateau."""
+    """Return points at half of first yield, from first to full yield, and on the plateau."""
     curve = [exact_point(float(c)) for c in np.linspace(INNER, OUTER, radii)]
     (first, yielding), (last, limit) = curve[0], curve[-1]
     return [(first / 2, yielding / 2), *curve, (1.5 * last, limit), (2 * last, limit)]
@@ -100,14 +100,14 @@ def exact_points(radii: int) -> Points:
 
 # %%
 def curve(problem: Problem) -> tuple[list[Level], int]:
-    """Levels at the works of the exact points, and the linear systems solved. Collective."""
+    """Return levels at the works of the exact points, and linear solves. Collective."""
     solver = WorkNewton(problem)
     levels = list(load_path(solver, [alpha for alpha, _ in exact_points(RADII)]))
     return [level for level in levels if level.report.converged], solver.linear.solves
 
 
 def largest_error(levels: Sequence[Level]) -> float:
-    """Of ζ, relative; nan where not all points were solved."""
+    """Return the largest relative error of ζ; nan if a point was not solved."""
     exact = [zeta for _, zeta in exact_points(RADII)]
     if len(levels) < len(exact):
         return math.nan
@@ -115,7 +115,7 @@ def largest_error(levels: Sequence[Level]) -> float:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Curves and limit loads of whole and divided shells. Collective."""
+    """Return curves and limit loads of whole and divided shells. Collective."""
     linear = {0.4: None, 0.2: None}
     quadratic = {0.5: 2.5e-2, 0.35: 1e-2} if coarse else {0.35: 1e-2, 0.25: 5e-3, 0.15: 2e-3}
     rows: list[Row] = []
@@ -162,7 +162,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def seam_pressure(problem: Problem, level: Level) -> float:
-    """Mean contact pressure. Collective."""
+    """Return the mean contact pressure. Collective."""
     tagged_mesh = problem.tagged_mesh
     pressure = OutputFields(problem).update(level)["contact_pressure"]
     ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
@@ -180,7 +180,7 @@ def row(
     solves: int,
     began: float,
 ) -> Row:
-    """A row of the table, timed from ``began``."""
+    """Return a row of the table, with the time since ``began``."""
     case, element, size, dofs, allowed = about
     return Row(
         case=case,
@@ -204,11 +204,11 @@ def row(
 
 # %%
 HALF = 3
-"""The level whose stress is drawn: its plastic zone reaches as far as c = 4/3 a."""
+"""Index of the level with the drawn stress, where c = 4/3 a."""
 
 
 def equivalent_stress(problem: Problem, level: Level) -> Floats:
-    """Radius and equivalent stress of each point, shape (n, 2), on rank 0. Collective."""
+    """Return radius and equivalent stress of each point, shape (n, 2), on rank 0. Collective."""
     mesh = problem.tagged_mesh.mesh
     points = interpolation_points(problem.Q.element)
     radius = fem.Expression(ufl.sqrt(ufl.dot(*[ufl.SpatialCoordinate(mesh)] * 2)), points)
@@ -222,7 +222,7 @@ def equivalent_stress(problem: Problem, level: Level) -> Floats:
 
 
 def draw_curves(curves: dict[str, Points], profile: Floats, path: Path) -> None:
-    """Draw computed points over the closed forms. Not collective."""
+    """Draw computed points on the exact curves. Not collective."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -40,7 +40,7 @@ CONTACTS = [Contact("inner_tube_seam", "outer_tube_seam")]
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Burst pressures of whole and divided tubes. Collective."""
+    """Return burst pressures of whole and divided tubes. Collective."""
     sizes = (0.1, 0.05) if coarse else (0.1, 0.05, 0.025)
     rows = []
     for interface, degree, order in ((None, 1, 1), (None, 2, 2), (1.15, 2, 2)):

@@ -55,13 +55,13 @@ STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 SHEAR = STEEL.yield_stress / math.sqrt(3)
 ROUND, SQUARE = 2 * math.pi / 3 * SHEAR, SHEAR / 3
 ELASTIC = SHEAR * 2 * (1 + STEEL.poisson) / STEEL.young
-"""Twist per length at which the round bar yields."""
+"""Twist per length at first yield of the round bar."""
 SUPPORTS = [Support("x0", "yz"), Support("y0", "xz"), Support("z0", "xy")]
 ALLOWED, UNTWISTED = 0.01, 0.005
 TWISTS = (1.0, 2.0, 4.0, 10.0, 100.0)
-"""Relative to that of first yield of the round bar."""
+"""Twists over that of first yield of the round bar."""
 PARTLY = (4 - TWISTS[1] ** -3) / 3
-"""T/T_el at 2θ_el."""
+"""Exact T/T_el at 2θ_el."""
 RESIDUAL = TWISTS[1] - PARTLY
 LENGTH, FINE = 1.5, 0.15
 
@@ -70,14 +70,14 @@ LENGTH, FINE = 1.5, 0.15
 def twisted(
     folder: ResultFolder | None, case: str, bar: TaggedMesh, size: float, exact: dict[float, float]
 ) -> list[Row]:
-    """Torques at some twists. Collective.
+    """Return rows of torques at given twists. Collective.
 
     Args:
-        folder: Where pictures of the levels go; None for none.
-        case: Its name.
-        bar: A quarter of a slice, as long as an element.
-        size: Of that.
-        exact: Torques by the twist.
+        folder: Folder of pictures; None to draw none.
+        case: Name of the case.
+        bar: Mesh of a quarter of a slice that is one element long.
+        size: Edge length of the element.
+        exact: Exact torques by twist.
     """
     (body,) = bar.volumes
     turned = RigidSurface("z1", rotation=(0.0, 0.0, 1.0), components="xy", constant=False)
@@ -110,7 +110,7 @@ def twisted(
 
 # %%
 def untwisted_by_traction(bar: TaggedMesh, size: float) -> list[Row]:
-    """Twists of a long bar at a torque, and without it. Collective."""
+    """Return twists of a long bar at a torque and after unloading. Collective."""
     along = f"{SHEAR!r}*minimum(2, 1/sqrt(x*x + y*y + 1e-20))"
     traction = Traction("z1", (f"-y*{along}", f"x*{along}", 0.0), "torque")
     problem = Problem(bar, {"shaft": Flow(STEEL)}, SUPPORTS, [traction], degree=2)
@@ -146,7 +146,7 @@ def untwisted_by_traction(bar: TaggedMesh, size: float) -> list[Row]:
 
 
 def untwisted_by_motion(bar: TaggedMesh, size: float) -> list[Row]:
-    """Torque at 2θ_el, and the twist without it on the elastic line back. Collective."""
+    """Return the torque at 2θ_el, and the twist after elastic unloading. Collective."""
     turned = RigidSurface(
         "z1", rotation=(0.0, 0.0, 1.0), components="xy", constant=False, name="twist"
     )
@@ -181,7 +181,7 @@ def untwisted_by_motion(bar: TaggedMesh, size: float) -> list[Row]:
 
 
 def _integral(bar: TaggedMesh, value: Expr) -> float:
-    """Collective."""
+    """Return the integral of an expression over the bar. Collective."""
     return float(
         bar.mesh.comm.allreduce(fem.assemble_scalar(fem.form(value * ufl.dx(domain=bar.mesh))))
     )
@@ -189,7 +189,7 @@ def _integral(bar: TaggedMesh, value: Expr) -> float:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit torques of both bars, and the way there of the round one. Collective."""
+    """Return limit torques of both bars, and the torque curve of the round bar. Collective."""
     rows = []
     sizes = (0.16, 0.08) if coarse else (0.16, 0.08, 0.04)
     for size in sizes:

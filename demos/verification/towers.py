@@ -28,7 +28,7 @@ LOADS = [Pressure("top", 1.0)]
 
 
 def drawn_steels(bodies: Sequence[str], number: int) -> dict[str, VonMises]:
-    """A steel for each body, drawn at random."""
+    """Return a steel for each body, drawn at random."""
     drawn = random.Random(number)
     ranges = ((70e3, 210e3), (0.2, 0.35), (200.0, 500.0))  # Young, Poisson, yield stress
     found = {}
@@ -39,7 +39,7 @@ def drawn_steels(bodies: Sequence[str], number: int) -> dict[str, VonMises]:
 
 
 def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
-    """A tower of steels drawn at random; ζ is the pressure on top."""
+    """Return a tower of steels drawn at random; ζ is the pressure on top."""
     count = len(tagged_mesh.volumes)
     materials = drawn_steels([f"body_{i}" for i in range(count)], number)
     contacts = [Contact(f"body_{i}_seam_{i}", f"body_{i + 1}_seam_{i}") for i in range(count - 1)]
@@ -47,10 +47,10 @@ def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
 
 
 def both_ways(problem: Problem) -> tuple[Collapse, float]:
-    """The limit load by a path and the estimate of the interior point method. Collective.
+    """Return the limit load by a path and the estimate of the interior point method. Collective.
 
     Raises:
-        AssertionError: If one of them ends without a bracket, or the brackets do not meet.
+        AssertionError: If a method gives no bracket, or the brackets do not overlap.
     """
     found = collapse(problem, TOLERANCE, "path")
     direct = limit_load(problem, TOLERANCE, method="interior-point")
@@ -67,7 +67,7 @@ def both_ways(problem: Problem) -> tuple[Collapse, float]:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Limit loads by both methods. Collective."""
+    """Return limit loads by both methods. Collective."""
     rows = []
     for number in range(FEW if coarse else TOWERS):
         problem = problem_of(mesh(folder, write_tower, number=number), number)

@@ -1,7 +1,7 @@
-"""All verification cases in one table: ``make verify``, on any number of ranks.
+"""Run all verification cases and print one table: ``make verify``, on any number of ranks.
 
-Each case is a module of this folder with a ``study``; its pictures go into a folder of its name.
-The exit status is 1 where a number is wrong, after all cases have been looked at.
+Each case is a module of this folder with a function ``study``. Its pictures are in a folder of its
+name. The exit status is 1 if a number is wrong; all cases are solved first.
 """
 
 import argparse

@@ -52,9 +52,9 @@ class Wall:
     Attributes:
         friction: Angle of the ground (degrees).
         joint: Angle of the joint (degrees).
-        below: Pressure on the ground's face below the toe.
+        below: Pressure on the face of the ground below the toe.
         pushed: Whether the wall is pushed against the ground.
-        width: Of the ground.
+        width: Width of the ground.
     """
 
     friction: float
@@ -65,12 +65,12 @@ class Wall:
 
     @property
     def name(self) -> str:
-        """Which factor it is."""
+        """Return the name of the factor."""
         return f"{'K_pq' if self.pushed else 'K_aq'}, φ {self.friction:g}°, δ {self.joint:g}°"
 
     @property
     def exact(self) -> float:
-        """The limit load, over surcharge and height; below zero where the wall yields."""
+        """Return the limit load over surcharge and height; negative if the wall yields."""
         phi, delta = math.radians(self.friction), math.radians(self.joint)
         sign = 1 if self.pushed else -1
         turned = math.asin(math.sin(delta) / math.sin(phi)) + sign * delta
@@ -83,12 +83,12 @@ PUSHED = Wall(30.0, 15.0, below=3.0)
 YIELDS = Wall(30.0, 15.0, below=1.0, pushed=False, width=3.0)
 ROUGH = Wall(30.0, 30.0, below=3.0)
 ASKED, CELLS, FEW = 0.015, 4000, 150
-"""Gap that is asked of both factors; cells for it; the same for a quick look."""
+"""Gap of both factors, largest number of cells for it, and that of a quick run."""
 
 
 # %%
 def beside(ground: TaggedMesh, wall: Wall) -> Problem:
-    """The wall and its ground, with a pressure on the wall's back that grows. Collective."""
+    """Return the wall and its ground, with a growing pressure on the wall's back. Collective."""
     rubs = math.tan(math.radians(wall.joint))
     return Problem(
         ground,
@@ -105,7 +105,7 @@ def beside(ground: TaggedMesh, wall: Wall) -> Problem:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Brackets around the exact factors. Collective."""
+    """Return brackets of the exact factors. Collective."""
     rows: list[Row] = []
     adaptation = Adaptation(ASKED, FEW if coarse else CELLS)
     for wall in (PUSHED,) if coarse else (ROUGH, YIELDS, PUSHED):

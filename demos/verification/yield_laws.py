@@ -52,13 +52,13 @@ RINGS = {
 
 
 def ground(angle: float, cohesion: float) -> MohrCoulomb | Tresca:
-    """Of an angle of friction (degrees); Tresca's of none."""
+    """Return ground of an angle of friction (degrees); of Tresca's law if it is 0."""
     return MohrCoulomb(1e4, 0.3, cohesion, angle) if angle else Tresca(1e4, 0.3, cohesion)
 
 
 # %%
 def sheets(folder: ResultFolder) -> list[Row]:
-    """Hill's blocks, pressed across and along the sheet. Collective."""
+    """Return limit loads of Hill's blocks, pressed across and along the sheet. Collective."""
     f, g, h = SHARES
     along_x, along_y, across = (1 / math.sqrt(it) for it in (g + h, f + h, f + g))
     flat = mesh(folder, write_box, corner=[0.0, 0.0], extent=[1.0, 1.0])
@@ -76,7 +76,7 @@ def sheets(folder: ResultFolder) -> list[Row]:
 
 
 def rings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
-    """Sheets of von Mises. Collective."""
+    """Return limit loads of rings in plane stress. Collective."""
     rows, held = [], [Support("x0", "x"), Support("y0", "y")]
     for case, (outer, load, exact) in RINGS.items():
         for size in sizes:
@@ -89,7 +89,7 @@ def rings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
 
 
 def blocks(folder: ResultFolder) -> list[Row]:
-    """Mohr and Coulomb's, smooth at their ends. Collective."""
+    """Return limit loads of Mohr-Coulomb blocks with smooth ends. Collective."""
     sine, soil = math.sin(math.radians(25.0)), ground(25.0, 20.0)
     slope = (1 + sine) / (1 - sine)
     box = mesh(folder, write_box, corner=[0.0, 0.0], extent=[1.0, 1.0])
@@ -116,7 +116,7 @@ def blocks(folder: ResultFolder) -> list[Row]:
 
 
 def footings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
-    """Half the section of a round punch on its ground; the last one is drawn. Collective."""
+    """Return limit loads of circular punches on ground; the last one is drawn. Collective."""
     rows, loads = [], [Pressure("top", 1.0)]
     for angle, exact in ROUND.items():
         # 20° takes 85 linear solves on the finer mesh, where 80 are asked of a limit load
@@ -139,7 +139,7 @@ def footings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """All of them. Collective."""
+    """Return the rows of all cases. Collective."""
     found = [*sheets(folder), *rings(folder, [0.2] if coarse else [0.2, 0.1]), *blocks(folder)]
     return [*found, *footings(folder, [0.2] if coarse else [0.2, 0.1])]
 
