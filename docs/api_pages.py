@@ -1,4 +1,4 @@
-"""API pages: the modules of each room, and the table of the package's public names.
+"""Make the API pages: the modules of each room, and the table of public names.
 
 On a page of ``api/``, ``<!-- room NAME -->`` stands for the documentation of the modules in this
 folder of the package, and :data:`PUBLIC` for the public names.
@@ -17,7 +17,7 @@ PUBLIC = "<!-- the public names -->"
 
 
 def modules(room: str) -> str:
-    """Sections with the documentation of a room's modules, as MyST.
+    """Return sections with the documentation of a room's modules, as MyST.
 
     Args:
         room: Dotted name of the folder below the package, or "ground" for the package itself.
@@ -31,7 +31,7 @@ def modules(room: str) -> str:
 
 
 def public() -> str:
-    """The table of the package's public names, as MyST."""
+    """Return the table of the package's public names, as MyST."""
     text = "| name | |\n|---|---|\n"
     for name in sorted(set(dir(perfplast_fenicsx)) - {"__version__"}):
         thing = getattr(perfplast_fenicsx, name)
@@ -49,6 +49,6 @@ def _read(app: Any, docname: str, source: list[str]) -> None:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Put the documentation in where a page has a mark; called by Sphinx."""
+    """Insert the documentation at the mark of a page; Sphinx calls it."""
     app.connect("source-read", _read)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

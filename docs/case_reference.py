@@ -1,7 +1,7 @@
-"""The reference of case files, made from the dataclasses that read them.
+"""Make the reference of case files from the dataclasses that read them.
 
-Sphinx puts it into ``case_file.md`` in place of :data:`MARK`. Keys, types and defaults are those of
-the dataclasses, meanings and ranges the ``Args`` of their docstrings.
+Sphinx replaces :data:`MARK` in ``case_file.md`` with it. Keys, types and defaults come from the
+dataclasses, meanings and ranges from the ``Args`` of their docstrings.
 """
 
 import dataclasses
@@ -41,19 +41,19 @@ HEAD = "| key | type | default | meaning |\n|---|---|---|---|\n"
 
 
 def arguments(documented: object) -> dict[str, str]:
-    """The ``Args`` of a docstring, each on one line, in Markdown."""
+    """Return the ``Args`` of a docstring by name, each on one line, in Markdown."""
     module = inspect.getmodule(documented)
     return {name: markdown(text, module) for name, text in docstrings.arguments(documented).items()}
 
 
 def summary(documented: object) -> str:
-    """The text of a docstring before its first section, in Markdown."""
+    """Return the text of a docstring before its first section, in Markdown."""
     text = docstrings.summary(documented)
     return markdown(text, inspect.getmodule(documented)).replace(" Collective.", "")
 
 
 def markdown(text: str, module: object = None) -> str:
-    """A docstring's reStructuredText as MyST; roles without a module belong to ``module``."""
+    """Return reStructuredText as MyST; roles without a module belong to ``module``."""
 
     def role(match: re.Match[str]) -> str:
         kind, target = match.groups()
@@ -65,13 +65,13 @@ def markdown(text: str, module: object = None) -> str:
 
 
 def row(key: str, kind: str, default: str, meaning: str) -> str:
-    """A line of a table; bars inside of it are escaped."""
+    """Return a line of a table, with escaped bars."""
     cells = (f"`{key}`", kind, default, meaning)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 
 
 def rows(schema: type[Any], leave_out: frozenset[str] = frozenset()) -> str:
-    """The keys of a dataclass as lines of a table."""
+    """Return the keys of a dataclass as lines of a table."""
     hints = typing.get_type_hints(schema)
     meaning = arguments(schema)
     lines = ""
@@ -84,7 +84,7 @@ def rows(schema: type[Any], leave_out: frozenset[str] = frozenset()) -> str:
 
 
 def _type(hint: Any, key: str) -> str:
-    """A type in the words of the program's messages, with TOML's quotes."""
+    """Return a type in the words of the program's messages, with TOML's quotes."""
     words = described(hint, key).replace("a list whose items are each a number", "list of numbers")
     return re.sub(r"'([^']*)'", r'`"\1"`', words)
 
@@ -98,7 +98,7 @@ def _default(field: "dataclasses.Field[Any]") -> str:
 
 
 def _parameters(builder: Callable[..., Any]) -> str:
-    """The arguments of a builder as lines of a table."""
+    """Return the arguments of a builder as lines of a table."""
     meaning = arguments(builder)
     lines = ""
     for name, parameter in list(inspect.signature(builder).parameters.items())[1:]:
@@ -109,13 +109,13 @@ def _parameters(builder: Callable[..., Any]) -> str:
 
 
 def _choice(key: str, choices: Mapping[str, object], default: str | None, meaning: str) -> str:
-    """The line of the key that chooses one of several tables."""
+    """Return the line of the key that chooses one of several tables."""
     kinds = " or ".join(f'`"{choice}"`' for choice in choices)
     return row(key, kinds, f'`"{default}"`' if default else "required", meaning)
 
 
 def _variants(key: str, choices: Mapping[str, type[Any]]) -> Iterator[str]:
-    """A table for each choice, those that share a dataclass together."""
+    """Yield a table for each choice; choices of the same dataclass share one."""
     for schema in dict.fromkeys(choices.values()):
         names = [name for name, other in choices.items() if other is schema]
         wanted = " or ".join(f'`"{name}"`' for name in names)
@@ -165,14 +165,14 @@ def _solve() -> Iterator[str]:
 
 
 def _single(schema: type[Any]) -> Callable[[], Iterator[str]]:
-    """The content of a table that is always the same dataclass."""
+    """Return a function for the content of a table that one dataclass reads."""
     return lambda: iter([summary(schema) + "\n", HEAD + rows(schema)])
 
 
 def _chosen(
     key: str, choices: Mapping[str, type[Any]], default: str | None, meaning: str
 ) -> Callable[[], Iterator[str]]:
-    """The content of a table whose key ``key`` chooses one of several dataclasses."""
+    """Return a function for the content of a table whose ``key`` chooses the dataclass."""
     return lambda: iter([HEAD + _choice(key, choices, default, meaning), *_variants(key, choices)])
 
 
@@ -213,11 +213,11 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "report": ("[report]", _single(tables.ReportHead)),
     "units": ("[units]", _single(Units)),
 }
-"""Tables of a case file, by their key at its top level: heading and content."""
+"""Heading and content of the tables of a case file, by their key at its top level."""
 
 
 def reference() -> str:
-    """The whole reference as MyST."""
+    """Return the whole reference as MyST."""
     scalars = frozenset(SECTIONS)
     text = f"## Top level\n\n{HEAD}{rows(tables.Document, leave_out=scalars)}"
     meaning = arguments(tables.Document)
@@ -227,5 +227,5 @@ def reference() -> str:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Put the reference in where a page has :data:`MARK`; called by Sphinx."""
+    """Insert the reference where a page has :data:`MARK`; Sphinx calls it."""
     return replace_mark(app, MARK, reference)

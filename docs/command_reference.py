@@ -1,6 +1,6 @@
-"""The reference of the command line: what ``perfplast --help`` says of each command.
+"""Make the reference of the command line from ``perfplast --help`` of each command.
 
-Sphinx puts it into ``command_line.md`` in place of :data:`MARK`.
+Sphinx replaces :data:`MARK` in ``command_line.md`` with it.
 """
 
 import argparse
@@ -26,7 +26,7 @@ WIDTH = 96
 
 
 def reference() -> str:
-    """The whole reference as MyST."""
+    """Return the whole reference as MyST."""
     parser = make_parser()
     text = _help(parser)
     for action in parser._actions:
@@ -39,7 +39,7 @@ def reference() -> str:
 
 
 def _keys(meaning: Mapping[str, str]) -> str:
-    """A table of keys."""
+    """Return a table of keys."""
     rows = "".join(f"| `{key}` | {text} |\n" for key, text in meaning.items())
     return f"| key | value |\n|---|---|\n{rows}"
 
@@ -50,5 +50,5 @@ def _help(parser: argparse.ArgumentParser) -> str:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Put the reference in where a page has :data:`MARK`; called by Sphinx."""
+    """Insert the reference where a page has :data:`MARK`; Sphinx calls it."""
     return replace_mark(app, MARK, reference)

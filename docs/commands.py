@@ -36,9 +36,9 @@ class Command:
     """A command of a page.
 
     Attributes:
-        line: What is typed.
-        shown: What the page shows of its output.
-        span: Where that stands in the page.
+        line: The command line.
+        shown: The output that the page shows.
+        span: Start and end of the shown output in the page.
     """
 
     line: str
@@ -51,7 +51,7 @@ class File:
     """A file of a page.
 
     Attributes:
-        name: Its name, with ``, [TABLE]`` where only that table of it is given.
+        name: Its name, with ``, [TABLE]`` if only this table is given.
         text: Its content.
     """
 
@@ -60,7 +60,7 @@ class File:
 
 
 def parts(page: str) -> Iterator[Command | File]:
-    """Files and commands of a page, in order."""
+    """Yield the files and commands of a page, in order."""
     for block in BLOCK.finditer(page):
         caption = CAPTION.match(block["text"])
         if caption:
@@ -79,7 +79,7 @@ def _commands(text: str, offset: int) -> Iterator[Command]:
 
 
 def clone(folder: Path) -> Path:
-    """A folder that looks like a clone of the repository, in which commands may leave files."""
+    """Return a folder like a clone of the repository, in which commands may write files."""
     folder.mkdir()
     for entry in ROOT.iterdir():
         if not entry.name.startswith((".", "results", "build")):
@@ -91,9 +91,9 @@ def write_file(folder: Path, file: File, pictures: bool = True) -> None:
     """Write a file of a page, or replace a table in it.
 
     Args:
-        folder: Where.
-        file: What.
-        pictures: Whether a case file shall draw pictures.
+        folder: The folder.
+        file: The file.
+        pictures: Whether a case file may draw pictures.
     """
     name, _, table = file.name.partition(", ")
     path, text = folder / name, file.text
@@ -111,7 +111,7 @@ def write_file(folder: Path, file: File, pictures: bool = True) -> None:
 
 
 def execute(folder: Path, command: Command) -> str:
-    """What a command prints on standard output.
+    """Run a command and return its standard output.
 
     Raises:
         RuntimeError: If it fails.
@@ -158,11 +158,11 @@ def check(
     Args:
         page: A page in Markdown.
         folder: It must not exist yet.
-        pictures: Whether its case files shall draw pictures.
-        coarse: What to put in place of parts of it, for a test to take less time.
+        pictures: Whether its case files may draw pictures.
+        coarse: Replacements of parts of the page, so that a test takes less time.
 
     Returns:
-        A message for each command that prints something else than shown.
+        A message for each command with an output that differs from the page.
 
     Raises:
         RuntimeError: If a command fails.
@@ -183,7 +183,7 @@ def check(
 
 
 def refresh(page: Path, folder: Path) -> None:
-    """Run a page and write what its commands print into it, except where it shows a part only."""
+    """Run a page and write the outputs into it, except those that it shows in part."""
     text = page.read_text(encoding="utf-8")
     clone(folder)
     printed: list[tuple[tuple[int, int], str]] = []
@@ -200,7 +200,7 @@ def refresh(page: Path, folder: Path) -> None:
 
 
 def main() -> int:
-    """Check the pages that the command line names, or write anew what they show."""
+    """Check the pages that the command line names, or rewrite their outputs."""
     parser = argparse.ArgumentParser(description="Run the commands of pages.")
     parser.add_argument("pages", nargs="+", type=Path)
     parser.add_argument("--write", action="store_true", help="write what they print")

@@ -78,7 +78,7 @@ CLASS = re.compile(r":class:`([A-Z]\w*)`")
 def _as_written(
     app: Any, what: str, name: str, obj: object, options: Any, lines: list[str]
 ) -> None:
-    """Read docstrings as people do.
+    """Change the lines of a docstring so that Sphinx reads them as people do.
 
     Bars are bars, as in |J|; the first colon in the docstring of a constant ends no type; modules
     are named without the package, and classes without their module.
@@ -100,7 +100,7 @@ def _as_written(
 def _parsable(
     app: Any, what: str, name: str, obj: object, options: Any, signature: str | None, returned: str
 ) -> tuple[str | None, str]:
-    """Signatures that are Python: a field's default that a function makes is three dots.
+    """Return a signature that is valid Python: a default from a factory becomes three dots.
 
     In ``<factory>``, Python's own way to show it, Sphinx 9 takes the parts of types for names.
     """
@@ -108,6 +108,6 @@ def _parsable(
 
 
 def setup(app: Any) -> None:
-    """Called by Sphinx; napoleon comes after it."""
+    """Connect the functions above; Sphinx calls it before napoleon."""
     app.connect("autodoc-process-docstring", _as_written, priority=400)
     app.connect("autodoc-process-signature", _parsable)

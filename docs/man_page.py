@@ -1,4 +1,4 @@
-"""The man page, made from the parser of the command line.
+"""Make the man page from the parser of the command line.
 
 ./fenicsx python3 -m docs.man_page > share/man/man1/perfplast.1
 """
@@ -11,7 +11,7 @@ from perfplast_fenicsx.cli.parser import make_parser
 
 
 def man_page() -> str:
-    """The whole page as troff."""
+    """Return the whole page as troff."""
     parser = make_parser()
     (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
     short = {action.dest: action.help or "" for action in commands._choices_actions}
@@ -47,7 +47,7 @@ EXAMPLES = (
 
 
 def _synopsis(command: argparse.ArgumentParser) -> list[str]:
-    """The arguments, those that must be there without brackets, and those that exclude others."""
+    """Return the arguments: required ones without brackets, and exclusive ones with bars."""
     grouped = {
         action.dest: group
         for group in command._mutually_exclusive_groups
@@ -69,7 +69,7 @@ def _told(command: argparse.ArgumentParser) -> list[argparse.Action]:
 
 
 def _heading(action: argparse.Action) -> str:
-    """Names in bold, with what they take in italics."""
+    """Return names in bold with their values in italics."""
     takes = ""
     if action.nargs != 0:
         choices = "|".join(map(str, action.choices or ()))
@@ -83,7 +83,7 @@ def _help(action: argparse.Action) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text that troff takes as it is."""
+    """Return text with the characters escaped that troff interprets."""
     text = text.replace("\\", "\\e").replace("-", "\\-")
     return f"\\&{text}" if text.startswith((".", "'")) else text
 

@@ -1,19 +1,19 @@
-"""Pages of the site in which the program puts a text in place of a mark."""
+"""Insert generated text at the marks of pages."""
 
 from collections.abc import Callable
 from typing import Any
 
 
 def replace_mark(app: Any, mark: str, make: Callable[[], str]) -> dict[str, bool]:
-    """Let Sphinx put a text where a page has a mark.
+    """Let Sphinx replace a mark in a page with a text.
 
     Args:
         app: Sphinx.
-        mark: Stands in the page.
-        make: Makes the text.
+        mark: The mark in the page.
+        make: Function that makes the text.
 
     Returns:
-        What Sphinx wants to know of an extension.
+        Metadata of a Sphinx extension.
     """
 
     def read(_: Any, docname: str, source: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""Formulas as MathML, which browsers draw without JavaScript, so that the site works off-line.
+"""Write formulas as MathML, which browsers draw without JavaScript, also off-line.
 
 A renderer for Sphinx, by the converter that docutils brings along.
 """
@@ -18,14 +18,14 @@ font for, unless they are told not to; the style sheet makes it italic instead."
 
 
 def mathml(tex: str, block: bool = False) -> str:
-    """A formula as an element ``<math>``.
+    """Return a formula as an element ``<math>``.
 
     Args:
-        tex: LaTeX, as far as docutils knows it.
-        block: Whether it stands by itself.
+        tex: LaTeX, as far as docutils supports it.
+        block: Whether it is a displayed formula.
 
     Raises:
-        docutils.utils.math.MathError: For what docutils does not know.
+        docutils.utils.math.MathError: For LaTeX that docutils does not support.
     """
     text = re.sub(r"\s+", " ", tex.strip())
     return LETTER.sub(r'<mi mathvariant="normal" class="letter">\1</mi>', tex2mathml(text, block))

@@ -178,7 +178,7 @@ def _order(row: Row) -> tuple[str, int]:
 
 
 def reference() -> str:
-    """The table of all codes as MyST, by the first part of the code."""
+    """Return the table of all codes as MyST, by the first part of the code."""
     topics: dict[str, list[Row]] = {}
     for row in updated(stored(), sites()):
         topics.setdefault(row.code.rpartition("-")[0], []).append(row)
@@ -192,7 +192,7 @@ def reference() -> str:
 
 
 def write() -> None:
-    """Write the table for the places that there are."""
+    """Write the table for the present places."""
     rows = updated(stored() if TABLE.exists() else [], sites())
     with TABLE.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")

@@ -1,7 +1,7 @@
-"""Pages of the site that refer to, or consist of, files of the repository outside of ``docs/``.
+"""Include and link files of the repository outside of ``docs/`` in pages of the site.
 
-``<!-- include PATH -->`` stands for a file. Links to what is no page of the site become its path:
-the pages are also read in the repository, where the links lead there, and the mark is not seen.
+``<!-- include PATH -->`` is replaced with a file. A link to a file that is not a page of the site
+becomes its path. In the repository the links work as they are, and the mark is not visible.
 """
 
 import os
@@ -16,12 +16,12 @@ LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
 
 def with_local_links(text: str, page: Path, origin: Path) -> str:
-    """A text with the links of ``origin`` as they must be on ``page``.
+    """Return a text of ``origin`` with links that are valid on ``page``.
 
     Args:
         text: Markdown.
-        page: The page that it is on.
-        origin: The file that it comes from.
+        page: The page that contains the text.
+        origin: The file of the text.
     """
 
     def link(match: re.Match[str]) -> str:
@@ -38,7 +38,7 @@ def with_local_links(text: str, page: Path, origin: Path) -> str:
 
 
 def relative(path: Path, folder: Path) -> str:
-    """A path as seen from a folder."""
+    """Return a path relative to a folder."""
     return Path(os.path.relpath(path, folder)).as_posix()
 
 
@@ -54,6 +54,6 @@ def _read(app: Any, docname: str, source: list[str]) -> None:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Called by Sphinx."""
+    """Connect the functions above; Sphinx calls it."""
     app.connect("source-read", _read)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
