@@ -25,10 +25,10 @@ from .limit_analysis.body.safety_factor import FactorOfSafety as FactorOfSafety
 from .limit_analysis.body.safety_factor import factor_of_safety as factor_of_safety
 from .limit_analysis.discrete.limit_load import LimitLoad as LimitLoad
 from .limit_analysis.limit_search import limit_load as limit_load
-from .limit_analysis.shakedown.load_domain import LoadDomain as LoadDomain
+from .limit_analysis.shakedown.elastic_stresses import LoadDomain as LoadDomain
+from .limit_analysis.shakedown.shakedown_load import ShakedownLoad as ShakedownLoad
 from .limit_analysis.shakedown.shakedown_load import shakedown_load as shakedown_load
-from .limit_analysis.shakedown.shakedown_result import ShakedownLoad as ShakedownLoad
-from .limit_analysis.statements.strength_path import StrengthPath as StrengthPath
+from .limit_analysis.statements.load_factor import StrengthPath as StrengthPath
 from .limit_analysis.strength_search import strength_path as strength_path
 from .materials.coulomb_ground import MohrCoulomb as MohrCoulomb
 from .materials.coulomb_ground import Tresca as Tresca

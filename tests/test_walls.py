@@ -182,8 +182,8 @@ MANY_PARAMETERS = {"problem/problem.py:__init__"}
 LONG_FUNCTIONS = {"io/case/case_reader.py:case_of", "proof/outer_tractions.py:outer_tractions"}
 """Functions that still have more than 80 lines: names leave this set and never join it."""
 
-KERNEL_SOURCES = {"body_source.py", "condensation_source.py"}
-"""Modules whose functions return the source of C kernels."""
+KERNEL_SOURCES = {"body_stiffness.py:source", "condensation_source.py:source"}
+"""Functions that return the source of C kernels."""
 
 
 def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
@@ -208,7 +208,7 @@ def test_functions_have_at_most_80_lines() -> None:
         name
         for name, node in functions()
         if (node.end_lineno or 0) - node.lineno >= 80
-        and name.split(":")[0].split("/")[-1] not in KERNEL_SOURCES
+        and name.split("/")[-1] not in KERNEL_SOURCES
     }
     assert long == LONG_FUNCTIONS
 

@@ -16,15 +16,12 @@ from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.models.bdf_file import read_bdf
-from perfplast_fenicsx.models.flat_ends import with_flat_ends
-from perfplast_fenicsx.models.foreign_model import ForeignModel
-from perfplast_fenicsx.models.given_material import with_material
+from perfplast_fenicsx.models.foreign_model import ForeignModel, told_of_shared_nodes, with_material
 from perfplast_fenicsx.models.inp_file import read_inp
 from perfplast_fenicsx.models.med_file import read_med
 from perfplast_fenicsx.models.model_case import case_of, skin_of_model, survey_of
 from perfplast_fenicsx.models.msh_file import write_msh
-from perfplast_fenicsx.models.outer_facets import OuterFacets
-from perfplast_fenicsx.models.shared_nodes import told_of_shared_nodes
+from perfplast_fenicsx.models.outer_facets import OuterFacets, with_flat_ends
 from perfplast_fenicsx.models.unv_file import read_unv
 from perfplast_fenicsx.models.vtu_file import read_vtu
 from perfplast_fenicsx.pictures.drawing_process import draw_parts

@@ -24,7 +24,7 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorSte
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
-from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.problem.judged.state import Iteration, Level

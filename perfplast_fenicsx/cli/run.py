@@ -40,9 +40,8 @@ from perfplast_fenicsx.limit_analysis.conic.conic_solver import (
     check_solver,
     conic_solver,
 )
-from perfplast_fenicsx.limit_analysis.discrete.drucker import drucker_bounds
-from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import drucker_bounds
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod, method_for
 from perfplast_fenicsx.materials.nonassociated_flow import flow_words
 from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.problem.contact_check import left_out

@@ -3,9 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from perfplast_fenicsx.controls.control import OfBody, Run
-from perfplast_fenicsx.controls.given import Given
-from perfplast_fenicsx.controls.interim import of_other_loads
+from perfplast_fenicsx.controls.control import Given, OfBody, Run, of_other_loads
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.least_load import (
@@ -15,9 +13,8 @@ from perfplast_fenicsx.limit_analysis.body.least_load import (
 )
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import check_bounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.statements.design_factor import check_design
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question, check_design
 from perfplast_fenicsx.problem.problem import Problem
 
 

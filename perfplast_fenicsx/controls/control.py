@@ -6,31 +6,131 @@ of the run, which writes and shows them. :class:`OfLevels` and :class:`OfBody` i
 methods of each kind.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, ClassVar, Protocol
 
-from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.contact.declared.contact import Contact
+from perfplast_fenicsx.contact.declared.obstacles import Obstacle
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds, Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Envelope, Proven, Proving
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
-from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import idle_pores, ignored
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
-from perfplast_fenicsx.problem.declared.stage import Stage
+from perfplast_fenicsx.problem.declared.stage import Mover, Stage, follows
+from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.judged.state import Iteration, Level, State
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.solvers.load_stepping import Reached
+from perfplast_fenicsx.solvers.load_stepping import Reached, load_path, rests_first
+
+
+@contextmanager
+def of_other_loads(known: AdaptiveBounds | None = None) -> Iterator[None]:
+    """An inner search uses other loads or strengths than the case.
+
+    So its partial result is not an answer to the case.
+
+    Args:
+        known: The answer so far, which is reported instead.
+
+    Raises:
+        StopSearch: With the known answer.
+    """
+    try:
+        yield
+    except StopSearch as stop:
+        stop.found, stop.adapted = None, known
+        raise
+
+
+@dataclass(frozen=True)
+class Given:
+    """Loads and motions of a case.
+
+    Attributes:
+        loads: The loads.
+        supports: Supports that hold or move the bodies.
+        obstacles: Rigid obstacles.
+        contacts: Contacts, some of which may have a growing overlap.
+        strained: Whether bodies have initial strain or overlap.
+        initial: Initial strains and stresses.
+        materials: Materials of the bodies by name.
+    """
+
+    loads: Sequence[Load]
+    supports: Sequence[Support | RigidSurface]
+    obstacles: Sequence[Obstacle]
+    contacts: Sequence[Contact]
+    strained: bool
+    initial: Sequence[Initial] = ()
+    materials: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def movers(self) -> tuple[Mover, ...]:
+        """Return all objects that may move."""
+        return (*self.supports, *self.obstacles, *self.contacts)
+
+    @property
+    def moving(self) -> bool:
+        """Return whether some motion follows the loading."""
+        return any(follows(mover) for mover in self.movers)
+
+    @property
+    def settled(self) -> bool:
+        """Return whether a support has a prescribed motion."""
+        return any(support.moves for support in self.supports)
+
+    @property
+    def stays(self) -> bool:
+        """Return whether the bodies are loaded before the loading begins."""
+        return self.strained or self.settled or any(load.constant for load in self.loads)
+
+    def require_load(self, enough: bool = False) -> None:
+        """Refuse bodies without loads.
+
+        Args:
+            enough: Whether something other than a load is enough for the control.
+
+        Raises:
+            InputError: If there is no load.
+        """
+        if not self.loads and not enough:
+            raise InputError(
+                "no load is given; add a [[load]] table. Without a load, control = 'load' "
+                "needs an interference, a temperature, an initial stress or a constant "
+                "displacement; control = 'displacement' or stages need motions that grow."
+            )
+
+    def refuse_moves(self) -> None:
+        """Refuse obstacles that move.
+
+        Raises:
+            InputError: Naming the first moving obstacle.
+        """
+        for obstacle in self.obstacles:
+            if any(obstacle.move):
+                raise InputError(
+                    f"the obstacle at '{obstacle.on}' has a move, which follows the load "
+                    "factor only under control = 'displacement' or in stages; choose one "
+                    "of them, or remove move."
+                )
+
 
 Moved = Callable[[str, str], bool]
 """Function of a name, which may be empty, and a surface: whether the loading moves it."""
@@ -265,3 +365,66 @@ def none_moved(name: str, on: str) -> bool:
 def all_moved(name: str, on: str) -> bool:
     """Return True: every motion follows the loading."""
     return True
+
+
+def check_values(
+    values: Sequence[float], what: str, falling: str = "or, with constant loads, all decrease"
+) -> None:
+    """Refuse values that are not finite, or that neither increase nor decrease.
+
+    Args:
+        values: Values of the levels.
+        what: What messages call the values.
+        falling: Condition under which they may decrease, in words.
+
+    Raises:
+        InputError: Naming the first wrong value.
+    """
+    if not values:
+        raise InputError(f"values is empty; give at least one of the {what}.")
+    for value in values:
+        if not math.isfinite(value):
+            raise InputError(f"values has {value}, but {what} must be finite numbers; correct it.")
+    falls = len(values) > 1 and values[1] < values[0]
+    for before, value in pairwise(values):
+        if value == before or (value < before) != falls:
+            raise InputError(
+                f"values has {value} after {before}, but {what} must increase ({falling});"
+                " sort them and give each once."
+            )
+
+
+def check_rising(values: Sequence[float], what: str) -> None:
+    """Refuse values that need constant loads or moving supports.
+
+    Args:
+        values: As :func:`check_values` takes them.
+        what: What messages call the values.
+
+    Raises:
+        InputError: If a value is negative, or if the values decrease.
+    """
+    for value in values:
+        if value < 0:
+            raise InputError(
+                f"values has {value}, but without constant loads {what} must be >= 0; correct it."
+            )
+    if len(values) > 1 and values[1] < values[0]:
+        raise InputError(
+            f"values has {values[1]} after {values[0]}, but without constant loads {what} must"
+            " increase; sort them and give each once."
+        )
+
+
+def follow(run: Run, values: Sequence[float]) -> None:
+    """Solve for each value that is not on file yet. Collective.
+
+    Args:
+        run: The run.
+        values: Values of all levels.
+    """
+    rests = rests_first(run.solver, values)
+    run.record.plan(len(values) + rests)
+    left = values if run.start is None else values[run.done - rests :]
+    for level in load_path(run.solver, left, run.record.iteration, run.start, run.before):
+        run.record.level(level)

@@ -5,9 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from perfplast_fenicsx.controls.control import Moved, OfLevels, Run, all_moved
-from perfplast_fenicsx.controls.given import Given
-from perfplast_fenicsx.controls.level_values import check_values, follow
+from perfplast_fenicsx.controls.control import (
+    Given,
+    Moved,
+    OfLevels,
+    Run,
+    all_moved,
+    check_values,
+    follow,
+)
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load

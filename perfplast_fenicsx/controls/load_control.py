@@ -4,9 +4,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from perfplast_fenicsx.controls.control import Moved, OfLevels, Run, none_moved
-from perfplast_fenicsx.controls.given import Given
-from perfplast_fenicsx.controls.level_values import check_rising, check_values, follow
+from perfplast_fenicsx.controls.control import (
+    Given,
+    Moved,
+    OfLevels,
+    Run,
+    check_rising,
+    check_values,
+    follow,
+    none_moved,
+)
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed

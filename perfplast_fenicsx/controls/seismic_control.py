@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from perfplast_fenicsx.controls.bounds_control import BoundsControl
-from perfplast_fenicsx.controls.control import OfBody, Run
-from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.controls.control import Given, OfBody, Run
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.problem.problem import Problem

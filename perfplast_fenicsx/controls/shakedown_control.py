@@ -4,16 +4,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from perfplast_fenicsx.controls.control import OfBody, Run
-from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.controls.control import Given, OfBody, Run
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import (
     check_directions,
     shakedown_diagram,
 )
-from perfplast_fenicsx.limit_analysis.shakedown.elastic_stresses import check_elastic, check_names
-from perfplast_fenicsx.limit_analysis.shakedown.load_domain import LoadDomain
+from perfplast_fenicsx.limit_analysis.shakedown.elastic_stresses import (
+    LoadDomain,
+    check_elastic,
+    check_names,
+)
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import (
     check_shakedown,
     shakedown_load,

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from perfplast_fenicsx.controls.control import Moved, OfLevels, Run
-from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.controls.control import Given, Moved, OfLevels, Run
 from perfplast_fenicsx.problem.declared.initial import Bolt, Initial, Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed

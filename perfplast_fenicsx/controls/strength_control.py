@@ -3,9 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from perfplast_fenicsx.controls.control import OfBody, Run
-from perfplast_fenicsx.controls.given import Given
-from perfplast_fenicsx.controls.interim import of_other_loads
+from perfplast_fenicsx.controls.control import Given, OfBody, Run, of_other_loads
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import check_bounds
 from perfplast_fenicsx.limit_analysis.body.safety_factor import factor_of_safety
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad

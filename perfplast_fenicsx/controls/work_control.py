@@ -4,16 +4,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-from perfplast_fenicsx.controls.control import Moved, Run, none_moved
-from perfplast_fenicsx.controls.given import Given
-from perfplast_fenicsx.controls.level_values import check_rising, check_values, follow
+from perfplast_fenicsx.controls.control import (
+    Given,
+    Moved,
+    Run,
+    check_rising,
+    check_values,
+    follow,
+    none_moved,
+)
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import bounds_of_mesh
-from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import TOLERANCE
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import TOLERANCE, LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.limit_search import check_limit_load, limit_load
-from perfplast_fenicsx.limit_analysis.statements.design_factor import check_design
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance, ignored
+from perfplast_fenicsx.limit_analysis.statements.load_factor import check_design
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed

@@ -14,11 +14,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.discrete.drucker import drucker_bounds
-from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
-from perfplast_fenicsx.limit_analysis.path.limit_judge import Search, collapse_mechanism
-from perfplast_fenicsx.limit_analysis.path.plateau import Points
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import drucker_bounds
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod, method_for
+from perfplast_fenicsx.limit_analysis.path.limit_judge import Points, Search, collapse_mechanism
 from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING

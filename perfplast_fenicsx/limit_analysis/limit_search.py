@@ -14,8 +14,13 @@ from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.limit_analysis.coulomb_search import check_resolution, coulomb_limit
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
-from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import TOLERANCE, method_for, resisted
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import (
+    TOLERANCE,
+    LimitLoad,
+    LimitMethod,
+    method_for,
+    resisted,
+)
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Judge, Search, collapse_mechanism
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import Weakening
 from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
-from perfplast_fenicsx.limit_analysis.statements.strength_path import PathPoint, StrengthPath
+from perfplast_fenicsx.limit_analysis.statements.load_factor import PathPoint, StrengthPath
 from perfplast_fenicsx.problem.judged.state import Iteration, Level, State, check_slip_is_true
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.load_stepping import extrapolate

@@ -12,7 +12,6 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.models.element_blocks import Block
 from perfplast_fenicsx.models.element_types import (
     HEXAHEDRON,
     PYRAMID,
@@ -20,14 +19,13 @@ from perfplast_fenicsx.models.element_types import (
     TETRAHEDRON,
     TRIANGLE,
     WEDGE,
+    Block,
     Shape,
 )
 from perfplast_fenicsx.models.element_types import ElementType as Type
 from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel
-from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
-from perfplast_fenicsx.models.grouped_model import model_of
-from perfplast_fenicsx.models.inp_numbers import NumberIndex
-from perfplast_fenicsx.models.number_text import text_of
+from perfplast_fenicsx.models.grouped_model import GroupedMesh, model_of
+from perfplast_fenicsx.models.number_text import NumberIndex, text_of
 
 ELEMENTS: dict[str, tuple[Shape, int]] = {
     "CTETRA": (TETRAHEDRON, 10),

@@ -1,7 +1,9 @@
-"""Describe the elements of Abaqus and CalculiX: corners, faces, midsides, by type names."""
+"""The elements of Abaqus and CalculiX: corners, faces, midsides, by the names of their types."""
 
 import re
 from dataclasses import dataclass
+
+from perfplast_fenicsx.arrays import Longs
 
 Faces = tuple[tuple[int, ...], ...]
 
@@ -112,3 +114,18 @@ def element_type(name: str) -> ElementType | None:
             return ElementType(FLAT[nodes], nodes, models.get(kind, ""))
     line = LINES.get(name.rstrip("RHO"))
     return ElementType(LINE, line) if line else None
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Elements of one type.
+
+    Attributes:
+        kind: Type of the elements.
+        first: Number of the first element in the model; the others follow.
+        nodes: Nodes of the elements, shape (n, kind.nodes), indices of points.
+    """
+
+    kind: ElementType
+    first: int
+    nodes: Longs

@@ -7,16 +7,13 @@ import numpy as np
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.part_names import unique_names
-from perfplast_fenicsx.models.element_facets import ElementFacets
 from perfplast_fenicsx.models.element_types import AXIS, STRESS
 from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel
-from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
-from perfplast_fenicsx.models.grouped_model import model_of
+from perfplast_fenicsx.models.grouped_model import GroupedMesh, model_of
 from perfplast_fenicsx.models.inp_keywords import read_keywords
 from perfplast_fenicsx.models.inp_mesh import MESH_KEYWORDS, SCOPES, Assembly, MeshReader
-from perfplast_fenicsx.models.inp_on_surfaces import InpBody, OnSurfaces
-from perfplast_fenicsx.models.inp_statements import Statements
-from perfplast_fenicsx.models.outer_facets import OuterFacets
+from perfplast_fenicsx.models.inp_statements import InpBody, OnSurfaces, Statements
+from perfplast_fenicsx.models.outer_facets import ElementFacets, OuterFacets
 from perfplast_fenicsx.models.solid_cells import solid_cells
 
 

@@ -8,10 +8,9 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.models.element_blocks import Block
-from perfplast_fenicsx.models.element_types import LINE, ElementType, element_type
+from perfplast_fenicsx.models.element_types import LINE, Block, ElementType, element_type
 from perfplast_fenicsx.models.inp_keywords import Keyword
-from perfplast_fenicsx.models.inp_numbers import (
+from perfplast_fenicsx.models.number_text import (
     NOBODY,
     NumberIndex,
     Sets,

@@ -11,7 +11,6 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.models.element_blocks import Block
 from perfplast_fenicsx.models.element_types import (
     HEXAHEDRON,
     LINE,
@@ -20,11 +19,11 @@ from perfplast_fenicsx.models.element_types import (
     TETRAHEDRON,
     TRIANGLE,
     WEDGE,
+    Block,
     ElementType,
 )
 from perfplast_fenicsx.models.foreign_model import ForeignModel
-from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
-from perfplast_fenicsx.models.grouped_model import model_of
+from perfplast_fenicsx.models.grouped_model import GroupedMesh, model_of
 from perfplast_fenicsx.proof.stored_file import check_regular, stored_file
 
 TYPES = {

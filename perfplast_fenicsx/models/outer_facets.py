@@ -1,11 +1,17 @@
-"""Find the outer facets of a mesh of simplices by their corners."""
+"""The outer facets of a model: by corners, by faces of elements or sets of nodes, and by names."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry.part_names import unique_names
+from perfplast_fenicsx.models.element_types import Block
+from perfplast_fenicsx.models.foreign_model import ForeignModel
+from perfplast_fenicsx.models.solid_cells import pieces
 
 NOWHERE = -1
 
@@ -79,3 +85,179 @@ class OuterFacets:
         chosen = np.zeros(num_points, dtype=bool)
         chosen[points] = True
         return np.flatnonzero(chosen[self.corners].all(axis=1))
+
+
+NONE: Longs = np.zeros(0, dtype=np.int64)
+
+
+class ElementFacets:
+    """Search of outer facets."""
+
+    def __init__(
+        self, points: Floats, blocks: Sequence[Block], outer: OuterFacets, dim: int
+    ) -> None:
+        """Store the mesh.
+
+        Args:
+            points: Coordinates of the points, shape (n, 3).
+            blocks: All elements, flat ones too.
+            outer: The outer facets.
+            dim: Dimension of the model: 3, or 2 in the plane.
+        """
+        self._points, self._every, self._outer, self._dim = points, blocks, outer, dim
+        corners = np.zeros(len(points), dtype=bool)
+        corners[outer.corners] = True
+        self._corner = corners
+
+    def of_faces(self, elements: Longs, face: str) -> Longs:
+        """Return the facets of a face (S1, P1, ...) of elements; all outer ones without a face."""
+        found = [NONE]
+        number = int(face[1:]) - 1 if face[1:].isdigit() and face[:1] in "SPF" else None
+        for block in self._blocks(self._dim):
+            mine = block.nodes[self._rows(block, elements)]
+            shape = block.kind.shape
+            numbers = range(len(shape.faces)) if number is None else [number]
+            for one in numbers:
+                if 0 <= one < len(shape.faces) and len(mine):
+                    for piece, _ in pieces(mine[:, list(shape.faces[one])]):
+                        found.append(self._outer.find(piece))
+        every = np.concatenate(found)
+        return np.unique(every[every >= 0])
+
+    def of_flat_elements(self, elements: Longs) -> Longs:
+        """Return the facets on which flat elements (lines in the plane) lie."""
+        found = [NONE]
+        for block in self._blocks(self._dim - 1):
+            mine = block.nodes[self._rows(block, elements)]
+            for piece, _ in pieces(mine[:, : block.kind.shape.corners]):
+                found.append(self._outer.find(piece))
+        every = np.concatenate(found)
+        return np.unique(every[every >= 0])
+
+    def count_of_flat(self, elements: Longs) -> int:
+        """Return the number of facets of flat elements; a quadrilateral has two in space."""
+        return sum(
+            len(self._rows(block, elements)) * (block.kind.shape.corners - self._dim + 1)
+            for block in self._blocks(self._dim - 1)
+        )
+
+    def of_nodes(self, nodes: Longs) -> Longs:
+        """Return the facets whose corners are all among given nodes."""
+        return self._outer.among(nodes, len(self._points))
+
+    def covered(self, nodes: Longs, facets: Longs) -> bool:
+        """Return whether facets exist, with all given nodes that are corners of outer facets."""
+        on = np.zeros(len(self._corner), dtype=bool)
+        on[self._outer.corners[facets]] = True
+        corners = nodes[self._corner[nodes]]
+        return bool(len(facets)) and bool(on[corners].all())
+
+    def areas(self, facets: Longs) -> np.ndarray:
+        """Return the area of each facet (in the plane, its length)."""
+        p = self._points[self._outer.corners[facets]]
+        if self._dim == 2:
+            return np.asarray(np.linalg.norm(p[:, 1] - p[:, 0], axis=1))
+        return np.asarray(
+            np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1) / 2
+        )
+
+    def _blocks(self, dim: int) -> list[Block]:
+        return [block for block in self._every if block.kind.shape.dim == dim]
+
+    def _rows(self, block: Block, elements: Longs) -> Longs:
+        inside = (elements >= block.first) & (elements < block.first + len(block.nodes))
+        return elements[inside] - block.first
+
+
+def with_flat_ends(model: ForeignModel) -> ForeignModel:
+    """Return the model with names such as ``plate_z_low`` for flat outer facets without a name."""
+    outer = OuterFacets(model.cells, len(model.points))
+    free = np.ones(len(outer.corners), dtype=bool)
+    named = outer.find(model.facets)
+    free[named[named != NOWHERE]] = False
+    wanted, found = [], []
+    # largest distance of a flat end's nodes from its plane, relative to the body's size
+    off_plane = 1e-6
+    for number, body in enumerate(model.bodies):
+        mine = free & (model.body[outer.cells] == number)
+        places = model.points[np.unique(model.cells[model.body == number])][:, : model.dim]
+        low, high = places.min(axis=0), places.max(axis=0)
+        close = off_plane * float(np.linalg.norm(high - low))
+        for axis, letter in enumerate("xyz"[: model.dim]):
+            for side, end in (("low", low[axis]), ("high", high[axis])):
+                off = np.abs(model.points[outer.corners, axis] - end).max(axis=1)
+                at = np.flatnonzero(mine & (off <= close))
+                if len(at):
+                    wanted.append(f"{body}_{letter}_{side}")
+                    found.append(at)
+    if not found:
+        return model
+    names = unique_names([*model.surfaces, *wanted])
+    first = len(model.surfaces)
+    ends = [np.full(len(at), first + k) for k, at in enumerate(found)]
+    return replace(
+        model,
+        facets=np.concatenate([model.facets, outer.corners[np.concatenate(found)]]),
+        surface=np.concatenate([model.surface, *ends]),
+        surfaces=names,
+    )
+
+
+class NamedSurfaces:
+    """Surfaces by name, which are divided where they overlap.
+
+    A facet has one physical name in a mesh. Facets of several surfaces become surfaces of their
+    own. A name then represents several of these.
+    """
+
+    def __init__(self) -> None:
+        self._members: dict[str, Longs] = {}
+
+    def add(self, name: str, facets: Longs) -> None:
+        """Add a surface, or facets to one."""
+        before = self._members.get(name, np.zeros(0, dtype=np.int64))
+        self._members[name] = np.union1d(before, facets)
+
+    def names(self) -> list[str]:
+        """Return the names of the surfaces, in the order of their definition."""
+        return list(self._members)
+
+    def remove(self, name: str) -> None:
+        """Forget a surface."""
+        del self._members[name]
+
+    def facets(self, name: str) -> Longs:
+        """Return the facets of a surface."""
+        return self._members[name]
+
+    def divided(
+        self, taken: Sequence[str] = ()
+    ) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:
+        """Return surfaces without common facets.
+
+        Args:
+            taken: Names of bodies.
+
+        Returns:
+            Names of the surfaces; the facets, shape (k,), and the surface of each, shape (k,); the
+            new surfaces that each added name represents.
+        """
+        names = [name for name, facets in self._members.items() if len(facets)]
+        members = [self._members[name] for name in names]
+        every = np.unique(np.concatenate([np.zeros(0, np.int64), *members]))
+        signs = np.zeros((len(every), (len(names) + 62) // 63), dtype=np.int64)
+        for number, name in enumerate(names):
+            at = np.searchsorted(every, self._members[name])
+            signs[at, number // 63] |= np.int64(1) << np.int64(number % 63)
+        kinds, surface = np.unique(signs, axis=0, return_inverse=True)
+        stands: dict[str, list[str]] = {name: [] for name in names}
+        having = [
+            [n for k, n in enumerate(names) if kind[k // 63] >> np.int64(k % 63) & 1]
+            for kind in kinds
+        ]
+        plain = unique_names("_and_".join(some) for some in having)
+        plain = [f"{name}_surface" if name in taken else name for name in plain]
+        for called, some in zip(plain, having, strict=True):
+            for name in some:
+                stands[name].append(called)
+        return plain, every, surface.ravel(), stands

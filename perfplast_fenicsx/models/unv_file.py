@@ -11,7 +11,6 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.models.element_blocks import Block
 from perfplast_fenicsx.models.element_types import (
     HEXAHEDRON,
     LINE,
@@ -19,13 +18,18 @@ from perfplast_fenicsx.models.element_types import (
     TETRAHEDRON,
     TRIANGLE,
     WEDGE,
+    Block,
     ElementType,
 )
 from perfplast_fenicsx.models.foreign_model import ForeignModel
-from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
-from perfplast_fenicsx.models.grouped_model import model_of
-from perfplast_fenicsx.models.inp_numbers import NOBODY, NumberIndex
-from perfplast_fenicsx.models.number_text import real_numbers, text_of, whole_numbers
+from perfplast_fenicsx.models.grouped_model import GroupedMesh, model_of
+from perfplast_fenicsx.models.number_text import (
+    NOBODY,
+    NumberIndex,
+    real_numbers,
+    text_of,
+    whole_numbers,
+)
 
 NODES, ELEMENTS = ("2411", "781"), ("2412",)
 GROUPS = ("2429", "2430", "2432", "2435", "2452", "2467", "2477")

@@ -10,13 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from perfplast_fenicsx.pictures.acting import acting
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.field_figure import deformation_scale, in_words, level_caption
-from perfplast_fenicsx.pictures.figure_panels import compose, panels
-from perfplast_fenicsx.pictures.heading import heading
 from perfplast_fenicsx.pictures.loading_curve import draw_curve, draw_stroke
-from perfplast_fenicsx.pictures.renderer import Renderer
+from perfplast_fenicsx.pictures.picture_file import heading
+from perfplast_fenicsx.pictures.renderer import Renderer, acting, compose, panels
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
 from perfplast_fenicsx.problem.judged.state import LevelReport
 

@@ -17,9 +17,17 @@ from matplotlib.patches import Patch
 from scipy.spatial import cKDTree
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.pictures.heading import heading, in_legend
-from perfplast_fenicsx.pictures.picture_file import replace_picture
-from perfplast_fenicsx.pictures.views import BACK, FRONT, PLANE, REVOLVED, View, draw_axes
+from perfplast_fenicsx.pictures.picture_file import (
+    BACK,
+    FRONT,
+    PLANE,
+    REVOLVED,
+    View,
+    draw_axes,
+    heading,
+    in_legend,
+    replace_picture,
+)
 
 FREE, REST = "#d9d9d9", "#ffc680"
 """Colours of surfaces that the case does not name, and of the rest of a side with a named part."""

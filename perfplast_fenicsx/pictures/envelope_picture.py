@@ -11,8 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.pictures.heading import drawable, heading
-from perfplast_fenicsx.pictures.picture_file import replace_picture
+from perfplast_fenicsx.pictures.picture_file import drawable, heading, replace_picture
 
 
 def save_envelope(

@@ -7,12 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from perfplast_fenicsx.io.case.scene import Scene
-from perfplast_fenicsx.pictures.acting import Acting
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.pictures.figure_panels import compose, panels
-from perfplast_fenicsx.pictures.heading import heading
-from perfplast_fenicsx.pictures.picture_file import replace_picture
-from perfplast_fenicsx.pictures.renderer import Renderer
+from perfplast_fenicsx.pictures.picture_file import heading, replace_picture
+from perfplast_fenicsx.pictures.renderer import Acting, Renderer, compose, panels
 from perfplast_fenicsx.problem.judged.state import LevelReport
 
 SHOWN_DEFORMATION, SHOWN_MECHANISM = 0.1, 0.04

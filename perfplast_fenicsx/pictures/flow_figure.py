@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.pictures.heading import drawable
-from perfplast_fenicsx.pictures.picture_file import replace_picture
+from perfplast_fenicsx.pictures.picture_file import drawable, replace_picture
 from perfplast_fenicsx.pictures.result_reader import StoredFlow
 
 WATER, LINES, GROUND, SURFACE = "Blues", "#1f3b5c", "#e8dfd0", "#0b5cad"

@@ -1,23 +1,94 @@
-"""Draw the loading curve: load factor ζ over the work of the loads α, or force over stroke.
+"""Draw loading curves: load factor ζ over the work of the loads α, force over stroke, histories.
 
 Single-process.
 """
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Protocol
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from perfplast_fenicsx.pictures.history_curve import draw_history
-from perfplast_fenicsx.pictures.path_points import between, from_rest
-from perfplast_fenicsx.pictures.picture_file import replace_picture
-from perfplast_fenicsx.pictures.stored_limit import FAR
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.pictures.picture_file import in_legend, replace_picture
+from perfplast_fenicsx.pictures.result_reader import FAR
 from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.rounding import ROUNDING
+
+
+def draw_history(
+    axes: Axes, reports: Sequence[LevelReport], unit: str = "", now: LevelReport | None = None
+) -> None:
+    """Draw the factor of each load over the work that it does with the factor 1.
+
+    If no load has a factor, the driving forces of motions are drawn over their factors.
+
+    Args:
+        axes: Axes to draw into.
+        reports: Reports of all levels, with the ``factors``, ``works`` and ``driving_forces`` of
+            stages.
+        unit: Unit of works.
+        now: Level to be marked.
+    """
+    solved = [report for report in reports if report.converged]
+    bracket = f" ({unit})" if unit else ""
+    labels = (f"work of the load with factor 1{bracket}", "factor of the load")
+    names = [name for name in reports[0].works if any(a.factors[name] for a in reports)]
+    moved = not names and any(report.driving_forces for report in reports)
+    if moved:
+        names = list(reports[0].driving_forces)
+        labels = ("factor of the motion", "driving force of the motion with factor 1")
+
+    def place(report: LevelReport, name: str) -> tuple[float, float]:
+        factor = report.factors[name]
+        return (factor, report.driving_forces[name]) if moved else (report.works[name], factor)
+
+    colours = mpl.color_sequences["tab10"]
+    for number, name in enumerate(names):
+        line = np.array([(0.0, 0.0), *(place(report, name) for report in solved)])
+        colour, label = colours[number % len(colours)], in_legend(name)
+        axes.plot(*line.T, "o-", color=colour, markersize=4, label=label)
+        if now is not None:
+            axes.plot(*place(now, name), "o", color="black", markersize=9)
+    if not names:
+        axes.set_title("no load but changes of temperature")
+    else:
+        axes.legend(loc="best")
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.axhline(0, color="black", linewidth=0.6)
+    axes.grid(alpha=0.3)
+
+
+def from_rest(solved: Sequence[LevelReport]) -> tuple[list[float], list[float]]:
+    """Return works α and load factors ζ of levels, with the start of the curve.
+
+    The curve starts at the unloaded bodies. If the first level has only constant loads (ζ = 0),
+    which have done work already, it starts there.
+    """
+    alphas, zetas = [a.alpha for a in solved], [a.zeta for a in solved]
+    if zetas and abs(zetas[0]) <= ROUNDING * max(map(abs, zetas)):
+        return alphas, zetas
+    return [0.0, *alphas], [0.0, *zetas]
+
+
+def between(x: Sequence[float], y: Sequence[float]) -> tuple[list[float], list[float]]:
+    """Return more points on each straight piece, which is curved on a logarithmic axis of x."""
+    xs, ys = list(x[:1]), list(y[:1])
+    many = 24  # number of points of each piece
+    for (a, b), (low, high) in zip(pairwise(x), pairwise(y), strict=True):
+        t: Floats = np.arange(1, many + 1) / many
+        if a > 0 and b > 0 and a != b:
+            t = np.asarray((np.geomspace(a, b, many + 1)[1:] - a) / (b - a), dtype=np.float64)
+        xs += [a + share * (b - a) for share in t]
+        ys += [low + share * (high - low) for share in t]
+    return xs, ys
+
 
 LINE, ELASTIC, LIMIT = "#3b6ea5", "#707070", "#d62020"
 
@@ -83,7 +154,7 @@ def draw_curve(
 ) -> None:
     """Draw ζ over α of the converged levels, and a line for the last one that failed.
 
-    For a history, the factors of loads are drawn (:func:`history_curve.draw_history`).
+    For a history, the factors of loads are drawn (:func:`draw_history`).
     """
     if any(report.factors for report in reports):
         draw_history(axes, reports, unit, now)

@@ -1,10 +1,17 @@
-"""Write pictures as files that are replaced as a whole."""
+"""Define what all pictures share: files, headings, directions of view."""
 
 import io
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.font_manager import findfont, get_font
+
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.pictures.boundary_surface import Surface
 
 
 def replace_picture(path: Path, figure: Any) -> None:
@@ -16,3 +23,127 @@ def replace_picture(path: Path, figure: Any) -> None:
     image = io.BytesIO()
     figure.savefig(image, format=path.suffix.lstrip(".") or "png")
     replace(path, image.getvalue())
+
+
+LONGEST = 90
+"""Largest number of characters of a heading that fit on a picture."""
+
+MISSING = "?"
+"""Replacement of a character that the font lacks."""
+
+
+def heading(title: str) -> str:
+    """Return the heading of a picture.
+
+    Args:
+        title: Title of the case, any text.
+    """
+    return drawable(_short(title))
+
+
+def drawable(words: str) -> str:
+    """Return words of a case, such as names of bodies, in characters of the font.
+
+    Args:
+        words: Any text.
+    """
+    font = get_font(findfont("sans"))
+    return "".join(one if font.get_char_index(ord(one)) else MISSING for one in words)
+
+
+def in_legend(words: str) -> str:
+    """Return words of a case for matplotlib, which reads text between dollars as a formula."""
+    return drawable(words).replace("$", r"\$")
+
+
+def remark_on(title: str) -> str | None:
+    """Return a remark if the heading differs from the title; otherwise None."""
+    if heading(title) == " ".join(title.split()):
+        return None
+    if heading(title) == _short(title):
+        return f"The title is cut to {LONGEST} characters in pictures."
+    return f"The font of pictures lacks characters of the title: {MISSING} replaces them."
+
+
+def _short(title: str) -> str:
+    words = " ".join(title.split())
+    return words if len(words) <= LONGEST else f"{words[: LONGEST - 3].rstrip()}..."
+
+
+@dataclass(frozen=True)
+class View:
+    """A direction of view, without perspective.
+
+    Attributes:
+        words: Name such as "from the front"; empty if there is only one view.
+        towards: Direction from the bodies to the viewer.
+        up: Direction that points upwards; z for bodies in space.
+        axes: Names of the axes x, y and z; an empty one is not drawn.
+    """
+
+    words: str
+    towards: tuple[float, float, float]
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    axes: tuple[str, str, str] = ("x", "y", "z")
+
+    @property
+    def frame(self) -> Floats:
+        """Unit vectors to the right and upwards in the picture, and out of it, shape (3, 3)."""
+        out = np.array(self.towards) / np.linalg.norm(self.towards)
+        right = np.cross(self.up, out)
+        right /= np.linalg.norm(right)
+        return np.array([right, np.cross(out, right), out])
+
+
+FRONT = View("from the front", (1.1, -1.9, 1.0))
+BACK = View("from behind and below", (-1.1, 1.9, -1.0))
+LEFT = View("from the left and below", (-1.9, -1.1, -1.0))
+RIGHT = View("from the right", (1.9, 1.1, 1.0))
+"""Two pairs of opposite directions: each unhidden face is visible from one direction of each pair.
+"""
+
+PLANE = View("", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), ("x", "y", ""))
+REVOLVED = View("", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), ("r", "z", ""))
+
+
+def view_of(surface: Surface, axisymmetric: bool) -> View:
+    """Return the view of a result: the front, unless the back shows twice as much.
+
+    Args:
+        surface: Surface with the ``yield_ratio``, whose stressed part is to be visible, or of rigid
+            bodies.
+        axisymmetric: Whether a plane surface is half of a section.
+    """
+    if surface.plane:
+        return REVOLVED if axisymmetric else PLANE
+    ratio = surface.at_cells.get("yield_ratio", np.zeros(len(surface.normals)))
+    weighed = surface.normals * (ratio**4 + 1e-6)[:, None]
+    weighed = weighed[~surface.marks["contact"]]
+    front, back = (np.maximum(weighed @ view.towards, 0).sum() for view in (FRONT, BACK))
+    return BACK if back > 2 * front else FRONT
+
+
+def draw_axes(axes: Axes, view: View) -> None:
+    """Draw arrows in the directions of x, y and z, into axes of their own.
+
+    Args:
+        axes: Empty axes to draw into.
+        view: Direction of view.
+    """
+    axes.set(xlim=(-1.45, 1.45), ylim=(-1.45, 1.45), aspect="equal")
+    axes.set_axis_off()
+    colour = "#404040"
+    along: dict[str, Any] = {"arrowstyle": "-|>", "color": colour, "lw": 1.2, "shrinkA": 0}
+    right, up, _ = view.frame
+    for name, x, y in zip(view.axes, right, up, strict=True):
+        if name:
+            axes.annotate("", (x, y), (0, 0), arrowprops=along | {"shrinkB": 0})
+            length = float(np.hypot(x, y)) or 1.0
+            beyond = 1 + 0.28 / length
+            axes.text(
+                *(beyond * x, beyond * y, name),
+                color=colour,
+                ha="center",
+                va="center",
+                fontsize=9,
+            )

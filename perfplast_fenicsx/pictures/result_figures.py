@@ -15,8 +15,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.figures import Drawing, figures
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.pictures.result_reader import ResultReader
-from perfplast_fenicsx.pictures.stored_limit import StoredLimit
+from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
@@ -52,8 +51,8 @@ def path(reader: ResultReader) -> Drawing | None:
         return None
 
     def draw(picture: Path) -> str | None:
-        from perfplast_fenicsx.pictures.heading import heading, remark_on
         from perfplast_fenicsx.pictures.loading_curve import save_curve
+        from perfplast_fenicsx.pictures.picture_file import heading, remark_on
 
         scene = reader.scene
         unit = scene.unit_of_work(reader.gdim) if reader.levels else ""
@@ -74,7 +73,7 @@ def seepage(reader: ResultReader) -> Drawing | str | None:
 
     def draw(picture: Path) -> str | None:
         from perfplast_fenicsx.pictures.flow_figure import save_flow
-        from perfplast_fenicsx.pictures.heading import heading, remark_on
+        from perfplast_fenicsx.pictures.picture_file import heading, remark_on
 
         save_flow(flow, heading(reader.scene.title), reader.summary.units, picture)
         return remark_on(reader.scene.title)
@@ -92,8 +91,8 @@ def fields(reader: ResultReader) -> Drawing | str | None:
         return "The run has written no fields: fields.png and mechanism.png need [output] fields."
 
     def draw(picture: Path) -> None:
-        from perfplast_fenicsx.pictures.acting import acting
         from perfplast_fenicsx.pictures.field_figure import draw_fields, level_caption
+        from perfplast_fenicsx.pictures.renderer import acting
 
         scene, report = reader.scene, reader.levels[-1].report
         caption = level_caption(report, scene.driven, scene.unit_of_work(reader.gdim))

@@ -7,8 +7,9 @@ not disturb it. HDF5's locks are not used, since some file systems have none.
 import csv
 import dataclasses
 import json
+import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -41,9 +42,60 @@ from perfplast_fenicsx.io.results.result_files import (
 from perfplast_fenicsx.io.results.run_lock import BEGUN, INTERRUPTED
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
-from perfplast_fenicsx.pictures.stored_limit import StoredLimit, stored_limit
 from perfplast_fenicsx.problem.judged.state import LevelReport
 from perfplast_fenicsx.proof.stored_file import check_regular, stored_file
+
+FAR = 30.0
+"""Ratio of the last α to the first one above which its axis is logarithmic."""
+
+
+@dataclass(frozen=True)
+class StoredLimit:
+    """A limit load of a result folder (:class:`limit_load.LimitLoad`).
+
+    Attributes:
+        lower: Static side of the mesh's limit load, no bound of the body; −∞ if it is not known.
+        estimate: Estimate of the mesh's limit load.
+        upper: Kinematic side of the mesh's limit load, no bound of the body.
+        body: Table of the body in ``summary.json``, if any.
+        theorem: Whether limit theorems hold; if not, a path loses equilibrium between both sides.
+        standing: Whether constant loads alone are carried, in a sentence, if that was sought.
+        strength: A factor of safety, if sought (:meth:`safety_factor.FactorOfSafety.table`).
+        envelope: Combinations of loads that are carried, if sought.
+        shakedown: A shakedown load, if sought (:class:`shakedown_load.ShakedownLoad`).
+    """
+
+    lower: float
+    estimate: float | None
+    upper: float | None
+    body: Mapping[str, Any]
+    theorem: bool = True
+    standing: str = ""
+    strength: Mapping[str, Any] | None = None
+    envelope: Mapping[str, Any] | None = None
+    shakedown: Mapping[str, Any] | None = None
+
+
+def stored_limit(table: Mapping[str, Any]) -> StoredLimit:
+    """Return the limit load of ``limit`` in ``summary.json``.
+
+    Raises:
+        KeyError: If a key is missing.
+        TypeError: If a value has the wrong type.
+        ValueError: If a text is not a number.
+    """
+    return StoredLimit(
+        lower=float(table["lower"]) if table["lower"] is not None else -math.inf,
+        estimate=table["estimate"],
+        upper=table["upper"],
+        body=table.get("body") or {},
+        theorem=table.get("theorem", True),
+        standing=table.get("standing") or "",
+        strength=table.get("strength"),
+        envelope=table.get("envelope"),
+        shakedown=table.get("shakedown"),
+    )
+
 
 T = TypeVar("T")
 

@@ -7,8 +7,7 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from perfplast_fenicsx.pictures.heading import drawable, heading
-from perfplast_fenicsx.pictures.picture_file import replace_picture
+from perfplast_fenicsx.pictures.picture_file import drawable, heading, replace_picture
 
 
 def save_shakedown(

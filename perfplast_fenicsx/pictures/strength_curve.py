@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from perfplast_fenicsx.pictures.heading import heading
-from perfplast_fenicsx.pictures.picture_file import replace_picture
+from perfplast_fenicsx.pictures.picture_file import heading, replace_picture
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 SIDES = {

@@ -7,8 +7,7 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from perfplast_fenicsx.pictures.heading import heading, in_legend
-from perfplast_fenicsx.pictures.picture_file import replace_picture
+from perfplast_fenicsx.pictures.picture_file import heading, in_legend, replace_picture
 
 LINES = {
     "lower": ("^-", "lower bound, proven"),

@@ -14,9 +14,8 @@ import pytest
 from perfplast_fenicsx import InputError, Support, VonMises
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
-from perfplast_fenicsx.controls.control import Moved, OfLevels, Run, none_moved
+from perfplast_fenicsx.controls.control import Given, Moved, OfLevels, Run, none_moved
 from perfplast_fenicsx.controls.controls import CONTROLS
-from perfplast_fenicsx.controls.given import Given
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed

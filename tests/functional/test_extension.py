@@ -55,9 +55,9 @@ FORMAT = """
 import numpy as np
 
 from perfplast_fenicsx.cli.model_command import MODELS
-from perfplast_fenicsx.models.element_blocks import Block
+from perfplast_fenicsx.models.element_types import Block
 from perfplast_fenicsx.models.element_types import TETRAHEDRON, ElementType
-from perfplast_fenicsx.models.grouped_mesh import GroupedMesh
+from perfplast_fenicsx.models.grouped_model import GroupedMesh
 from perfplast_fenicsx.models.grouped_model import model_of
 
 

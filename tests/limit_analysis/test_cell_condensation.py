@@ -10,8 +10,11 @@ import pytest
 from perfplast_fenicsx import compiled_kernels
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.compiled_kernels import compiled
-from perfplast_fenicsx.limit_analysis.facets.ring_cells import ring_layout
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import CellLayout, cell_layout
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
+    CellLayout,
+    cell_layout,
+    ring_layout,
+)
 from perfplast_fenicsx.limit_analysis.stress.cell_condensation import CellCondensation
 
 pytestmark = pytest.mark.serial

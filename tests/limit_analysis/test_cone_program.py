@@ -20,9 +20,8 @@ from perfplast_fenicsx.limit_analysis.conic.conic_program import (
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import conic_solver
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration, Unknowns
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict, iterate
-from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
-from perfplast_fenicsx.limit_analysis.discrete.limit_program import limit_program
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point, limit_program
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.static_form import static_form
 from perfplast_fenicsx.limit_analysis.stress.static_program import static_program
 

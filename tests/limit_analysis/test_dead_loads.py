@@ -27,7 +27,7 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import NewtonDirections, Unknowns
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.proof import Checked, check
 from perfplast_fenicsx.proof.checker import check_lower, check_upper
 from perfplast_fenicsx.proof.plain_arrays import stored_arrays

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from perfplast_fenicsx import InputError
-from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor, check_design
+from perfplast_fenicsx.limit_analysis.statements.load_factor import DesignFactor, check_design
 
 pytestmark = pytest.mark.serial
 

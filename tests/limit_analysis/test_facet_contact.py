@@ -22,8 +22,8 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io.results.proof_file import StressProof, VelocityProof, write_proof
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.facets.enclosing_cones import enclosing_cones
 from perfplast_fenicsx.limit_analysis.facets.entering import (
+    enclosing_cones,
     entering_between_nodes,
     without_entering,
 )

@@ -25,7 +25,7 @@ from perfplast_fenicsx.limit_analysis.body import halves
 from perfplast_fenicsx.limit_analysis.body.halves import halves_at_once
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, StopSearch
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
 from tests.limit_analysis.test_dead_loads import K, footing

@@ -19,7 +19,7 @@ from perfplast_fenicsx import (
     VonMises,
     stacked_blocks,
 )
-from perfplast_fenicsx.limit_analysis.path import flow_system, kinematic_bound, viscous_flow
+from perfplast_fenicsx.limit_analysis.path import kinematic_bound, viscous_flow
 from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.solvers.linear import factorisation
 from tests.models import stack_problem
@@ -83,8 +83,8 @@ def test_why_there_is_none(
 @pytest.fixture(params=[-1.0, pytest.param(1.0, marks=pytest.mark.serial)])
 def short_of_memory(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
     """Factors do not fit by MUMPS's analysis, or do not in the end (MB)."""
-    monkeypatch.setattr(flow_system, "LARGE", 10)
-    for module in (flow_system, factorisation):
+    monkeypatch.setattr(viscous_flow, "LARGE", 10)
+    for module in (viscous_flow, factorisation):
         monkeypatch.setattr(module, "spare_memory", lambda comm: request.param)
 
 
@@ -105,7 +105,7 @@ def test_pairs_that_seem_to_close(monkeypatch: pytest.MonkeyPatch, iterated: boo
     flow = viscous_flow.ViscousFlow(problem)
     if iterated:
         flow._system.destroy()
-        flow._system = flow_system.IteratedFlow(problem)
+        flow._system = viscous_flow.IteratedFlow(problem)
     near, far, held = -1e-5, -1e-2, np.zeros(len(problem.basis.index), dtype=bool)
     jumps = np.where(np.arange(held.size) % 2, near, far)
     monkeypatch.setattr(flow, "_jumps", lambda: jumps)
@@ -127,7 +127,7 @@ def test_what_petsc_made_is_destroyed(monkeypatch: pytest.MonkeyPatch, exact: fl
     """Whether there is a bound or not."""
     made: list[Any] = []
     prefixes: list[str] = []
-    create, own_prefix = viscous_flow.create_stiffness, flow_system.own_prefix
+    create, own_prefix = viscous_flow.create_stiffness, viscous_flow.own_prefix
 
     def stiffness(problem: Problem) -> PETSc.Mat:
         made.append(create(problem))
@@ -139,8 +139,8 @@ def test_what_petsc_made_is_destroyed(monkeypatch: pytest.MonkeyPatch, exact: fl
 
     problem = blocks(WEAK, WEAK)
     state = Newton(problem).solve(1.0).state
-    monkeypatch.setattr(flow_system.FactorisedFlow, "exact", exact)
-    monkeypatch.setattr(flow_system, "own_prefix", prefix)
+    monkeypatch.setattr(viscous_flow.FactorisedFlow, "exact", exact)
+    monkeypatch.setattr(viscous_flow, "own_prefix", prefix)
     monkeypatch.setattr(viscous_flow, "create_stiffness", stiffness)
     kinematic_bound.dissipation_bound(problem, state.u, state)
     assert made

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import pytest
 import ufl
 
+import perfplast_fenicsx.limit_analysis.discrete.limit_load as choice
 from meshes.thick_sphere import write_thick_sphere
 from perfplast_fenicsx import (
     Contact,
@@ -24,11 +25,9 @@ from perfplast_fenicsx import (
     stacked_blocks,
 )
 from perfplast_fenicsx.limit_analysis import LimitMethod
-from perfplast_fenicsx.limit_analysis.discrete import limit_methods
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import method_for
 from perfplast_fenicsx.limit_analysis.limit_search import limit_load
-from perfplast_fenicsx.limit_analysis.path.limit_judge import Judge, Search
-from perfplast_fenicsx.limit_analysis.path.plateau import extrapolated_limit
+from perfplast_fenicsx.limit_analysis.path.limit_judge import Judge, Search, extrapolated_limit
 from perfplast_fenicsx.problem import Level
 from perfplast_fenicsx.problem.assembled.spaces import Integral
 from perfplast_fenicsx.solvers.linear import factorisation
@@ -204,7 +203,7 @@ def test_bodies_that_harden_have_no_limit(remembers: bool) -> None:
 
 def test_large_problems_are_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
     assert method_for(punch_problem(2)) is LimitMethod.INTERIOR_POINT
-    monkeypatch.setattr(limit_methods, "MOST_UNKNOWNS", {2: 10, 3: 10})
+    monkeypatch.setattr(choice, "MOST_UNKNOWNS", {2: 10, 3: 10})
     assert method_for(punch_problem(2)) is LimitMethod.PATH
 
 

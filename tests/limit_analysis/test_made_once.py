@@ -12,7 +12,7 @@ from dolfinx.mesh import Mesh
 
 from perfplast_fenicsx import Problem, ResultFolder, limit_bounds
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
-from perfplast_fenicsx.limit_analysis.discrete import body_cones, limit_program
+from perfplast_fenicsx.limit_analysis.discrete import body_cones, discrete_limit
 from perfplast_fenicsx.limit_analysis.facets import bound_body, contact_facets
 from perfplast_fenicsx.limit_analysis.stress import static_form
 from perfplast_fenicsx.limit_analysis.velocity import mechanism_rates
@@ -27,7 +27,7 @@ FACTS: dict[str, tuple[ModuleType, str]] = {
     "cones": (body_cones, "_components"),
     "facets in contact": (contact_facets, "geometry_dofmap"),
     "equilibrium": (static_form, "bound_body"),
-    "strains of the program": (limit_program, "PointStrains"),
+    "strains of the program": (discrete_limit, "PointStrains"),
     "strains of the mechanism": (mechanism_rates, "PointStrains"),
 }
 """By fact, a function that is called whenever it is made."""

@@ -10,8 +10,7 @@ import pytest
 from perfplast_fenicsx import Problem, Traction, two_blocks
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT
 from perfplast_fenicsx.limit_analysis.body.next_step import Effort, clock, next_steps
-from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
-from perfplast_fenicsx.limit_analysis.discrete.locking import _largest
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import _largest, interior_point
 from perfplast_fenicsx.limit_analysis.facets.bound_body import UNMATCHED
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED
 from perfplast_fenicsx.limit_analysis.statements.bound import NO_MECHANISM, Bound, Scope

@@ -10,7 +10,7 @@ import pytest
 from perfplast_fenicsx import Problem, Support, Traction
 from perfplast_fenicsx.limit_analysis import strict_lower_bound
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress import static_bound
 from perfplast_fenicsx.limit_analysis.stress.piece_balance import Pieces, largest_left
 from perfplast_fenicsx.limit_analysis.stress.static_certificate import certify_stress

@@ -27,7 +27,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.strength_search import check_curve
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.proof import check

@@ -38,7 +38,7 @@ from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED, lower_bou
 from perfplast_fenicsx.limit_analysis.body.safety_factor import times_in_words
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import Weakening, weakened
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.proof.checker import check

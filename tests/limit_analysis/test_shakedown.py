@@ -29,7 +29,7 @@ from perfplast_fenicsx import (
     stacked_blocks,
 )
 from perfplast_fenicsx.limit_analysis import shakedown_diagram
-from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import Failure
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import Failure
 from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.materials.von_mises import VonMisesLaw
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh

@@ -24,7 +24,7 @@ from perfplast_fenicsx import (
     shakedown_load,
 )
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import conic_solver
-from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import Failure
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import Failure
 from perfplast_fenicsx.materials import Material
 from tests.limit_analysis.test_shakedown import first_yield
 from tests.limit_analysis.test_static_bound import rectangle

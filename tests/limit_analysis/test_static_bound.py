@@ -44,7 +44,7 @@ from perfplast_fenicsx.limit_analysis import (
     strict_lower_bound,
     strict_upper_bound,
 )
-from perfplast_fenicsx.limit_analysis.facets.facet_pairs import facet_type, pair_facets
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import facet_type, pair_facets
 from perfplast_fenicsx.problem import LoadCase
 from tests.checks import assert_refused
 from tests.limit_analysis.stress_checker import Checked, check_stress, opposite

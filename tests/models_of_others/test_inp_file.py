@@ -11,7 +11,7 @@ from perfplast_fenicsx.models.element_types import HEXAHEDRON, PYRAMID, WEDGE, S
 from perfplast_fenicsx.models.foreign_model import ForeignModel, Held
 from perfplast_fenicsx.models.inp_file import read_inp
 from perfplast_fenicsx.models.model_case import case_of
-from perfplast_fenicsx.models.simplices import divided, pieces
+from perfplast_fenicsx.models.solid_cells import divided, pieces
 
 pytestmark = pytest.mark.serial
 

@@ -10,8 +10,8 @@ import pytest
 from perfplast_fenicsx.contact.declared.obstacles import Cylinder, Obstacle, Plane, Sphere
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.mesh.sample_meshes import build
-from perfplast_fenicsx.pictures.acting import acting, shares
 from perfplast_fenicsx.pictures.annotations import load_arrows, sample_obstacles
+from perfplast_fenicsx.pictures.renderer import acting, shares
 from perfplast_fenicsx.problem.declared.loads import Pressure, Traction
 from tests.io.results.test_result_folder import report
 from tests.pictures.skins import skin, square

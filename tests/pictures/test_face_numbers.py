@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.pictures.face_numbers import ENOUGH, labels, rooms, shared_out
+from perfplast_fenicsx.pictures.parts_figure import ENOUGH, labels, rooms, shared_out
 
 pytestmark = pytest.mark.serial
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.pictures.views import FRONT
+from perfplast_fenicsx.pictures.picture_file import FRONT
 from perfplast_fenicsx.units import Units
 
 pytestmark = pytest.mark.serial
 
-figure_panels = pytest.importorskip("perfplast_fenicsx.pictures.figure_panels")
+figure_panels = pytest.importorskip("perfplast_fenicsx.pictures.renderer")
 
 
 def triangles(names: list[str], ratios: list[float]) -> Surface:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from perfplast_fenicsx.pictures.heading import LONGEST, heading, remark_on
+from perfplast_fenicsx.pictures.picture_file import LONGEST, heading, remark_on
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.mesh.sample_meshes import build
-from perfplast_fenicsx.pictures.views import BACK, FRONT, LEFT, PLANE, RIGHT, view_of
+from perfplast_fenicsx.pictures.picture_file import BACK, FRONT, LEFT, PLANE, RIGHT, view_of
 from tests.pictures.skins import skin, square
 
 pytestmark = pytest.mark.serial

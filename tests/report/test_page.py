@@ -13,7 +13,7 @@ import pytest
 
 from perfplast_fenicsx.force_rows import force_rows
 from perfplast_fenicsx.io.results.summary import Summary
-from perfplast_fenicsx.pictures.stored_limit import StoredLimit
+from perfplast_fenicsx.pictures.result_reader import StoredLimit
 from perfplast_fenicsx.proof.verdict import Checked
 from perfplast_fenicsx.report.case_words import CaseWords, folded
 from perfplast_fenicsx.report.curve import NARROW, curve_of, far_ticks, ticks, to_svg

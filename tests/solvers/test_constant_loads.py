@@ -25,7 +25,7 @@ from perfplast_fenicsx import (
     load_path,
 )
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.problem import Load, LoadCase
 from perfplast_fenicsx.solvers.load_stepping import work_path
 from tests.models import PUNCH_LIMIT, STEEL, punch_problem

@@ -18,8 +18,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.contact.declared.contact import Contact, Tie
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
-from perfplast_fenicsx.controls.control import Control
-from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.controls.control import Control, Given
 from perfplast_fenicsx.io.case.combinations import Combination, weakened
 from perfplast_fenicsx.io.case.geometry_table import GeometryFile, GroundInCase
 from perfplast_fenicsx.io.case.mesh_table import CaseMesh, load_mesh
@@ -34,8 +33,7 @@ from perfplast_fenicsx.io.case.tables import (
 )
 from perfplast_fenicsx.io.case.water_table import Water
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
-from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import method_for
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod, method_for
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.initial import Initial

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from perfplast_fenicsx.contact.declared.contact import Tie
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES, Obstacle
-from perfplast_fenicsx.controls.given import Given
+from perfplast_fenicsx.controls.control import Given
 from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.combinations import (

@@ -24,7 +24,7 @@ def given_table(given: Given) -> dict[str, Any]:
     """Return the input as JSON data.
 
     Returns:
-        The keys are the fields of :class:`given.Given`. A dataclass becomes a table of its fields
+        The keys are the fields of :class:`control.Given`. A dataclass becomes a table of its fields
         with its ``kind``: its name in case files, or the name of its class.
     """
     return {field.name: _told(getattr(given, field.name)) for field in dataclasses.fields(given)}

@@ -31,7 +31,7 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import is_divi
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.limit_analysis.statements.bound import Scope
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.problem.declared.loads import check_bounded
@@ -51,7 +51,7 @@ class StressProof:
         problem: The problem, on straight cells.
         bound: λ.
         stress: Mandel vectors at the vertices of this rank's cells, shape (num_cells, tdim + 1, m),
-            or coefficients of rσ (:mod:`ring_cells`), shape (num_cells, 6, 4).
+            or coefficients of rσ (:mod:`stress_cells`), shape (num_cells, 6, 4).
         question: The loads that λ multiplies.
         aside: Factor of the free loads.
         factor: Factor of the loads that the stress balances; None for λ.

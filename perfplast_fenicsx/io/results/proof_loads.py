@@ -7,9 +7,8 @@ import numpy as np
 from perfplast_fenicsx.io.results.global_ordering import Ordering
 from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block
 from perfplast_fenicsx.io.results.proof_cones import table_of
-from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody
-from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody, FacetLoads
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.problem.problem import Problem
 
 

@@ -26,10 +26,9 @@ from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
-from perfplast_fenicsx.limit_analysis.shakedown.shakedown_result import ShakedownLoad
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
-from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import DesignFactor, Question
 from perfplast_fenicsx.mesh_estimate import MeshEstimate
 from perfplast_fenicsx.path_bracket import PathBracket
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed

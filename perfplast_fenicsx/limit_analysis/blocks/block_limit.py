@@ -23,8 +23,8 @@ from perfplast_fenicsx.limit_analysis.blocks.rigid_blocks import (
     RigidBlocks,
     held_directions,
 )
-from perfplast_fenicsx.limit_analysis.facets.contact_strength import ContactStrength
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import ContactStrength
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 
 NOTHING = 1e-9
 """Load factors below this value count as zero, in units in which loads are one."""

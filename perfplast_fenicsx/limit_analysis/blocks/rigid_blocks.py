@@ -11,10 +11,17 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
-from perfplast_fenicsx.limit_analysis.facets.body_interfaces import Interface
-from perfplast_fenicsx.limit_analysis.facets.bound_body import HELD, BoundBody, bound_body
-from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
-from perfplast_fenicsx.limit_analysis.facets.facing_vertices import REACH, facing_vertices
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import (
+    REACH,
+    Interface,
+    facing_vertices,
+)
+from perfplast_fenicsx.limit_analysis.facets.bound_body import (
+    HELD,
+    BoundBody,
+    FacetLoads,
+    bound_body,
+)
 from perfplast_fenicsx.mesh.connected_bodies import components
 from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.straight_geometry import gradients, has_curved_cells

@@ -5,7 +5,7 @@ from typing import Literal
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
-from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
+from perfplast_fenicsx.limit_analysis.statements.load_factor import DesignFactor
 from perfplast_fenicsx.mesh.refinement import check_refinable
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 

@@ -21,7 +21,7 @@ from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
 

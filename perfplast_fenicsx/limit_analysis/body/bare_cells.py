@@ -8,10 +8,9 @@ from dolfinx.mesh import exterior_facet_indices
 from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.sheared_edges import with_sheared_edges_divided
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
-from perfplast_fenicsx.limit_analysis.facets.bare_vertices import bare_vertices
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
-from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
+from perfplast_fenicsx.limit_analysis.facets.lone_corners import bare_vertices, with_divided_corners
 from perfplast_fenicsx.mesh.refinement import fan
 from perfplast_fenicsx.mesh.straight_geometry import has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem

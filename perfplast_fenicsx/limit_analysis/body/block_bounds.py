@@ -20,8 +20,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
-from perfplast_fenicsx.limit_analysis.statements.question import Question
-from perfplast_fenicsx.limit_analysis.statements.standing import Standing
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question, Standing
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)

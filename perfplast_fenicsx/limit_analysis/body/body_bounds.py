@@ -15,9 +15,9 @@ from perfplast_fenicsx.limit_analysis.body.bound_words import (
 from perfplast_fenicsx.limit_analysis.body.ring_results import VelocityOf
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.facets.contact_strength import strengths_of
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import strengths_of
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.static_bound import StaticBound
 from perfplast_fenicsx.notebook_table import notebook_table
 from perfplast_fenicsx.problem.problem import Problem
@@ -101,7 +101,7 @@ class BodyBounds:
         taken: Idealisations in clauses: ground with ψ < φ, and surfaces with different polygons.
         joints: Proof by forces on joints, instead of a stress, for bodies that cannot yield.
         question: The loads whose factor is bounded: the growing loads, or the constant ones if the
-            mesh does not carry them (:class:`question.Question`).
+            mesh does not carry them (:class:`load_factor.Question`).
     """
 
     problem: Problem

@@ -6,8 +6,7 @@ from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_in_words
 from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import pores_in_words
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
-from perfplast_fenicsx.limit_analysis.statements.question import Question
-from perfplast_fenicsx.limit_analysis.statements.standing import Standing
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question, Standing
 from perfplast_fenicsx.materials.nonassociated_flow import flow_words
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down, rounded_up

@@ -3,7 +3,7 @@
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.statements.design_factor import DesignFactor
+from perfplast_fenicsx.limit_analysis.statements.load_factor import DesignFactor
 
 
 def designed(

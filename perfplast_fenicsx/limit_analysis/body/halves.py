@@ -22,7 +22,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, 
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.standing_stress import bound_by_stress
 from perfplast_fenicsx.limit_analysis.stress.static_bound import form_that_fits
 from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound

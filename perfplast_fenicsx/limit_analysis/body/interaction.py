@@ -35,7 +35,7 @@ from perfplast_fenicsx.limit_analysis.body.proven_polytopes import (
     to_begin_with,
 )
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
 from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
 from perfplast_fenicsx.problem.declared.loads import Load, scaled

@@ -15,7 +15,7 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, LeastL
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import admitted, limit_bounds
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.static_bound import strict_lower_bound
 from perfplast_fenicsx.problem.declared.loads import Bearing, CosinePressure, Load, scaled
 from perfplast_fenicsx.problem.problem import Problem

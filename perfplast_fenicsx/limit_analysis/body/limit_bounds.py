@@ -31,13 +31,12 @@ from perfplast_fenicsx.limit_analysis.discrete.body_cones import (
 )
 from perfplast_fenicsx.limit_analysis.discrete.cohesion import check_cohesion
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
-from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.discrete.limit_methods import resisted
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, resisted
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import forces_of_pairs
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import check_profiles
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
-from perfplast_fenicsx.limit_analysis.facets.contact_strength import any_loose
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import any_loose
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import without_pores
 from perfplast_fenicsx.limit_analysis.statements.bound import (
     CONFINED,
@@ -52,7 +51,7 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_loads,
     check_tolerance,
 )
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.standing_stress import bound_by_stress
 from perfplast_fenicsx.limit_analysis.stress.static_bound import (
     check_straight,

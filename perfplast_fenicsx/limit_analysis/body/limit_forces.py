@@ -12,7 +12,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.mesh.ring_polynomials import polynomials
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.assembled.spaces import assemble_force
@@ -101,7 +101,7 @@ def _form_of_cells(problem: Problem, stress: Floats) -> ufl.Form:
 def _form_of_rings(problem: Problem, stress: Floats) -> ufl.Form:
     """Return ⟨σ, ε(u)⟩ of stresses around an axis. Collective.
 
-    The product 2πrσ:ε(u) of quadratic rσ and u is cubic, with σ_θ linear (:mod:`ring_cells`).
+    The product 2πrσ:ε(u) of quadratic rσ and u is cubic, with σ_θ linear (:mod:`stress_cells`).
     Points of a rule for cubic functions are therefore enough.
 
     Args:

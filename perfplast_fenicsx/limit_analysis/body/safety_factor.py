@@ -1,9 +1,9 @@
 """Compute a factor of safety, which divides strengths, with proven bounds on both sides.
 
 With strengths divided by F (cohesions, slopes of friction and yield stresses), the loads are
-carried μ(F) times (:class:`question.Question`), and μ falls with F. A stress that carries them once
-proves that the factor of safety is at least F; a mechanism that cannot carry them proves that it is
-at most F. So the module seeks a root of each strict bound of μ, slightly on its safe side, by
+carried μ(F) times (:class:`load_factor.Question`), and μ falls with F. A stress that carries them
+once proves that the factor of safety is at least F; a mechanism that cannot carry them proves that
+it is at most F. So the module seeks a root of each strict bound of μ, slightly on its safe side, by
 secants of ln μ over ln F, with this bound alone.
 """
 
@@ -34,7 +34,7 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
 from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
-from perfplast_fenicsx.limit_analysis.statements.strength_path import StrengthPath
+from perfplast_fenicsx.limit_analysis.statements.load_factor import StrengthPath
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down, rounded_up

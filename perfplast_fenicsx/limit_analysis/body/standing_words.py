@@ -2,7 +2,7 @@
 
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 
 
 def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str | None:

@@ -13,7 +13,7 @@ contact do not matter: unlimited motion has closed or opened all of them (E. Chr
 of Numerical Analysis IV, 1996).
 
 A :class:`discretisation.Discretisation` defines the velocities v: displacements of finite elements
-(:mod:`limit_program`), or the multipliers of the equilibrium of piecewise linear stresses
+(:mod:`discrete_limit`), or the multipliers of the equilibrium of piecewise linear stresses
 (:mod:`static_program`).
 
 Units come from the flow of viscous bodies under the same loads (:func:`choose_units`). This flow

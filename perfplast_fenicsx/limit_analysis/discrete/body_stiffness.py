@@ -1,9 +1,13 @@
-"""Assemble the stiffness of bodies in nodal unknowns, with moduli given at each point.
+"""Assemble and factorise the stiffness of bodies, with moduli given at each point.
 
 Matrices of cells are Σ (Bᵀ R)(Bᵀ R)ᵀ. B are the strain rates of nodal unknowns in the coordinates
 of the points' cones, and R is a root of the moduli there. A kernel adds the matrices to blocks of
 nodes, and PETSc adds the blocks of the ranks. A form of DOLFINx takes more than twice as long in
 space.
+
+Generate the C source that sums cells' stiffness matrices.
+The kernel works on four cells at once, with corresponding entries of the four side by side. So the
+vector instructions of any processor are used.
 """
 
 import math
@@ -15,11 +19,105 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compiled_kernels import aligned, compiled
 from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
-from perfplast_fenicsx.limit_analysis.discrete.body_source import source
+from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, SprungMatrix
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.problem.fields.stiffness import create_stiffness
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
+from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 from perfplast_fenicsx.solvers.linear.petsc_calls import expect_entries, give_entries
+
+
+def source() -> str:
+    """Return the source of the function ``body_sums``."""
+    return r"""
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define LANES 4 /* cells at once, an entry of each side by side */
+typedef double lanes __attribute__((vector_size(8 * LANES), may_alias));
+#define OWN static inline __attribute__((always_inline))
+
+/* P = M R of a point, of all four cells */
+OWN void product(const int parts, int unknowns, const lanes *M, const lanes *R, lanes *P, int all) {
+  for (int i = 0; i < unknowns; ++i, M += parts, P += all)
+    for (int j = 0; j < parts; ++j) {
+      lanes sum = M[0] * R[j];
+      for (int k = 1; k < parts; ++k) sum += M[k] * R[k * parts + j];
+      P[j] = sum;
+    }
+}
+
+/* rows i, i + 1 and columns j to j + 3 of P Pᵀ */
+OWN void tile(const lanes *restrict P, int all, int i, int j, int width, lanes *restrict S) {
+  const lanes *x = P + i * all, *y = x + all;
+  const lanes *a = P + j * all, *b = a + all, *c = b + all, *d = c + all;
+  lanes p0 = {0}, p1 = p0, p2 = p0, p3 = p0, q0 = p0, q1 = p0, q2 = p0, q3 = p0;
+  for (int k = 0; k < all; ++k) {
+    lanes u = x[k], v = y[k];
+    p0 += u * a[k], p1 += u * b[k], p2 += u * c[k], p3 += u * d[k];
+    q0 += v * a[k], q1 += v * b[k], q2 += v * c[k], q3 += v * d[k];
+  }
+  lanes *p = S + i * width + j, *q = p + width;
+  p[0] = p0, p[1] = p1, p[2] = p2, p[3] = p3;
+  q[0] = q0, q[1] = q1, q[2] = q2, q[3] = q3;
+}
+
+/* add a cell's matrix, whose lower half S holds, to the blocks of its nodes */
+OWN void add(const int dim, int nodes, const double *S, int width, const int32_t *place,
+             double *sums) {
+  for (int a = 0; a < nodes; ++a)
+    for (int b = 0; b <= a; ++b) {
+      double *here = sums + dim * dim * (int64_t)place[a * nodes + b];
+      double *there = sums + dim * dim * (int64_t)place[b * nodes + a];
+      for (int i = 0; i < dim; ++i)
+        for (int j = 0; j < dim; ++j) {
+          int r = dim * a + i, c = dim * b + j;
+          double entry = S[LANES * (r >= c ? r * width + c : c * width + r)];
+          here[dim * i + j] += entry;
+          if (a != b) there[dim * j + i] += entry;
+        }
+    }
+}
+
+/* Σ (M R)(M R)ᵀ over the points of each cell; M of four cells side by side, zero beyond the last */
+void body_sums(int64_t cells, int points, int nodes, int dim, int parts, const double *matrices,
+               const double *roots, const int32_t *place, int64_t blocks, double *sums) {
+  const int unknowns = dim * nodes, all = points * parts, square = parts * parts;
+  const int width = unknowns + 4; /* as tiles may reach beyond the last row and column */
+  const size_t size = sizeof(lanes) * (size_t)(width * (all + width) + square);
+  lanes *P = aligned_alloc(64, (size + 63) / 64 * 64);
+  lanes *S = P + width * all, *R = S + width * width;
+  memset(P, 0, size);
+  memset(sums, 0, sizeof(double) * (size_t)(dim * dim * blocks));
+  for (int64_t first = 0; first < cells; first += LANES) {
+    for (int p = 0; p < points; ++p) {
+      for (int l = 0; l < LANES; ++l) {
+        int64_t cell = first + l < cells ? first + l : cells - 1;
+        const double *from = roots + (cell * points + p) * square;
+        for (int k = 0; k < square; ++k) ((double *)(R + k))[l] = from[k];
+      }
+      const lanes *M = (const lanes *)matrices + ((first / LANES) * points + p) * unknowns * parts;
+      switch (parts) {
+        case 7: product(7, unknowns, M, R, P + p * parts, all); break;
+        case 5: product(5, unknowns, M, R, P + p * parts, all); break;
+        default: product(parts, unknowns, M, R, P + p * parts, all);
+      }
+    }
+    for (int i = 0; i < unknowns; i += 2)
+      for (int j = 0; j < i + 2 && j < unknowns; j += 4) tile(P, all, i, j, width, S);
+    for (int l = 0; l < LANES && first + l < cells; ++l) {
+      const double *own = (const double *)S + l;
+      const int32_t *to = place + (first + l) * nodes * nodes;
+      if (dim == 3) add(3, nodes, own, width, to, sums);
+      else add(2, nodes, own, width, to, sums);
+    }
+  }
+  free(P);
+}
+"""
 
 
 class BodyStiffness:
@@ -142,3 +240,44 @@ def _rates(problem: Problem, strains: PointStrains, cells: Ints) -> Floats:
         padded[: len(cells)] = rates
         by_cell[:, :, :, unknown] = padded.reshape(groups, at_once, num_points, 1 + size)
     return found
+
+
+class ConicStiffness(SprungMatrix):
+    """K of displacements in the contact basis; see :class:`discretisation.Stiffness`."""
+
+    def __init__(self, problem: Problem, points: PointStrains) -> None:
+        """Compute the pattern. Collective.
+
+        Args:
+            problem: The problem of the displacements.
+            points: Strains at its points.
+        """
+        self._problem = problem
+        self._bodies = BodyStiffness(problem, points)
+        self._operator = ContactOperator(problem, self._bodies.matrix)
+        super().__init__(problem.comm, self._operator.matrix, problem.basis.index, DIRECT)
+
+    def destroy(self) -> None:
+        """Free PETSc's memory. Collective."""
+        super().destroy()
+        self._bodies.destroy()
+
+    @phase("assembly")
+    def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
+        """Assemble K with moduli at the points of this rank. Collective.
+
+        Args:
+            moduli: Moduli at the points.
+            held: Local (owned) unknowns that stay zero.
+        """
+        self._bodies.assemble(moduli)
+        self._problem.free.hold(self._bodies.matrix)
+        self._operator.hold(held)
+
+    def add_springs(self, springs: tuple[Ints, Floats]) -> None:
+        """Add springs to K at a few unknowns, from the next assembly on.
+
+        Args:
+            springs: See :meth:`ContactOperator.add_springs`.
+        """
+        self._operator.add_springs(springs)

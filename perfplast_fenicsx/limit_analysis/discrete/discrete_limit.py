@@ -3,17 +3,40 @@
 Static and kinematic limit load converge to each other in 5 to 30 factorisations, for any mesh. The
 bounds are those of the *discrete* problem: equilibrium of the finite elements, with yield and
 dissipation at the quadrature points.
+
+Identify bodies that lock: those that prevent a velocity of the mesh from keeping volumes.
+A quadratic velocity on arbitrary tetrahedra has few ways to keep the volume at all points. The
+volume changes of the nearest velocity show the bodies whose mesh is too coarse for a mechanism.
+
+Compute Drucker's bounds of the load that bodies with Coulomb's friction carry.
+No limit theorem holds for Coulomb's friction, as slip does not follow the normal of the friction
+cone. But a body carries no less than without any friction. It carries no more than if surfaces with
+friction could neither slip nor separate. Both are limit loads of perfect plasticity (D. C. Drucker,
+Coulomb friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954), 71).
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
+from dolfinx import fem
 
-from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, Start, choose_units
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.limit_analysis.conic.conic_program import (
+    UNLIMITED,
+    ConicProgram,
+    Start,
+    choose_units,
+)
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import chosen_conic
-from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic.discretisation import (
+    Discretisation,
+    SingularStiffness,
+    Stiffness,
+    Strains,
+)
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
     InteriorStep,
@@ -21,22 +44,219 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
     Verdict,
     next_start,
 )
-from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import IN_BALANCE
-from perfplast_fenicsx.limit_analysis.discrete.discrete_result import (
-    discrete_result,
-    why_unbounded,
+from perfplast_fenicsx.limit_analysis.discrete.body_stiffness import ConicStiffness
+from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import (
+    IN_BALANCE,
+    kinematic_load,
+    static_load,
 )
-from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.discrete.limit_program import limit_program
+from perfplast_fenicsx.limit_analysis.discrete.friction_points import (
+    FrictionStiffness,
+    FrictionStrains,
+    SlipPlaces,
+)
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
+from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_friction_has_limits,
     check_loads,
     check_tolerance,
 )
-from perfplast_fenicsx.limit_analysis.statements.question import Question
-from perfplast_fenicsx.limit_analysis.statements.standing import Standing
+from perfplast_fenicsx.limit_analysis.statements.load_factor import (
+    DruckerBounds,
+    Question,
+    Standing,
+)
+from perfplast_fenicsx.mesh_estimate import percent
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.variant import variant
+
+MOST = 0.9
+"""Share of the inadmissible part that the named bodies have together."""
+
+
+def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str, ...]:
+    """Return the bodies with most of the inadmissible part of a velocity. Collective.
+
+    Args:
+        problem: The bodies.
+        iteration: The iteration with the velocity after the projection.
+
+    Returns:
+        Names of volumes, those with the largest part first; empty if the velocity is admissible.
+    """
+    program, tagged_mesh = iteration.program, problem.tagged_mesh
+    trace, deviator = program.strains.of(iteration.velocity)
+    wrong = trace**2 / program.strains.gdim
+    wrong += np.where(program.plastic, 0.0, np.einsum("ni,ni->n", deviator, deviator))
+    wrong *= program.weights  # points of friction follow those of cells
+    owned = tagged_mesh.mesh.topology.index_map(problem.bodies.gdim).size_local
+    cells = wrong[problem.Q.dofmap.list[:owned]].sum(axis=1)
+    names = sorted(tagged_mesh.volumes)
+    mine = [cells[here[here < owned]].sum() for here in map(tagged_mesh.cells, names)]
+    shares = problem.comm.allreduce(np.asarray(mine, dtype=np.float64))
+    return _largest(names, [float(share) for share in shares])
+
+
+def _largest(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
+    """Return the fewest names that have the share :data:`MOST` together, the largest first."""
+    total = sum(shares)
+    if not 0 < total < np.inf:
+        return ()
+    chosen, so_far = list[str](), 0.0
+    for share, name in sorted(zip(shares, names, strict=True), key=lambda one: -one[0]):
+        chosen.append(name)
+        so_far += share
+        if so_far >= MOST * total:
+            break
+    return tuple(chosen)
+
+
+def why_unbounded(problem: Problem) -> str:
+    """Return the likely reason why there is no mechanism."""
+    if any(on.law.dilates for on in problem.laws):
+        return (
+            "bodies that dilate as they flow may be confined, so that they carry any load, or"
+            " elements have too few motions; leave them room, or use quadratic elements"
+        )
+    if problem.degree == 1:
+        return (
+            "linear elements lock in plastic flow, which keeps the volume; use quadratic ones"
+            " (degree = 2 under [element]), or the loads are carried by bodies that do not yield"
+        )
+    return "they are carried by bodies that do not yield, or that cannot flow"
+
+
+def _remedy(problem: Problem) -> str:
+    """Return a remedy for a mesh without an admissible mechanism."""
+    if problem.degree == 1:
+        return (
+            "since linear elements lock; quadratic ones (degree = 2 under [element]) may have one"
+        )
+    return "though a finer mesh may have one"
+
+
+def discrete_result(
+    problem: Problem,
+    program: ConicProgram,
+    iteration: InteriorIteration | None,
+    verdict: Verdict,
+    reason: str,
+    steps: list[InteriorStep],
+    rtol: float,
+    question: Question,
+) -> LimitLoad:
+    """Return the limit load of an iterate, with bounds computed from its fields. Collective.
+
+    Its ``lower`` is the bound of a stress, −∞ without one; the bound 0 without loads is not yet
+    used.
+    """
+    mechanism = fem.Function(problem.V, name="mechanism")
+    stress = fem.Function(problem.S, name="stress")
+    forces: Floats = np.zeros(len(problem.basis.gap))
+    lower = upper = estimate = None
+    unbalanced = inadmissible = np.inf
+    locked: tuple[str, ...] = ()
+    if iteration is not None and steps:
+        kinematic = (iteration.now.load + iteration.gap()) * program.load_unit
+        power = (iteration.size() + iteration.gap()) * program.load_unit
+        iterate = iteration.now
+        low = static_load(iteration)
+        lower, unbalanced = low.value, low.unbalanced
+        if lower is None and verdict is Verdict.FOUND:
+            reason += "; no stress within yield balances the forces, so that no load is"
+            reason += " carried for certain"
+        _write_stress(problem, iteration, stress)
+        forces = iteration.now.forces * program.force_unit
+        if verdict in (Verdict.FOUND, Verdict.STALLED):
+            iteration.now = iterate  # pairs that push are those before balancing
+            high = kinematic_load(iteration)
+            upper, inadmissible = high.value, high.inadmissible
+            if upper is None:
+                locked = locking_bodies(problem, iteration)
+                reason += f"; no admissible mechanism was found, {_remedy(problem)}"
+                # A mechanism with a larger inadmissible part after the projection gives no
+                # estimate.
+                nearly = 1e-6
+                verdict = verdict if inadmissible <= nearly else Verdict.STALLED
+        if verdict is Verdict.FOUND or upper is not None:
+            _write_mechanism(problem, iteration, question, mechanism)
+        size = high.size if program.has_dead and upper is not None else abs(lower or 0.0)
+        if lower is not None and upper is not None and size > 0:
+            apart = f"static and kinematic load are {percent(abs(upper - lower) / size)} apart"
+            if verdict is Verdict.STALLED:
+                estimate = (lower + upper) / 2
+                verdict = Verdict.FOUND if upper - lower <= rtol * size else verdict
+            reason = apart if verdict is Verdict.FOUND else f"{reason}; {apart}"
+        if verdict is Verdict.FOUND and estimate is None:
+            # Excess of an upper bound over the last kinematic load, relative to the dissipation:
+            # above it the bound contains rounding of bodies that are far too strong to flow.
+            polluted = 0.01
+            useful = upper is not None and upper <= kinematic + polluted * power
+            known = [bound for bound in (lower, upper if useful else None) if bound is not None]
+            estimate = sum(known) / len(known) if known else steps[-1].load
+    return LimitLoad(
+        method=LimitMethod.INTERIOR_POINT,
+        lower=-np.inf if lower is None else lower,
+        estimate=estimate,
+        residual=None,
+        upper=upper,
+        alpha=None,
+        levelled_off=verdict is Verdict.FOUND,
+        reason=reason,
+        iterations=len(steps),
+        linear_solves=program.stiffness.solves,
+        factorisations=program.stiffness.factorisations,
+        mechanism=mechanism,
+        stress=stress,
+        contact_forces=forces,
+        unbalanced=unbalanced,
+        inadmissible=inadmissible,
+        verdict=verdict,
+        steps=steps,
+        locked=locked,
+    )
+
+
+def _write_mechanism(
+    problem: Problem, iteration: InteriorIteration, question: Question, mechanism: fem.Function
+) -> None:
+    """Write the velocity, scaled to the work 1 of the loads, into a function of V. Collective."""
+    problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
+    mechanism.x.scatter_forward()
+    load, _, _ = question.loads(problem.loads.live, problem.loads.dead)
+    mechanism.x.array[:] /= float(load.dot(mechanism.x.petsc_vec))
+
+
+def _write_stress(problem: Problem, iteration: InteriorIteration, function: fem.Function) -> None:
+    """Write the stress of the iterate into a function of S. Collective."""
+    now = iteration.now
+    pressure, deviator = iteration.program.whole(now.stress, now.load)
+    count = problem.Q.dofmap.index_map.size_local  # points of friction follow them
+    found = PointCoordinates(problem).whole(pressure[:count], deviator[:count])
+    function.x.array[: found.size] = iteration.program.stress_unit * found.ravel()
+    function.x.scatter_forward()
+
+
+def limit_program(problem: Problem, question: Question, reserve: float) -> ConicProgram:
+    """Return the program of a problem's limit load. Collective."""
+    points = PointStrains(problem)
+    bodies = ConicStiffness(problem, points)
+    strains: Strains = points
+    stiffness: Stiffness = bodies
+    if problem.friction.count:
+        strains = both = FrictionStrains(points, SlipPlaces.of(problem.friction))
+        stiffness = FrictionStiffness(bodies, both, points.count)
+    live, dead = problem.create_vector(), problem.create_vector()
+    problem.basis.T.multTranspose(problem.loads.live, live)
+    problem.basis.T.multTranspose(problem.loads.dead, dead)
+    loads = question.loads(live, dead)
+    return ConicProgram(
+        Discretisation(problem.comm, strains, stiffness, *loads, jumps=problem.basis.index),
+        reserve,
+    )
 
 
 def interior_point(
@@ -196,3 +416,38 @@ def _search(
         if program.keeps and verdict is Verdict.FOUND and over:
             then = start.with_more_in_reserve()
         return found, then
+
+
+def drucker_bounds(problem: Problem) -> DruckerBounds:
+    """Compute both bounds. Collective.
+
+    Raises:
+        InputError: As :func:`interior_point`.
+    """
+    smooth, tied = (interior_point(make(problem)) for make in (without_friction, without_slip))
+    return DruckerBounds(_carried(smooth), _borne(tied))
+
+
+def _carried(found: LimitLoad) -> float:
+    return 0.0 if found.verdict is Verdict.NO_RESISTANCE else max(found.lower, 0.0)
+
+
+def _borne(found: LimitLoad) -> float | None:
+    known: dict[Verdict | None, float] = {Verdict.UNBOUNDED: math.inf, Verdict.NO_RESISTANCE: 0.0}
+    return known.get(found.verdict, found.upper)
+
+
+def without_friction(problem: Problem) -> Problem:
+    """Return the same problem without friction. Collective."""
+    return variant(problem, friction=problem.friction.smooth())
+
+
+def without_slip(problem: Problem) -> Problem:
+    """Return the same problem, glued where there is friction. Collective."""
+    basis, friction = problem.basis, problem.friction
+    parts = np.ones(len(basis.index), dtype=np.bool_)
+    parts[friction.pair] = False
+    held = np.concatenate([basis.tied, basis.index[~parts], basis.sliding])
+    none = np.zeros(0, dtype=np.int32)
+    glued = replace(basis.holding(held, parts), sliding=none)
+    return variant(problem, basis=glued, friction=friction.nowhere())

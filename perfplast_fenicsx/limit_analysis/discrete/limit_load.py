@@ -1,4 +1,4 @@
-"""Define the result of a search for a limit load, by either of the two methods."""
+"""Define the result of a search for a limit load, and choose the method that suits a problem."""
 
 import math
 from collections.abc import Sequence
@@ -8,11 +8,17 @@ from enum import StrEnum
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict
-from perfplast_fenicsx.limit_analysis.statements.drucker_bounds import DruckerBounds
-from perfplast_fenicsx.limit_analysis.statements.question import Question
-from perfplast_fenicsx.limit_analysis.statements.standing import Standing
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import has_cones
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
+from perfplast_fenicsx.limit_analysis.statements.load_factor import (
+    DruckerBounds,
+    Question,
+    Standing,
+)
 from perfplast_fenicsx.problem.judged.state import Level
+from perfplast_fenicsx.problem.problem import Problem
 
 
 class LimitMethod(StrEnum):
@@ -103,3 +109,30 @@ class LimitLoad:
         told = (f"{name}={'none' if x is None else f'{x:.6g}'}" for name, x in numbers.items())
         steps = "levels" if self.method is LimitMethod.PATH else "steps"
         return f"LimitLoad({', '.join(told)}; {self.iterations} {steps}; {self.reason})"
+
+
+MOST_UNKNOWNS = {2: 1_000_000, 3: 300_000}
+"""Largest number of unknowns, by dimension, with which 20 factorisations are faster than a path."""
+
+
+TOLERANCE = 1e-3
+"""Default relative distance of the bounds of a limit load."""
+
+
+def method_for(problem: Problem) -> LimitMethod:
+    """Return the interior point method if it supports laws and loads of a small enough problem."""
+    if not collapses_by_loads(problem):
+        return LimitMethod.PATH
+    small = problem.num_dofs <= MOST_UNKNOWNS[problem.bodies.gdim]
+    return LimitMethod.INTERIOR_POINT if small and has_cones(problem) else LimitMethod.PATH
+
+
+def resisted(found: LimitLoad) -> LimitLoad:
+    """Return the result of the interior point method if something resists the loads.
+
+    Raises:
+        InputError: If no stress can carry them.
+    """
+    if found.verdict is Verdict.NO_RESISTANCE:
+        raise InputError(f"{found.reason}; turn the loads around, or hold the bodies there.")
+    return found

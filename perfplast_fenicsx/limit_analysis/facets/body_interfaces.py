@@ -1,23 +1,243 @@
-"""Collect the interfaces of the bodies of a bound, with each other and with half spaces.
+"""Collect the interfaces of the bodies of a bound: pairs of facets, and tractions they can bear.
 
-The strength of an interface (:mod:`contact_strength`) defines the tractions that it bears, for any
+The strength of an interface defines the tractions that it bears, for any
 kind of interface. This module defines the facets of an interface, and the unknowns of its jumps.
+
+Define the tractions that a contact can bear, for strict bounds: a yield set of zero thickness.
+A surface bears the tractions r = (r_n, r_t) of
+
+    r_n ≤ 0,   ‖r_t‖ ≤ c − μ r_n,
+
+with the adhesion c (stress), Tresca's constant shear stress, and the coefficient of friction μ. Let
+w = v_b − v_a be the jump, with w_n along the normal out of a. If slip followed the normal of that
+set, w_n ≥ μ‖w_t‖ would hold, and the jump would dissipate c‖w_t‖. For the set is the sum of the
+cone ‖r_t‖ ≤ −μ r_n, whose support function is 0 there and ∞ elsewhere, and the disc ‖r_t‖ ≤ c.
+
+With μ = 0 slip follows the normal, and both limit theorems hold. With Coulomb's friction, μ > 0, it
+does not, but Drucker's two theorems hold (J. Appl. Mech. 21 (1954), 71). True tractions are in the
+set, so that its upper bound also holds for real slip. True friction dissipates (c + μp)‖w_t‖, no
+less than tractions of the set with μ = 0 do. So the lower bound with c only also holds. If a
+contact declares that slip follows the normal, as for a joint that dilates, both theorems hold for
+the whole set.
 """
 
 from dataclasses import dataclass, replace
+from itertools import permutations
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
+from perfplast_fenicsx.contact.declared.contact import FrictionTerms
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle, Plane
-from perfplast_fenicsx.limit_analysis.facets.contact_strength import ContactStrength, strength_of
-from perfplast_fenicsx.limit_analysis.facets.facet_axes import turned_axes
-from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry
-from perfplast_fenicsx.limit_analysis.facets.facet_pairs import FacetRows, facet_type, pair_facets
+from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
+from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry, turned_axes
+from perfplast_fenicsx.parallel import bounding_box, send_rows
 from perfplast_fenicsx.problem.problem import Problem
 
+REACH = 1e-6
+"""Distance of the midpoints of facets that touch, relative to the size of their surfaces."""
+
+
+def facing_vertices(
+    one: Floats, other: Floats, normals: Floats, turned: bool = False
+) -> tuple[Longs, Floats]:
+    """Return the vertex of the other facet opposite each vertex, and its distance along the facet.
+
+    Args:
+        one: Vertices of facets, shape (n, d, d).
+        other: Vertices of the opposite facets, shape (n, d, d).
+        normals: Unit normals out of the first ones, shape (n, d).
+        turned: Whether they are sections of rings, which face each other only at equal radii.
+
+    Returns:
+        Shapes (n, d) and (n,) (length).
+    """
+    best = np.full(len(one), np.inf)
+    order = np.zeros(one.shape[:2], dtype=np.int64)
+    for permutation in permutations(range(one.shape[1])):
+        between = other[:, permutation] - one
+        along = np.einsum("fvi,fi->fv", between, normals).mean(axis=1)
+        between = between - along[:, None, None] * normals[:, None]
+        if turned:
+            between[..., 0] += (along * normals[:, 0])[:, None]
+        off = np.linalg.norm(between, axis=2).max(axis=1, initial=0.0)
+        order[off < best] = permutation
+        best = np.minimum(off, best)
+    return order, best
+
+
+def fit(one: Floats, off: Floats, normals: Floats, others: Floats) -> npt.NDArray[np.bool_]:
+    """Return flags of the facets that coincide with their opposite to rounding, shape (n,).
+
+    Args:
+        one: Vertices of facets, shape (n, d, d).
+        off: Distances of the opposite vertices (:func:`facing_vertices`).
+        normals: Unit normals of the facets, shape (n, d).
+        others: Unit normals of the opposite facets, shape (n, d).
+    """
+    # Distance of vertices, relative to the facet, and difference of normals.
+    rounding = 1e-8
+    size = np.ptp(one, axis=1).max(axis=1)
+    askew = np.linalg.norm(normals + others, axis=1)
+    found: npt.NDArray[np.bool_] = (off <= rounding * size) & (askew <= rounding)
+    return found
+
+
 Flags = npt.NDArray[np.bool_]
+
+FacetRows = npt.NDArray[np.void]
+"""Facets of a surface, rows of :func:`facet_type`."""
+
+
+def facet_type(gdim: int) -> np.dtype:
+    """Return the type of a row.
+
+    The fields are:
+
+    - ``x``: the midpoint (3 numbers),
+    - ``normal``: the outward unit normal,
+    - ``corners``: the vertices in the order of their global numbers,
+    - ``rank``: the rank that owns the facet,
+    - ``facet`` and ``number``: its local and its global number,
+    - ``held``: flags of the components that supports hold,
+    - ``free``: whether supports leave it free along the normal.
+    """
+    return np.dtype(
+        [
+            ("x", np.float64, 3),
+            ("normal", np.float64, gdim),
+            ("corners", np.float64, (gdim, gdim)),
+            ("rank", np.int32),
+            ("facet", np.int32),
+            ("number", np.int64),
+            ("held", np.bool_, gdim),
+            ("free", np.bool_),
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class FacetPairs:
+    """Pairs of facets.
+
+    Attributes:
+        host: Owned facets whose velocity along the normal becomes a jump, shape (num_pairs,).
+        guest: Unknown along the normal that the jump is relative to, at each of the host's
+            vertices, shape (num_pairs, d); −1 where supports hold the other side.
+        aligned: Flags of components that supports hold on either side, by host, shape (num_pairs,
+            d).
+        turned: Owned facets that are guests, whose normal becomes that of the host.
+        turned_aligned: The flags of ``aligned``, by guest.
+        both_held: Whether supports hold components on both sides of any pair of this rank.
+    """
+
+    host: Longs
+    guest: Longs
+    aligned: Flags
+    turned: Longs
+    turned_aligned: Flags
+    both_held: bool
+
+
+def pair_facets(
+    comm: MPI.Intracomm, primary: FacetRows, secondary: FacetRows, turned: bool = False
+) -> FacetPairs | None:
+    """Match the facets of two surfaces. Collective.
+
+    Args:
+        comm: The ranks.
+        primary: Facets of one surface that this rank owns.
+        secondary: Facets of the other surface that this rank owns.
+        turned: Whether they are sections of rings, which match only at equal radii.
+
+    Returns:
+        The pairs; None if the surfaces do not match facet by facet.
+    """
+    gdim = primary["normal"].shape[1]
+    corners = np.concatenate([primary["corners"], secondary["corners"]]).reshape(-1, gdim)
+    low, high = bounding_box(comm, np.pad(corners, ((0, 0), (0, 3 - gdim))))
+    found = match_nodes(comm, primary, secondary, REACH * float(np.linalg.norm(high - low)))
+    a, b = found.primary, found.secondary
+    order, off = facing_vertices(a["corners"], b["corners"], a["normal"], turned)
+    same = bool(fit(a["corners"], off, a["normal"], b["normal"]).all())
+    if found.alone or not comm.allreduce(same, MPI.LAND):
+        return None
+    return _to_owners(comm, a, b, order)
+
+
+def _to_owners(comm: MPI.Intracomm, a: FacetRows, b: FacetRows, order: Longs) -> FacetPairs:
+    """Send pairs to the owners of both facets. Collective.
+
+    The host is the first facet, unless supports hold more of its components than of the other's.
+    """
+    gdim = order.shape[1]
+    flags = ("aligned", np.bool_, gdim)
+    host_type = [("facet", np.int64), ("guest", np.int64, gdim), flags, ("rank", np.int64)]
+    both = a["free"] & b["free"]
+    swapped = np.where(both, b["held"].sum(axis=1) < a["held"].sum(axis=1), ~a["free"])
+    back = np.argsort(order, axis=1)
+    host, guest = (np.where(swapped, *pair) for pair in ((b, a), (a, b)))
+    aligned = np.where(both[:, None], a["held"] | b["held"], host["held"])
+    order = np.where(swapped[:, None], back, order)
+    hosts = np.empty(len(a), dtype=np.dtype(host_type))
+    hosts["facet"], hosts["rank"], hosts["aligned"] = host["facet"], host["rank"], aligned
+    numbers = (guest["number"][:, None] * gdim + order) * gdim
+    hosts["guest"] = np.where(both[:, None], numbers, -1)
+    hosts = hosts[a["free"] | b["free"]]
+    guests = np.empty(len(a), dtype=np.dtype([("facet", np.int64), flags]))
+    guests["facet"], guests["aligned"] = guest["facet"], aligned
+    mine = send_rows(comm, hosts, hosts["rank"])
+    turned = send_rows(comm, guests[both], guest["rank"][both])
+    both_held = bool((a["held"].any(axis=1) & b["held"].any(axis=1)).any())
+    return FacetPairs(
+        host=mine["facet"],
+        guest=mine["guest"],
+        aligned=mine["aligned"],
+        turned=turned["facet"],
+        turned_aligned=turned["aligned"],
+        both_held=both_held,
+    )
+
+
+@dataclass(frozen=True)
+class ContactStrength:
+    """The set of one contact or obstacle.
+
+    Attributes:
+        adhesion: Adhesion c ≥ 0 (stress).
+        friction: Coefficient μ ≥ 0.
+        associated: Whether slip follows the normal of the set.
+        reduced: Whether a factor of safety divides both.
+    """
+
+    adhesion: float
+    friction: float
+    associated: bool = False
+    reduced: bool = True
+
+    @property
+    def loose(self) -> bool:
+        """Whether it can slip and separate without dissipation."""
+        return self.friction > 0 and self.adhesion == 0
+
+
+def strength_of(terms: FrictionTerms) -> ContactStrength:
+    """Return the strength of a contact or an obstacle."""
+    numbers = (terms.tresca or 0.0, terms.coulomb or 0.0)
+    return ContactStrength(*numbers, terms.associated, terms.reduced)
+
+
+def any_loose(problem: Problem) -> bool:
+    """Return whether any contact or obstacle can slip and separate without dissipation."""
+    return any(it.loose for it in strengths_of(problem))
+
+
+def strengths_of(problem: Problem) -> list[ContactStrength]:
+    """Return the strengths of all contacts and obstacles."""
+    return [strength_of(it) for it in (*problem.given.contacts, *problem.given.obstacles)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,17 +1,26 @@
-"""Read the bodies of a strict bound from a problem, once, as arrays of a rank.
+"""Read the bodies of a strict bound from a problem, with their loads, as arrays of a rank.
 
 Supports, loads and interfaces determine the conditions on cells and on the tractions of each facet.
 Stress and velocity programs, error indicators, the division of corners and the proof file use them.
+
+Let all velocities on facets of rigid surfaces follow a few unknowns.
+For a body that is glued to such a surface, only force and moment of the tractions are known. So the
+multiplier of the surface is a rigid motion a + ω × (x − c), with the centre c of the surface. ω is
+divided by the surface's extent, to have the units of the other unknowns. These 3 unknowns (6 in
+space) replace the first ones of one of its facets. The remaining unknowns there, and on its other
+facets, are zero.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import la
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import (
     Interface,
@@ -19,13 +28,261 @@ from perfplast_fenicsx.limit_analysis.facets.body_interfaces import (
     interfaces_of,
 )
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED
-from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetGeometry
-from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads, loads_of
-from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers, facet_numbers
-from perfplast_fenicsx.limit_analysis.facets.rigid_facets import RigidFacets, rigid_facets
-from perfplast_fenicsx.problem.declared.loads import is_bounded, is_known
+from perfplast_fenicsx.limit_analysis.facets.facet_geometry import (
+    FacetGeometry,
+    FacetNumbers,
+    Followers,
+    facet_numbers,
+)
+from perfplast_fenicsx.problem.assembled.declared_loads import (
+    ROUNDING,
+    linear_pores,
+    linear_tractions,
+)
+from perfplast_fenicsx.problem.assembled.rigid_rows import moments_of, rigid_resultants
+from perfplast_fenicsx.problem.declared.loads import (
+    BodyForce,
+    Force,
+    ForceBelow,
+    Load,
+    PorePressure,
+    is_bounded,
+    is_known,
+)
+from perfplast_fenicsx.problem.declared.supports import RigidSurface, turned
 from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
+
+MANY = np.iinfo(np.int64).max
+"""Facet number that is on no rank."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigidFacets:
+    """Free rigid surfaces as facets of this rank.
+
+    Attributes:
+        names: Names of the surfaces.
+        surface: Number of the surface of each local facet, −1 for none.
+        lead: Global number of the facet that has the unknowns of each surface.
+        free: 1 for existing unknowns and 0 for others, shape (num_surfaces, 3 or 6).
+        middle: Centre c, shape (num_surfaces, d).
+        extent: Length by which rotations are scaled.
+        area: Area of each surface; around an axis that of the full turn.
+    """
+
+    names: tuple[str, ...]
+    surface: Longs
+    lead: Longs
+    free: Floats
+    middle: Floats
+    extent: Floats
+    area: Floats
+
+    def resultants(self, forces: Floats, moments: Floats) -> Floats:
+        """Return the loads of the unknowns, shape (num_surfaces, 3 or 6).
+
+        Args:
+            forces: Forces on each surface, shape (num_surfaces, d).
+            moments: Moments about the origin, shape (num_surfaces, 1 or 3).
+        """
+        about = moments - moments_of(self.middle, forces)
+        found: Floats = np.hstack([forces, about / self.extent[:, None]]) * self.free
+        return found
+
+    def follow(self, number: int, x: Floats) -> Floats:
+        """Return the velocities of points of a surface as linear functions of its unknowns.
+
+        Args:
+            number: Number of the surface.
+            x: Points, shape (n, d).
+
+        Returns:
+            Shape (n, d, 3 or 6).
+        """
+        d = x.shape[1]
+        arms = (x - self.middle[number]) / self.extent[number]
+        shifts = np.broadcast_to(np.eye(d), (len(x), d, d))
+        turns = np.stack([turned(axis, arms) for axis in np.eye(2 * d - 3)], axis=2)
+        found: Floats = np.concatenate([shifts, turns], axis=2) * self.free[number]
+        return found
+
+    def followers(
+        self, comm: MPI.Intracomm, numbers: FacetNumbers, vertices: Floats, nodes: int
+    ) -> Followers:
+        """Return cells at rigid surfaces. Collective.
+
+        Args:
+            comm: The ranks.
+            numbers: Numbers of the facets.
+            vertices: Vertices of the owned cells, shape (num_cells, d + 1, d).
+            nodes: Nodes of a facet; more than its vertices around an axis, where no surface
+                rotates.
+        """
+        d, (count, unknowns) = vertices.shape[2], self.free.shape
+        others = np.array([[b for b in range(d + 1) if b != a] for a in range(d + 1)])
+        of_cells = self.surface[numbers.facets]
+        cells = np.flatnonzero((of_cells >= 0).any(axis=1))
+        shares = np.zeros((len(cells), d + 1, nodes, d, count, unknowns))
+        for number in range(count):
+            at, side = np.nonzero(of_cells[cells] == number)
+            x = vertices[cells[at][:, None], others[side]]
+            # a vertex has area/d of its traction, at the point where this is the integral of its
+            # linear function
+            x = (x + x.sum(axis=1, keepdims=True)) / (d + 1)
+            x = np.concatenate([x, np.tile(x.mean(axis=1, keepdims=True), (nodes - d, 1))], axis=1)
+            follow = self.follow(number, x.reshape(-1, d)).reshape(-1, nodes, d, unknowns)
+            shares[at, side, :, :, number] = follow
+        keep = np.repeat(of_cells[cells] < 0, nodes * d, axis=1).astype(np.float64)
+        flat: Floats = shares.reshape(len(cells), keep.shape[1], count * unknowns)
+        leads = (self.lead[:, None] * nodes * d + np.arange(unknowns)).ravel()
+        tall = np.count_nonzero(flat, axis=(0, 1)).astype(np.float64)
+        comm.Allreduce(MPI.IN_PLACE, tall, MPI.SUM)
+        return Followers(leads, cells, keep, flat, tall)
+
+
+def rigid_facets(problem: Problem, facets: FacetGeometry) -> RigidFacets:
+    """Return the facets of a problem's free rigid surfaces. Collective."""
+    comm, d = problem.comm, facets.tdim
+    surfaces = free_surfaces(problem)
+    number = np.full(facets.num, -1)
+    lead = np.full(len(surfaces), MANY)
+    sums = np.zeros((len(surfaces), 1 + d))
+    low, high = np.full((len(surfaces), d), np.inf), np.full((len(surfaces), d), -np.inf)
+    free = np.ones((len(surfaces), d + 2 * d - 3))
+    for i, surface in enumerate(surfaces):
+        on = facets.of(problem, surface.on)
+        number[on] = i
+        x = facets.corners(on)
+        areas = facets.areas(on) * problem.kinematics.around(x.mean(axis=1))
+        sums[i] = areas.sum(), *(areas @ x.mean(axis=1))
+        if len(on):
+            lead[i] = facets.index_map.local_to_global(on).min()
+            low[i], high[i] = x.min(axis=(0, 1)), x.max(axis=(0, 1))
+        if surface.held:
+            free[i, surface.axes(d)] = free[i, d:] = 0.0
+    for values, how in ((lead, MPI.MIN), (sums, MPI.SUM), (low, MPI.MIN), (high, MPI.MAX)):
+        comm.Allreduce(MPI.IN_PLACE, values, how)
+    area = sums[:, 0]
+    middle = sums[:, 1:] / area[:, None]
+    extent = np.linalg.norm(high - low, axis=1) / 2
+    names = tuple(surface.on for surface in surfaces)
+    return RigidFacets(names, number, lead, free, middle, extent, area)
+
+
+def free_surfaces(problem: Problem) -> list[RigidSurface]:
+    """Return the rigid surfaces that loads can move."""
+    return [surface for surface in problem.given.rigid if surface.free]
+
+
+BENT = "a formula that is not linear"
+
+
+@dataclass(frozen=True, eq=False)
+class FacetLoads:
+    """Loads on cells and facets; with pore pressure, stresses are effective stresses.
+
+    Attributes:
+        tractions: Cartesian tractions at the vertices in the facets' own order, shape (num_facets,
+            d, d).
+        forces: Forces per volume, shape (num_cells, d).
+        pores: Pore pressure at the vertices of each cell, shape (num_cells, d + 1).
+        wet: Whether any of the loads is a pore pressure.
+        rigid_forces: Forces on free rigid surfaces, shape (num_surfaces, d).
+        rigid_moments: Moments of these forces about the origin, shape (num_surfaces, 1 or 3).
+        resultants: The same in the surfaces' unknowns (:meth:`RigidFacets.resultants`).
+        on_rigid: Largest resultant over the area of its surface.
+    """
+
+    tractions: Floats
+    forces: Floats
+    pores: Floats
+    wet: bool
+    rigid_forces: Floats
+    rigid_moments: Floats
+    resultants: Floats
+    on_rigid: float
+
+    def pushes(self, slopes: Floats, volumes: Floats) -> tuple[Floats, Floats]:
+        """Return the forces of a pore pressure u: u n around each cell, and −∇u inside it.
+
+        Args:
+            slopes: Gradients ∇φ of the barycentric coordinates, shape (num_cells, d + 1, d).
+            volumes: Volumes of the cells.
+
+        Returns:
+            Forces of the facet opposite each vertex, divided among its vertices in the order of the
+            cell's, shape (num_cells, d + 1, d, d); and forces in each cell, shape (num_cells, d).
+        """
+        corners = range(slopes.shape[1])
+        around = [[v for v in corners if v != facet] for facet in corners]
+        outward = -slopes * volumes[:, None, None]  # with the length area / d
+        on_facets = self.pores[:, around][..., None] * outward[:, :, None]
+        inside = -np.einsum("cv,cvi,c->ci", self.pores, slopes, volumes)
+        return on_facets, inside
+
+    def largest(self, extent: float) -> float:
+        """Return the order of the stress that the loads cause on this rank.
+
+        It is the sum of the largest traction and pressure, of the weight of a column, and of the
+        largest resultant of a rigid surface over its area.
+
+        Args:
+            extent: Extent of the bodies.
+        """
+        tractions = np.linalg.norm(self.tractions, axis=2).max(initial=0.0)
+        forces = np.linalg.norm(self.forces, axis=1).max(initial=0.0)
+        pores = np.abs(self.pores).max(initial=0.0)
+        return float(tractions + pores + forces * extent + self.on_rigid)
+
+
+def loads_of(
+    problem: Problem, facets: FacetGeometry, rigid: RigidFacets, loads: Sequence[Load]
+) -> tuple[FacetLoads, str | None]:
+    """Return sums of loads, and the load that is not linear, in words. Collective.
+
+    Args:
+        problem: The bodies.
+        facets: Geometry of their facets.
+        rigid: Facets of rigid surfaces.
+        loads: Loads of kinds that strict bounds support.
+    """
+    count, corners, tdim = facets.vertices.shape
+    values = np.zeros((facets.num, tdim, tdim))
+    forces, pores = np.zeros((count, tdim)), np.zeros((count, corners))
+    sizes = np.zeros((2, len(loads)))
+    for number, load in enumerate(loads):
+        if isinstance(load, BodyForce):
+            cells = problem.tagged_mesh.cells(load.on)
+            cells = cells[cells < count]
+            if isinstance(load, ForceBelow):
+                cells = cells[load.cells_below(facets.vertices[cells])]
+            forces[cells] += np.asarray(load.value, dtype=np.float64)
+            continue
+        if isinstance(load, PorePressure):
+            cells = problem.tagged_mesh.cells(load.on)
+            cells = cells[cells < count]
+            there, off = linear_pores(load, facets.vertices[cells])
+            pores[cells] += there
+        elif isinstance(load, Force):
+            continue
+        else:
+            on = facets.of(problem, load.on)
+            there, off = linear_tractions(load, facets.corners(on), facets.normals(on))
+            values[on] += there
+        sizes[:, number] = np.abs(there).max(initial=0.0), off.max(initial=0.0)
+    problem.comm.Allreduce(MPI.IN_PLACE, sizes, MPI.MAX)
+    bent = [loads[number] for number in np.flatnonzero(sizes[1] > ROUNDING * sizes[0])]
+    words = None
+    if bent:
+        where = "in each cell" if isinstance(bent[0], PorePressure) else "on each facet"
+        words = f"the load on '{bent[0].on}' is {BENT} {where}"
+    on_surfaces = rigid_resultants(free_surfaces(problem), loads, tdim)
+    resultants = rigid.resultants(*on_surfaces)
+    on_rigid = float((np.linalg.norm(resultants, axis=1) / rigid.area).max(initial=0.0))
+    wet = any(isinstance(load, PorePressure) for load in loads)
+    return FacetLoads(values, forces, pores, wet, *on_surfaces, resultants, on_rigid), words
+
 
 Flags = npt.NDArray[np.bool_]
 

@@ -1,14 +1,27 @@
-"""Collect the facets of surfaces in contact, with the nodes of a velocity on them."""
+"""Match facets of surfaces in contact, and evaluate jumps of a velocity on them.
 
+Evaluate jumps of a velocity on the flat faces of contact, as the checker of a proof does.
+The jump w of a quadratic velocity along a fixed normal is quadratic on a facet. Its Bernstein
+coefficients are those at the vertices and 2 w_m − (w_a + w_b)/2 at a midside m between a and b.
+"""
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
+from mpi4py import MPI
+
 import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
 from dolfinx.mesh import exterior_facet_indices
 
-from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
+from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
 from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import REACH, facing_vertices, fit
 from perfplast_fenicsx.mesh.straight_geometry import gradients
+from perfplast_fenicsx.parallel import Exchange, bounding_box, send_rows
 from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -99,3 +112,417 @@ def _middles(x: Floats, tdim: int) -> Ints:
         off = x[:, tdim:] - (x[:, a] + x[:, b])[:, None] / 2
         found[:, column] = tdim + np.argmin(np.linalg.norm(off, axis=2), axis=1)
     return found
+
+
+SAME = 1e-9
+"""Normals whose components differ by less are equal."""
+
+UNSEEN = 5e-13
+"""Penetration, relative to the velocities at a facet, that is allowed: half of the checker's limit.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class FaceJumps:
+    """The jump of a velocity on the facets of one flat face.
+
+    Attributes:
+        source: Number of the contact or obstacle among the sources of constraints.
+        normal: Normal of its pairs, shape (d,); a jump along it is positive where bodies penetrate.
+        here: Flags of the contact facets (:func:`contact_facets`) on the face.
+        moves: Flags of local nodes without a pair of this face that supports do not hold
+            completely.
+        w: Bernstein's coefficients of the jump at local nodes, shape (num_nodes, d); 0 where
+            supports prevent penetration.
+        along: Components along the facets' own normals, shape (here.sum(), num_nodes_of_facet).
+        across: Norms of the remaining components, same shape.
+        speeds: Largest velocity component on each facet and the opposite one, shape (here.sum(),).
+    """
+
+    source: int
+    normal: Floats
+    here: PairFlags
+    moves: PairFlags
+    w: Floats
+    along: Floats
+    across: Floats
+    speeds: Floats
+
+    def entered(self, friction: float = 0.0) -> float:
+        """Return the largest relative penetration here, or lack of separation for the slip.
+
+        Args:
+            friction: Coefficient μ of Coulomb's friction with associated slip.
+        """
+        most = (self.along + friction * self.across).max(axis=1, initial=0.0)
+        found = np.divide(most, self.speeds, out=np.zeros_like(most), where=self.speeds > 0)
+        return float(found.max(initial=0.0))
+
+
+def face_jumps(problem: Problem, velocity: fem.Function) -> Iterator[FaceJumps]:
+    """Yield the jumps of each face in turn. Collective.
+
+    Args:
+        problem: The bodies and their contact, on straight cells.
+        velocity: Velocity with updated ghosts.
+    """
+    faces = flat_faces(problem)
+    if faces is None or not len(faces):
+        return
+    facets = contact_facets(problem)
+    nodes, fixed = facets.nodes, problem.fixed
+    paired, jumps = has_pair(problem), jump_vectors(problem, velocity)
+    beside = _speeds_of_pairs(problem, velocity)
+    sizes = np.abs(velocity.x.array.reshape(fixed.shape)).max(axis=1, initial=0.0)
+    for face in faces:
+        chosen, normal = rows_of(problem, face), face[1:]
+        of = [at_nodes(problem, values, chosen) for values in (*jumps.T, beside)]
+        w, known = np.column_stack([values for values, _ in of[:-1]]), of[0][1]
+        kept = ~paired & (fixed | (np.abs(normal) <= SAME)).all(axis=1)
+        here = known[nodes].any(axis=1) & (known | kept)[nodes].all(axis=1)
+        if problem.degree == 2:
+            middle, *ends = facets.edges(here).T
+            w[middle] = 2 * w[middle] - (w[ends[0]] + w[ends[1]]) / 2
+        own, at = facets.normals[here], w[nodes[here]]
+        own = own * np.sign(own @ normal)[:, None]
+        along = np.einsum("fni,fi->fn", at, own)
+        across = np.linalg.norm(at - along[:, :, None] * own[:, None], axis=2)
+        speeds = np.maximum(sizes, of[-1][0])[nodes[here]].max(axis=1, initial=0.0)
+        moves = ~known & ~fixed.all(axis=1)
+        yield FaceJumps(int(face[0]), normal, here, moves, w, along, across, speeds)
+
+
+@once_a_problem
+def has_pair(problem: Problem) -> PairFlags:
+    """Return flags of the local nodes, ghosts too, that have a pair. Collective."""
+    every = np.ones(len(problem.constraints.host), dtype=bool)
+    return at_nodes(problem, np.zeros(len(every)), every)[1]
+
+
+def jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
+    """Return the jump vectors of pairs, shape (num_pairs, d). Collective.
+
+    Along the normal, a jump is positive where a pair penetrates.
+    """
+    weights, gdim = problem.constraints.weights, problem.V.dofmap.index_map_bs
+    on_nodes, on_rows = weights.createVecs()
+    values = velocity.x.array.reshape(-1, gdim)[: problem.V.dofmap.index_map.size_local]
+    jumps = np.zeros((on_rows.getLocalSize(), gdim))
+    for axis in range(gdim):
+        on_nodes.array[:] = values[:, axis]
+        weights.mult(on_nodes, on_rows)
+        jumps[:, axis] = on_rows.array_r
+    for vector in (on_nodes, on_rows):
+        vector.destroy()
+    return jumps
+
+
+def least_speed(problem: Problem, velocity: fem.Function) -> float:
+    """Return the least value by which velocities at facets count. Collective.
+
+    Jumps below the rounding of the largest velocity count as zero, however slow a body itself is.
+    """
+    slowest = 1e-8  # share of the largest velocity, as in the checker of jumps
+    mine = float(np.abs(velocity.x.array).max(initial=0.0))
+    return slowest * float(problem.comm.allreduce(mine, MPI.MAX))
+
+
+def _speeds_of_pairs(problem: Problem, velocity: fem.Function) -> Floats:
+    """Return the largest velocity component of each pair, shape (num_pairs,). Collective."""
+    constraints = problem.constraints
+    sizes = np.abs(velocity.x.array.reshape(problem.fixed.shape)).max(axis=1, initial=0.0)
+    on_nodes, on_rows = constraints.shares.createVecs()
+    on_nodes.array[:] = sizes[: on_nodes.getLocalSize()]
+    constraints.shares.mult(on_nodes, on_rows)
+    at_host = sizes[constraints.host]
+    found = np.maximum(at_host, on_rows.array_r - at_host)
+    for vector in (on_nodes, on_rows):
+        vector.destroy()
+    return np.maximum(found, least_speed(problem, velocity))
+
+
+@once_a_problem
+def flat_faces(problem: Problem) -> Floats | None:
+    """Return (number of the contact, normal) of all pairs; None if there are too many. Collective.
+
+    Surfaces with too many different normals are not flat.
+    """
+    constraints = problem.constraints
+    mine = _distinct(np.column_stack([constraints.surface, constraints.normal]))
+    most_faces = 64  # directions of contact beyond which surfaces count as curved
+    faces = _distinct(np.concatenate(problem.comm.allgather(mine[: most_faces + 1])))
+    return faces if len(faces) <= most_faces else None
+
+
+def rows_of(problem: Problem, face: Floats) -> PairFlags:
+    """Return flags of the pairs of a flat face."""
+    rows = np.column_stack([problem.constraints.surface, problem.constraints.normal])
+    return np.asarray((np.abs(rows - face) <= SAME).all(axis=1))
+
+
+def _distinct(rows: Floats) -> Floats:
+    """Return one row of each set of rows that are equal to rounding."""
+    _, first = np.unique(np.round(rows / SAME / 100), axis=0, return_index=True)
+    return rows[first]
+
+
+def at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats, PairFlags]:
+    """Return jumps of chosen pairs at all their nodes, and flags of these nodes. Collective.
+
+    Returns:
+        Values for each local node, ghosts too; 0 and False at other nodes.
+    """
+    shares = problem.constraints.shares
+    on_nodes, on_rows = shares.createVecs()
+
+    def summed(values: Floats) -> Floats:
+        on_rows.array[:] = values
+        shares.multTranspose(on_rows, on_nodes)
+        sums = la.vector(problem.V.dofmap.index_map, 1)
+        sums.array[: on_nodes.getLocalSize()] = on_nodes.array_r
+        sums.scatter_forward()
+        return np.array(sums.array, dtype=np.float64)
+
+    jump, weight = summed(np.where(chosen, jumps, 0.0)), summed(chosen.astype(np.float64))
+    for thing in (on_nodes, on_rows):
+        thing.destroy()
+    known: PairFlags = weight > 0
+    jump[known] /= weight[known]
+    return jump, known
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedFacets:
+    """Pairs of facets, each on one rank; nodes are vertices and then, in order, midsides.
+
+    Attributes:
+        first: Global numbers of the primary facet's nodes, shape (n, num_nodes).
+        second: Global numbers of the opposite nodes, in the same order.
+        held_first: Flags of components that supports hold, shape (n, num_nodes, d).
+        held_second: The same for the opposite nodes.
+        normals: Unit normals out of the primary body, shape (n, d).
+        jumps: Jumps u_first − u_second (length) of a displacement, shape (n, num_nodes, d).
+        speeds: Largest component of the displacement on both facets, at least
+            :func:`least_speed`, shape (n,).
+    """
+
+    first: Longs
+    second: Longs
+    held_first: npt.NDArray[np.bool_]
+    held_second: npt.NDArray[np.bool_]
+    normals: Floats
+    jumps: Floats
+    speeds: Floats
+
+    def edges(self) -> list[tuple[int, int]]:
+        """Return pairs of vertex positions between which the midsides lie, in their order."""
+        d = self.normals.shape[1]
+        return list(combinations(range(d), 2)) if self.first.shape[1] > d else []
+
+    def coefficients(self) -> Floats:
+        """Return Bernstein coefficients of the jumps along the normals, shape (n, num_nodes)."""
+        along: Floats = np.einsum("fni,fi->fn", self.jumps, self.normals)
+        found = along.copy()
+        for node, (a, b) in enumerate(self.edges(), start=self.normals.shape[1]):
+            found[:, node] = 2 * along[:, node] - (along[:, a] + along[:, b]) / 2
+        return found
+
+    def entered(self) -> float:
+        """Return the largest penetration relative to the velocities of its facet, on this rank."""
+        most = self.coefficients().max(axis=1, initial=0.0)
+        found = np.divide(most, self.speeds, out=np.zeros_like(most), where=self.speeds > 0)
+        return float(found.max(initial=0.0))
+
+
+def matched_facets(
+    problem: Problem, displacement: fem.Function | None = None
+) -> list[MatchedFacets] | None:
+    """Return the matched facets of each contact, as its surfaces are declared. Collective.
+
+    Args:
+        problem: The bodies and their contact, on straight cells.
+        displacement: Displacement of the jumps; zero by default.
+
+    Returns:
+        A list with an entry for each contact; None if facets of a contact do not match.
+    """
+    comm = problem.comm
+    rows = _rows(problem, displacement)
+    slowest = 0.0 if displacement is None else least_speed(problem, displacement)
+    found = []
+    for contact in problem.given.contacts:
+        tags = [problem.tagged_mesh.tags_of([it]) for it in (contact.primary, contact.secondary)]
+        primary, secondary = (rows[np.isin(rows["tag"], some)] for some in tags)
+        gdim = rows["normal"].shape[1]
+        low, high = bounding_box(comm, np.concatenate([primary["x"], secondary["x"]]))
+        reach = REACH * float(np.linalg.norm(high - low))
+        matching = match_nodes(comm, primary, secondary, reach)
+        a, b = matching.primary, matching.secondary
+        corners = a["at"][:, :gdim]
+        order, off = facing_vertices(corners, b["at"][:, :gdim], a["normal"])
+        same = bool(fit(corners, off, a["normal"], b["normal"]).all())
+        if matching.alone or not comm.allreduce(same, MPI.LAND):
+            return None
+        nodes = _with_midsides(order, a["nodes"].shape[1])
+
+        def opposite(values: npt.NDArray, nodes: Longs = nodes) -> npt.NDArray:
+            return values[np.arange(len(nodes))[:, None], nodes]
+
+        found.append(
+            MatchedFacets(
+                a["nodes"],
+                opposite(b["nodes"]),
+                a["held"],
+                opposite(b["held"]),
+                a["normal"],
+                a["u"] - opposite(b["u"]),
+                np.maximum(np.abs(np.stack([a["u"], b["u"]])).max(axis=(0, 2, 3)), slowest),
+            )
+        )
+    return found
+
+
+def _rows(problem: Problem, displacement: fem.Function | None) -> npt.NDArray[np.void]:
+    """Return owned facets in contact as rows that are exchanged between ranks. Collective."""
+    facets = contact_facets(problem)
+    gdim = facets.normals.shape[1]
+    middles = np.take_along_axis(facets.nodes, facets.middles, axis=1)
+    nodes = np.concatenate([facets.nodes[:, :gdim], middles], axis=1)[facets.areas > 0]
+    count = nodes.shape[1]
+    rows = np.zeros(
+        len(nodes),
+        dtype=[
+            ("x", np.float64, 3),
+            ("normal", np.float64, gdim),
+            ("at", np.float64, (count, gdim)),
+            ("nodes", np.int64, count),
+            ("held", np.bool_, (count, gdim)),
+            ("u", np.float64, (count, gdim)),
+            ("tag", np.int32),
+        ],
+    )
+    x = problem.V.tabulate_dof_coordinates()
+    rows["at"] = x[nodes][..., :gdim]
+    rows["x"] = x[nodes[:, :gdim]].mean(axis=1)
+    rows["normal"] = facets.normals[facets.areas > 0]
+    numbers = problem.V.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32))
+    rows["nodes"] = numbers.reshape(nodes.shape)
+    rows["held"] = problem.fixed[nodes]
+    if displacement is not None:
+        rows["u"] = displacement.x.array.reshape(-1, gdim)[nodes]
+    rows["tag"] = facets.tags[facets.areas > 0]
+    return rows
+
+
+def _with_midsides(order: Longs, count: int) -> Longs:
+    """Return the order of all nodes, given that of the vertices."""
+    d = order.shape[1]
+    place = np.zeros((d, d), dtype=np.int64)
+    for node, (a, b) in enumerate(combinations(range(d), 2), start=d):
+        place[a, b] = place[b, a] = node
+    edges = combinations(range(d), 2)
+    middles = [place[order[:, a], order[:, b]] for a, b in edges] if count > d else []
+    return np.column_stack([order, *middles]).astype(np.int64)
+
+
+Flags = npt.NDArray[np.bool_]
+
+Record = npt.NDArray[np.void]
+
+
+@dataclass(frozen=True, eq=False)
+class FacingNodes:
+    """Pairs of nodes, each on the rank that owns the first node.
+
+    Attributes:
+        nodes: Global numbers of both nodes, shape (n, 2).
+        ends: For midsides the pairs at both ends of their edge, −1 for vertices, shape (n, 2, 2).
+        held: Flags of components that supports hold at either node, shape (n, 2, d).
+        normals: Normals of all facets out of the first node's body, shape (n, most, d); without
+            components that supports hold on both sides.
+        known: Flags of the existing normals, shape (n, most).
+        contact: Smallest number of the contacts that the pair belongs to, shape (n,).
+        crowded: Whether either node faces others as well, shape (n,).
+    """
+
+    nodes: Longs
+    ends: Longs
+    held: Flags
+    normals: Floats
+    known: Flags
+    contact: Longs
+    crowded: Flags
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+
+def owners(problem: Problem, nodes: Longs) -> Longs:
+    """Return the ranks that own nodes, given by their global numbers. Collective."""
+    ends = np.cumsum(problem.comm.allgather(problem.V.dofmap.index_map.size_local))
+    found: Longs = np.searchsorted(ends, nodes, side="right")
+    return found
+
+
+def facing_nodes(problem: Problem, matched: list[MatchedFacets]) -> FacingNodes:
+    """Collect the facets around each pair of nodes. Collective.
+
+    Args:
+        problem: The bodies and their contact.
+        matched: Matched facets of each contact.
+    """
+    comm, gdim = problem.comm, problem.bodies.gdim
+    rows = np.concatenate([_records(facets, i, gdim) for i, facets in enumerate(matched)])
+    rows = send_rows(comm, rows, owners(problem, rows["nodes"][:, 0]))
+    nodes, first, of, counts = np.unique(
+        rows["nodes"], axis=0, return_index=True, return_inverse=True, return_counts=True
+    )
+    order = np.argsort(of.ravel(), kind="stable")
+    slot = np.empty(len(rows), dtype=np.int64)
+    slot[order] = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+    most = comm.allreduce(int(counts.max(initial=1)), MPI.MAX)
+    normals = np.zeros((len(nodes), most, gdim))
+    known = np.zeros((len(nodes), most), dtype=np.bool_)
+    normals[of.ravel(), slot], known[of.ravel(), slot] = rows["normal"], True
+    held = rows["held"][first]
+    contact = np.full(len(nodes), len(matched), dtype=np.int64)
+    np.minimum.at(contact, of.ravel(), rows["contact"])
+    both: Flags = np.asarray(held.all(axis=1), dtype=np.bool_)
+    normals = np.where(both[:, None], 0.0, normals)
+    crowded = _crowded(problem, nodes)
+    return FacingNodes(nodes, rows["ends"][first], held, normals, known, contact, crowded)
+
+
+def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
+    """Return a row for each node of each facet."""
+    n, count = facets.first.shape
+    rows = np.zeros(
+        (n, count),
+        dtype=[
+            ("nodes", np.int64, 2),
+            ("ends", np.int64, (2, 2)),
+            ("held", np.bool_, (2, gdim)),
+            ("normal", np.float64, gdim),
+            ("contact", np.int64),
+        ],
+    )
+    pairs = np.stack([facets.first, facets.second], axis=2)
+    rows["nodes"], rows["ends"], rows["contact"] = pairs, -1, contact
+    rows["held"] = np.stack([facets.held_first, facets.held_second], axis=2)
+    rows["normal"] = facets.normals[:, None]
+    for node, edge in enumerate(facets.edges(), start=gdim):
+        rows["ends"][:, node] = pairs[:, list(edge)]
+    swapped = rows["nodes"][..., 0] > rows["nodes"][..., 1]  # the same pair from either side
+    for name, axis in (("nodes", -1), ("ends", -1), ("held", -2)):
+        rows[name][swapped] = np.flip(rows[name][swapped], axis=axis)
+    rows["normal"][swapped] *= -1.0
+    return rows.ravel()
+
+
+def _crowded(problem: Problem, nodes: Longs) -> Flags:
+    """Return whether either node of a pair is in several pairs. Collective."""
+    asked = Exchange(problem.comm, owners(problem, nodes.ravel()))
+    there = asked.forward(nodes.ravel())
+    _, of, times = np.unique(there, return_inverse=True, return_counts=True)
+    often = (asked.back(times[of.ravel()]) > 1).reshape(-1, 2).any(axis=1)
+    return np.asarray(often, dtype=np.bool_)

@@ -1,12 +1,232 @@
-"""Compute coordinates and normals of a rank's outer facets, in the local numbering of bounds."""
+"""Compute coordinates and normals of a rank's outer facets, and number velocities on them.
+
+Number velocities of the facets' vertices over all ranks, d per vertex and d² per facet.
+Around an axis a facet has three nodes, its ends and a point between them (:mod:`stress_cells`).
+
+Facets have DOLFINx's numbers, and their vertices are in the order of their global numbers. Where
+two bodies touch, the jump along the normal replaces the velocity of one side as unknown. The
+velocity of that side is the jump plus that of the other side, its *twin*. Facets of a rigid surface
+*follow* a few unknowns.
+"""
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
 
 import numpy as np
-from dolfinx.mesh import exterior_facet_indices
+from dolfinx.mesh import Mesh, exterior_facet_indices
+from scipy import sparse
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers
+from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
 from perfplast_fenicsx.mesh.straight_geometry import gradients
+from perfplast_fenicsx.parallel import lasting
 from perfplast_fenicsx.problem.problem import Problem
+
+
+def turned_axes(normal: Floats, held: PairFlags, aligned: PairFlags) -> tuple[Floats, PairFlags]:
+    """Return axes that begin with a normal, and flags of the axes that are held.
+
+    Args:
+        normal: Unit vectors, zero in held components, shape (n, d). Vectors that are equal to
+            rounding get the same axes.
+        held: Flags of Cartesian components that are held, shape (n, d).
+        aligned: Flags of other components that are to be axes, shape (n, d).
+
+    Returns:
+        Shapes (n, d, d) and (n, d).
+    """
+    tdim = normal.shape[1]
+    digits = 6  # decimals in which components of normals are compared
+    sizes = np.round(1 - np.abs(normal), digits)
+    first = np.where(held, 3.0, np.where(aligned, 2.0, sizes))
+    order = np.argsort(-first, axis=1, kind="stable")
+    columns = np.swapaxes(np.eye(tdim)[order[:, : tdim - 1]], 1, 2)
+    Q, R = np.linalg.qr(np.concatenate([normal[:, :, None], columns], axis=2))
+    Q = Q * np.sign(np.einsum("nii->ni", R))[:, None, :]
+    axes = np.swapaxes(Q, 1, 2)
+    count = held.sum(axis=1)
+    return axes, (np.arange(tdim) > 0) & (np.arange(tdim) <= count[:, None])
+
+
+@dataclass(frozen=True)
+class FacetNumbers:
+    """The facets of this rank's cells.
+
+    Attributes:
+        facets: Local facet opposite each vertex of each owned cell, shape (num_cells, d + 1).
+        places: Position of each facet vertex, in the cell's order, within the facet's own order,
+            shape (num_cells, d + 1, d).
+    """
+
+    facets: Ints
+    places: Longs
+
+
+def facet_numbers(mesh: Mesh) -> FacetNumbers:
+    """Number the facets' vertices in an order that both cells share. Collective."""
+    topology = mesh.topology
+    tdim = topology.dim
+    topology.create_connectivity(tdim, tdim - 1)
+    owned = topology.index_map(tdim).size_local
+    facets = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)[:owned]
+    vertices = topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)[:owned]
+    numbers = topology.index_map(0).local_to_global(vertices.ravel()).reshape(vertices.shape)
+    others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
+    places = np.argsort(np.argsort(numbers[:, others], axis=2), axis=2)
+    return FacetNumbers(facets, places)
+
+
+@dataclass(frozen=True, eq=False)
+class Followers:
+    """Cells with facets that follow others' unknowns, the *leads*.
+
+    Attributes:
+        leads: Global numbers of all leads, on every rank.
+        cells: Numbers of the cells.
+        keep: 0 for unknowns of facets that follow and 1 for others, shape (n, num_outer).
+        shares: Coefficients of the leads in the unknowns that follow, shape (n, num_outer,
+            num_leads).
+        tall: Number of unknowns of all ranks that follow a lead, shape (num_leads,).
+    """
+
+    leads: Longs
+    cells: Longs
+    keep: Floats
+    shares: Floats
+    tall: Floats
+
+
+class FacetVelocities:
+    """Facet velocities as a PETSc vector, and as arrays of the cells.
+
+    Attributes:
+        count: Number of unknowns that this rank owns.
+        of_cells: Local unknowns of each owned cell, in the order of
+            :class:`stress_cells.CellLayout`, shape (num_cells, num_outer).
+        numbers: Global numbers of the local unknowns, ghosts too.
+        twins: Global number of the unknown that is added to the value of a local one, −1 for none.
+        followers: Cells whose facets follow others.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        numbers: FacetNumbers,
+        twins: Longs,
+        nodes: int,
+        followers: Followers,
+    ) -> None:
+        """Number the unknowns. Collective.
+
+        Args:
+            mesh: The mesh.
+            numbers: Numbers of its facets.
+            twins: Twins of the local unknowns, ghosts too.
+            nodes: Nodes of a facet, its vertices first.
+            followers: Cells whose facets follow others.
+        """
+        tdim = mesh.topology.dim
+        index_map, size = mesh.topology.index_map(tdim - 1), nodes * tdim
+        num_local = index_map.size_local + index_map.num_ghosts
+        of_facets = index_map.local_to_global(np.arange(num_local, dtype=np.int32))
+        self.count = index_map.size_local * size
+        self.numbers: Longs = (of_facets[:, None] * size + np.arange(size)).ravel()
+        self.twins, self.followers = twins, followers
+        more = np.broadcast_to(np.arange(tdim, nodes), (*numbers.facets.shape, nodes - tdim))
+        places = np.concatenate([numbers.places, more], axis=2)
+        at = (numbers.facets[:, :, None] * nodes + places)[..., None] * tdim
+        self.of_cells: Longs = (at + np.arange(tdim)).reshape(len(at), -1).astype(np.int64)
+        self._hosts = np.flatnonzero(twins >= 0)
+        needed = np.concatenate([self.numbers, twins[self._hosts], followers.leads])
+        needed = needed.astype(PETSc.IntType)
+        comm = lasting(mesh.comm)
+        self.vector = PETSc.Vec().createMPI((self.count, None), comm=comm)
+        self._local = PETSc.Vec().createSeq(len(needed))
+        there = PETSc.IS().createGeneral(needed, comm=comm)
+        self._scatter = PETSc.Scatter().create(self.vector, there, self._local, None)
+        there.destroy()
+
+    def destroy(self) -> None:
+        """Free PETSc's memory. Collective."""
+        for thing in (self.vector, self._local, self._scatter):
+            thing.destroy()
+
+    def gather(self, owned: Floats) -> Floats:
+        """Return velocities by cell, shape (num_cells, num_outer), from the owned ones.
+
+        Collective.
+        """
+        self.vector.array[:] = owned
+        self._scatter.scatter(self.vector, self._local, addv=PETSc.InsertMode.INSERT)
+        local = self._local.array_r
+        values: Floats = local[: len(self.numbers)].copy()
+        count, leads = len(self.numbers), len(local) - len(self.followers.leads)
+        values[self._hosts] += local[count:leads]
+        found: Floats = values[self.of_cells]
+        at = self.followers
+        found[at.cells] *= at.keep
+        found[at.cells] += at.shares @ local[leads:]
+        return found
+
+    def matrix(self) -> sparse.csr_array:
+        """Return the matrix of :meth:`gather`; on one rank only.
+
+        Returns:
+            Shape (num_cells · num_outer, count).
+        """
+        at, rows = self.followers, np.arange(self.of_cells.size).reshape(self.of_cells.shape)
+        keep = np.ones(self.of_cells.shape)
+        keep[at.cells] = at.keep
+        twins = self.twins[self.of_cells]
+        hosts = twins >= 0
+        led = np.broadcast_to(rows[at.cells, :, None], at.shares.shape)
+        leads = np.broadcast_to(at.leads, at.shares.shape)
+        places = [np.concatenate([rows.ravel(), rows[hosts], led.ravel()])]
+        places += [
+            np.concatenate([self.numbers[self.of_cells].ravel(), twins[hosts], leads.ravel()])
+        ]
+        values = np.concatenate([keep.ravel(), keep[hosts], at.shares.ravel()])
+        return sparse.csr_array((values, tuple(places)), shape=(rows.size, self.count))
+
+    def add_up(self, forces: Floats) -> Floats:
+        """Return the forces on owned unknowns from forces by cell (transpose of :meth:`gather`).
+
+        Collective.
+        """
+        at = self.followers
+        return self._add_up(forces, np.einsum("nol,no->l", at.shares, forces[at.cells]))
+
+    def meet(self, sizes: Floats, across: bool = True) -> Floats:
+        """Return sums of positive numbers of cells at their unknowns; for leads the mean.
+
+        Collective.
+
+        Args:
+            sizes: Numbers, shape (num_cells, num_outer).
+            across: Whether numbers on jumps count at their twins as well.
+        """
+        at = self.followers
+        met = np.einsum("nol,no->l", at.shares != 0, sizes[at.cells])
+        return self._add_up(sizes, met / np.maximum(at.tall, 1.0), across)
+
+    def _add_up(self, forces: Floats, of_leads: Floats, across: bool = True) -> Floats:
+        forces = forces.copy()
+        forces[self.followers.cells] *= self.followers.keep
+        at, count = self.of_cells.ravel(), len(self.numbers)
+        leads = count + len(self._hosts)
+        sums = np.bincount(at, weights=forces.ravel(), minlength=count)
+        self._local.array[:count] = sums
+        self._local.array[count:leads] = sums[self._hosts] if across else 0.0
+        self._local.array[leads:] = of_leads
+        self.vector.set(0)
+        self._scatter.scatter(
+            self._local,
+            self.vector,
+            addv=PETSc.InsertMode.ADD,
+            mode=PETSc.ScatterMode.REVERSE,
+        )
+        summed: Floats = self.vector.array_r.copy()
+        return summed
 
 
 class FacetGeometry:

@@ -1,4 +1,4 @@
-"""Divide corners of plane bodies whose single cell cannot carry the loads on both its sides.
+"""Find vertices that bear no stress, and divide corners whose single cell cannot bear its loads.
 
 At the corner its stress has three components, and the tractions on both sides prescribe up to
 four. For example a pressure beside a free side does, unless the sides are at right angles. Then no
@@ -11,6 +11,13 @@ In space a cell has four parts. At a vertex that belongs to one cell, three of t
 stresses have 18 components. The tractions of three facets, and continuity at three facets between
 the parts, are as many conditions. They are regular for one tetrahedron, and so for all, since
 Piola's transformation maps symmetric stresses to symmetric stresses, and tractions to tractions.
+
+Find vertices at which unconfined, cohesionless ground bears no stress.
+On a free facet σn = 0. Without cohesion, the other principal stress then bounds a principal stress
+of zero, so all of σ is zero. The tractions of all other facets of the cell at that vertex are then
+zero too, and so is σ in its neighbours. This does not hold with water, since effective stresses
+depend on its pressure. Such stresses are no unknowns of a lower bound, as their set has no
+interior.
 """
 
 import logging
@@ -18,9 +25,11 @@ import logging
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
+from dolfinx import la
 from dolfinx.mesh import exterior_facet_indices
 
-from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.limit_analysis.facets.bound_body import (
     BoundBody,
@@ -103,4 +112,39 @@ def lone_corners(problem: Problem, body: BoundBody) -> Ints:
     wrong |= (rubs & (least < ROUNDING)).any(axis=1)
     vertices = topology.connectivity(2, 0).array.reshape(-1, 3)
     found: Ints = vertices[cell[wrong], corner[wrong]]
+    return found
+
+
+Flags = npt.NDArray[np.bool_]
+
+
+def bare_vertices(problem: Problem, at: BoundBody, loose: Flags) -> Flags:
+    """Return flags of these vertices in this rank's cells, shape (num_cells, d + 1). Collective.
+
+    Args:
+        problem: The bodies.
+        at: Conditions on their facets.
+        loose: Flags of the cells without cohesion, shape (num_cells,).
+    """
+    topology, on = problem.tagged_mesh.mesh.topology, at.numbers.facets
+    tdim = topology.dim
+    exterior = np.isin(on, exterior_facet_indices(topology))
+    free = (
+        exterior
+        & ~at.facets.held[on].any(axis=2)
+        & ~np.isin(on, at.facets.in_contact)
+        & loose[:, None]
+    )
+    free &= at.rigid.surface[on] < 0
+    pushed = (at.live.tractions != 0).any(axis=2) | (at.dead.tractions != 0).any(axis=2)
+    vertices: Longs = topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)[: len(on)]
+    others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
+    bare = free[:, :, None] & ~np.take_along_axis(pushed[on], at.numbers.places, axis=2)
+    wet = (at.live.pores != 0) | (at.dead.pores != 0)
+    bare &= ~wet[:, others]
+    flags = la.vector(topology.index_map(0), 1)
+    flags.array[vertices[:, others][bare]] = 1.0
+    flags.scatter_reverse(la.InsertMode.add)
+    flags.scatter_forward()
+    found: Flags = (flags.array[vertices] > 0) & loose[:, None]
     return found

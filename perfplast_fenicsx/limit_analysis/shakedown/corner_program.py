@@ -29,7 +29,7 @@ from scipy import sparse
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, SingularStiffness
-from perfplast_fenicsx.limit_analysis.discrete.conic_stiffness import ConicStiffness
+from perfplast_fenicsx.limit_analysis.discrete.body_stiffness import ConicStiffness
 from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
 from perfplast_fenicsx.problem.problem import Problem

@@ -13,7 +13,7 @@ import numpy as np
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep
-from perfplast_fenicsx.limit_analysis.shakedown.load_domain import LoadDomain
+from perfplast_fenicsx.limit_analysis.shakedown.elastic_stresses import LoadDomain
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import shakedown_load
 from perfplast_fenicsx.problem.problem import Problem
 

@@ -1,4 +1,4 @@
-"""Compute elastic stresses of each load and temperature, with one factorisation.
+"""Define the domain of varying loads, and compute the elastic stresses of each of them.
 
 On straight quadratic cells stresses are linear in each cell and known at its vertices. Stresses
 within yield at the vertices of a straight cell are within yield in all of it. This includes the
@@ -11,6 +11,8 @@ exactly: the stress at a vertex does work on the strain at a point between the v
 of the cell. Temperatures are approximated as linear in each cell.
 """
 
+import itertools
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -27,7 +29,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import materials_of, whole_cones
-from perfplast_fenicsx.limit_analysis.discrete.conic_stiffness import ConicStiffness
+from perfplast_fenicsx.limit_analysis.discrete.body_stiffness import ConicStiffness
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains, RatesAtPoints
 from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
 from perfplast_fenicsx.limit_analysis.shakedown.corner_program import Frames
@@ -241,3 +243,66 @@ def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Seq
                 f"the load '{name}' has no range; give one, or constant = true if the load"
                 " does not vary."
             )
+
+
+@dataclass(frozen=True)
+class LoadDomain:
+    """The convex hull of corners, each with a factor for every name.
+
+    Attributes:
+        names: Names of loads and temperatures that vary.
+        corners: Factors of the corners, shape (num_corners, num_names).
+    """
+
+    names: tuple[str, ...]
+    corners: Floats
+
+    @staticmethod
+    def of_ranges(ranges: Mapping[str, Sequence[float]]) -> "LoadDomain":
+        """Return the domain in which each factor varies independently between two limits.
+
+        Args:
+            ranges: Least and largest factor of each name.
+
+        Raises:
+            InputError: If there is no range, or too many, or one is not valid.
+        """
+        if not ranges:
+            raise InputError("ranges is empty; give one at least, such as { pressure = [0, 1] }.")
+        most = 6  # 64 corners, each with its own cone at every point
+        if len(ranges) > most:
+            raise InputError(
+                f"there are {len(ranges)} ranges, and so {2 ** len(ranges)} corners; give"
+                f" {most} at most, or the corners that occur as corners = [...]."
+            )
+        for name, given in ranges.items():
+            if len(given) != 2 or not all(map(math.isfinite, given)) or not given[0] < given[1]:
+                shown = ", ".join(f"{value:g}" for value in given)
+                raise InputError(
+                    f"[{shown}] is not a valid range for '{name}'; give two different factors, the"
+                    " smaller one first. For what does not vary set constant = true."
+                )
+        corners = np.array(list(itertools.product(*ranges.values())), dtype=np.float64)
+        return LoadDomain(tuple(ranges), corners)
+
+    @staticmethod
+    def of_corners(corners: Sequence[Mapping[str, float]]) -> "LoadDomain":
+        """Return the convex hull of given corners.
+
+        Names that a corner leaves out have the factor 0.
+
+        Raises:
+            InputError: If fewer than two corners differ, or a factor is not finite.
+        """
+        names = tuple(dict.fromkeys(name for corner in corners for name in corner))
+        rows = [[float(corner.get(name, 0.0)) for name in names] for corner in corners]
+        if not np.isfinite(np.array(rows)).all():
+            raise InputError("corners has a factor that is not finite; give numbers.")
+        different = sorted(set(map(tuple, rows)))
+        if len(different) < 2:
+            raise InputError(
+                f"corners has {len(different)} corner{'s' * (not different)} that"
+                f" differ{'s' if different else ''}, so that nothing varies; give two at least, or"
+                " control = 'bounds' for loads that grow once."
+            )
+        return LoadDomain(names, np.array(different))

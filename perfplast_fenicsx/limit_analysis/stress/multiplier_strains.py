@@ -11,15 +11,13 @@ from perfplast_fenicsx.limit_analysis.conic.second_order_cones import own_streng
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_in, steepness_in
 from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
-from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
-from perfplast_fenicsx.limit_analysis.facets.ring_cells import (
-    coefficients_of_radius,
-    ring_layout,
-    ring_matrices,
-)
+from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetVelocities
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
     cell_layout,
+    coefficients_of_radius,
     components,
+    ring_layout,
+    ring_matrices,
     strain_matrices,
 )
 
@@ -34,8 +32,8 @@ class MultiplierStrains:
         facets: The facets' unknowns.
         num_cells: Number of owned cells.
         matrices: Matrices of :func:`stress_cells.strain_matrices`, or around an axis of
-            :func:`ring_cells.ring_matrices`, in the coordinates of the cones. They are zero at bare
-            vertices, whose stress is zero and no unknown (:mod:`bare_vertices`).
+            :func:`stress_cells.ring_matrices`, in the coordinates of the cones. They are zero at
+            bare vertices, whose stress is zero and no unknown (:mod:`lone_corners`).
         idle: Flags of unknowns that belong only to such vertices, shape (num_cells, num_rows).
         few: Flags of cells with such vertices, or with points on the axis, where stresses are zero.
             Rows of their facets may be equivalent to their own rows.

@@ -12,7 +12,7 @@ import numpy as np
 from dolfinx.mesh import Mesh
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetNumbers
+from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetNumbers
 from perfplast_fenicsx.mesh.connected_bodies import components
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.static_bound import StaticBound, strict_lower_bound
 from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm
 from perfplast_fenicsx.problem.problem import Problem

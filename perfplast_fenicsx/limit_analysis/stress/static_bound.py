@@ -24,16 +24,15 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
 )
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import weak_bodies
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import by_friction_alone
-from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
-from perfplast_fenicsx.limit_analysis.facets.facet_loads import BENT
-from perfplast_fenicsx.limit_analysis.facets.ring_cells import coefficients_of_radius
+from perfplast_fenicsx.limit_analysis.facets.bound_body import BENT, bound_body
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import coefficients_of_radius
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_loads,
     check_tolerance,
 )
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.balanced_stress import BalancedStress
 from perfplast_fenicsx.limit_analysis.stress.static_balance import StaticIteration
 from perfplast_fenicsx.limit_analysis.stress.static_certificate import (

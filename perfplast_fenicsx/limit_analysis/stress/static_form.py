@@ -16,10 +16,9 @@ from perfplast_fenicsx.limit_analysis.discrete.friction_points import (
     FrictionStrains,
     SlipPlaces,
 )
-from perfplast_fenicsx.limit_analysis.facets.bare_vertices import bare_vertices
-from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody, bound_body
-from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
-from perfplast_fenicsx.limit_analysis.facets.facet_velocities import FacetVelocities
+from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody, FacetLoads, bound_body
+from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetVelocities
+from perfplast_fenicsx.limit_analysis.facets.lone_corners import bare_vertices
 from perfplast_fenicsx.limit_analysis.stress.condensed_stiffness import CondensedStiffness
 from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
 from perfplast_fenicsx.limit_analysis.stress.piece_balance import Pieces

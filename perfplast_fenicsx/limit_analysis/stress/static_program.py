@@ -10,7 +10,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram, Stress
 from perfplast_fenicsx.limit_analysis.conic.discretisation import Discretisation
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm
 
 

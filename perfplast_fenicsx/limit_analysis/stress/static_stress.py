@@ -24,7 +24,7 @@ class StaticBound:
             order of the mesh's geometry (that of its topology). In space they are the vertices of
             four parts, one part after the other; in part a the barycentre replaces vertex a. Around
             an axis these are Bernstein's coefficients of rσ, which is quadratic
-            (:mod:`ring_cells`).
+            (:mod:`stress_cells`).
         aside: Factor of the loads of any factor, if there are any.
         dissipation: Dissipation (γ − αp)‖dev ε‖ of the multipliers, for each owned cell, with L =
             1. If bodies keep their volume, the sum over all cells is the bound up to the tolerance.

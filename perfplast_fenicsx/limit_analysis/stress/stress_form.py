@@ -1,7 +1,7 @@
 """Compute areas of facets and cells in the balance of a stress, and loads on multipliers.
 
 In the plane and in space stresses are linear in the cells, with as many nodes on a facet as it has
-vertices. Around an axis rσ is quadratic, with one more node (:mod:`ring_cells`).
+vertices. Around an axis rσ is quadratic, with one more node (:mod:`stress_cells`).
 """
 
 import math
@@ -10,10 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody
-from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
-from perfplast_fenicsx.limit_analysis.facets.ring_cells import NODES, on_facets, ring_forces
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import cell_layout
+from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody, FacetLoads
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
+    NODES,
+    cell_layout,
+    on_facets,
+    ring_forces,
+)
 from perfplast_fenicsx.mesh.straight_geometry import gradients
 from perfplast_fenicsx.problem.problem import Problem
 

@@ -44,8 +44,8 @@ def gap_shares(
         problem: The bodies and their loads, on straight cells.
         mechanism: Admissible mechanism with L(v) = 1 and updated ghosts.
         stress: Mandel vectors at the vertices of these cells, linear between them, shape
-            (num_cells, d + 1, 4 or 6); around an axis coefficients of rσ (:mod:`ring_cells`), shape
-            (num_cells, 6, 4).
+            (num_cells, d + 1, 4 or 6); around an axis coefficients of rσ (:mod:`stress_cells`),
+            shape (num_cells, 6, 4).
         rates: Rates of the mechanism; evaluated by default.
 
     Returns:

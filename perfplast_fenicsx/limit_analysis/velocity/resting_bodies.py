@@ -6,14 +6,14 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
-from perfplast_fenicsx.limit_analysis.facets.contact_facets import contact_facets
-from perfplast_fenicsx.limit_analysis.facets.entering import entered_share
-from perfplast_fenicsx.limit_analysis.facets.face_jumps import (
+from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
     UNSEEN,
+    contact_facets,
     face_jumps,
     jump_vectors,
     rows_of,
 )
+from perfplast_fenicsx.limit_analysis.facets.entering import entered_share
 from perfplast_fenicsx.problem.problem import Problem
 
 

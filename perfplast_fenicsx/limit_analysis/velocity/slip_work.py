@@ -1,9 +1,9 @@
 """Compute an upper bound of a mechanism's dissipation by slip, for any slip between nodes.
 
-The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`face_jumps`), whose
-polynomials are not negative and add up to 1. So ‖w_t‖ is at most the mean of the coefficients'
-norms with these weights. ∫c‖w_t‖ is at most c times the area times their plain mean. And w lies in
-the cone w_n ≥ μ‖w_t‖ of associated Coulomb friction if its coefficients do.
+The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`contact_facets`),
+whose polynomials are not negative and add up to 1. So ‖w_t‖ is at most the mean of the
+coefficients' norms with these weights. ∫c‖w_t‖ is at most c times the area times their plain mean.
+And w lies in the cone w_n ≥ μ‖w_t‖ of associated Coulomb friction if its coefficients do.
 """
 
 import math
@@ -16,10 +16,11 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
-from perfplast_fenicsx.limit_analysis.facets.contact_facets import ContactFacets, contact_facets
-from perfplast_fenicsx.limit_analysis.facets.contact_strength import strength_of
-from perfplast_fenicsx.limit_analysis.facets.face_jumps import (
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import strength_of
+from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
     UNSEEN,
+    ContactFacets,
+    contact_facets,
     face_jumps,
     flat_faces,
     has_pair,

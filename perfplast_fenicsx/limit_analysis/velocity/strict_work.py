@@ -23,13 +23,12 @@ import numpy as np
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.facets.bound_body import TWICE, bound_body
-from perfplast_fenicsx.limit_analysis.facets.contact_strength import any_loose
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import any_loose
+from perfplast_fenicsx.limit_analysis.facets.bound_body import TWICE, FacetLoads, bound_body
 from perfplast_fenicsx.limit_analysis.facets.entering import entering_between_nodes
-from perfplast_fenicsx.limit_analysis.facets.facet_loads import FacetLoads
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope, measure_of
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_loads
-from perfplast_fenicsx.limit_analysis.statements.question import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     SUBDIVISIONS,
     at_vertices,

@@ -1,0 +1,284 @@
+"""Define the load factor that is sought, and results beside its bounds."""
+
+import math
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any
+
+from petsc4py import PETSc
+
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.rounding import rounded_down, rounded_up
+
+
+class Question(StrEnum):
+    """The question of a limit analysis.
+
+    If permanent loads L₀ are too large by themselves, no factor of the live loads L₁ is carried. A
+    limit load measures the excess: the largest μ for which μL₀ + λL₁ is carried with any λ. Its
+    mechanisms have L₀(v) = 1 and L₁(v) = 0. If μ < 1, the strengths are too small by the factor
+    1/μ.
+    """
+
+    LIMIT = "limit"
+    STANDS = "stands"
+
+    @property
+    def enough(self) -> float:
+        """The factor up to which a search continues, even beyond that of a viscous flow.
+
+        Permanent loads are carried if their factor is 1. Below 1 the search must
+        distinguish little strength from none.
+        """
+        return 4.0 if self is Question.STANDS else 0.0
+
+    def loads(self, live: PETSc.Vec, dead: PETSc.Vec) -> tuple[PETSc.Vec, PETSc.Vec, PETSc.Vec]:
+        """Return the loads whose factor is sought, the permanent ones, and those of any factor.
+
+        Collective.
+
+        Missing loads are vectors of zeros.
+        """
+        none = live.duplicate()
+        none.set(0.0)
+        return (live, dead, none) if self is Question.LIMIT else (dead, none, live)
+
+    def of(self, live: float, dead: float) -> tuple[float, float, float]:
+        """Return the numbers of these loads, such as works, in the same order."""
+        return (live, dead, 0.0) if self is Question.LIMIT else (dead, 0.0, live)
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The multiple of the permanent loads that is carried, with the best factor of the live ones.
+
+    It is the largest μ for which μL₀ + λL₁ is carried with any λ (:class:`Question`). If
+    it is below 1, no load factor is carried, and yield stresses and cohesions are too small by 1/μ.
+
+    Attributes:
+        lower: Multiple that a stress carries; None if no stress was found.
+        upper: Multiple beyond which a mechanism exists; None if no mechanism was found.
+    """
+
+    lower: float | None
+    upper: float | None
+
+    @property
+    def falls(self) -> bool:
+        """Whether a mechanism shows that the permanent loads are too large."""
+        return self.upper is not None and self.upper < 1
+
+    @property
+    def stands(self) -> bool:
+        """Whether a stress shows that the permanent loads are carried."""
+        return self.lower is not None and self.lower >= 1
+
+    @property
+    def verdict(self) -> str:
+        """The verb of a sentence about the stability of the bodies."""
+        if self.falls:
+            return "does not stand"
+        return "stands" if self.stands else "may stand or not"
+
+    def in_words(self) -> str:
+        """Return the result in a clause."""
+        if self.upper is not None and self.upper <= 0:
+            return "no part of the constant loads, however small, is carried at any load factor"
+        sides = []
+        if self.lower is not None:
+            sides.append(f"{rounded_down(self.lower)} times at least")
+        if self.upper is not None:
+            sides.append(f"{rounded_up(self.upper)} times at most")
+        if not sides:
+            return "whether the constant loads are carried was not found"
+        words = f"the constant loads are carried {' and '.join(sides)}, at any load factor"
+        if self.upper is None or self.upper >= 1:
+            return words
+        most = f" and at most {rounded_up(1 / self.lower)}" if self.lower else ""
+        least = rounded_down(1 / self.upper)
+        short = f"yield stresses and cohesions fall short by a factor of at least {least}{most}"
+        return f"{words}; {short}"
+
+
+@dataclass(frozen=True)
+class DesignFactor:
+    """The multiple of the design load that is carried.
+
+    Attributes:
+        zeta: Load factor of the design load.
+        lower: Multiple that is proven to be carried; None without a proof.
+        upper: Multiple at which the bodies are proven to collapse; None without a proof.
+        estimate: Multiple that the mesh carries; None if its limit load was not found.
+        name: Name of the load combination, if it has one.
+    """
+
+    zeta: float
+    lower: float | None
+    upper: float | None
+    estimate: float | None
+    name: str = ""
+
+    @staticmethod
+    def of(
+        zeta: float,
+        lower: float | None,
+        upper: float | None,
+        estimate: float | None,
+        name: str = "",
+    ) -> "DesignFactor":
+        """Return the multiples for a limit load and its bounds, given as load factors."""
+
+        def over(value: float | None) -> float | None:
+            return None if value is None else value / zeta
+
+        return DesignFactor(zeta, over(lower), over(upper), over(estimate), name)
+
+    @property
+    def carried(self) -> bool:
+        """Whether the design load is proven to be carried."""
+        return self.lower is not None and bool(self.lower >= 1)
+
+    @property
+    def refused(self) -> bool:
+        """Whether the design load is proven not to be carried."""
+        return self.upper is not None and bool(self.upper < 1)
+
+    @property
+    def decided(self) -> bool:
+        """Whether either is proven."""
+        return self.carried or self.refused
+
+    def in_words(self) -> str:
+        """Return the result in a sentence."""
+        what = f"'{self.name}'" if self.name else "The design load"
+        load = f"{what} (zeta = {self.zeta:.6g})"
+        if self.carried and self.lower is not None:
+            beyond = "" if self.upper is None else f"; {rounded_up(self.upper)} times it is not"
+            spare = float(rounded_down(100 * (self.lower - 1), 2))
+            return (
+                f"{load} is carried for certain, {rounded_down(self.lower)} times: the proof leaves"
+                f" {spare:g} % to spare{beyond}."
+            )
+        if self.refused and self.upper is not None:
+            return (
+                f"{load} is not carried: the bodies collapse at {rounded_up(self.upper)} times it"
+                " at the latest."
+            )
+        proven = [
+            f"{rounded_down(self.lower)} times it is carried" if self.lower is not None else "",
+            f"{rounded_up(self.upper)} times it is not" if self.upper is not None else "",
+        ]
+        known = "; ".join(filter(None, proven)) or "nothing is proven of the bodies"
+        guess = "" if self.estimate is None else f" (estimate: {self.estimate:.3g} times)"
+        open_ = f"Whether {load[0].lower()}{load[1:]} is carried is not decided by this mesh"
+        return f"{open_}: {known}{guess}{'; refine it' if all(proven) else ''}."
+
+
+def check_design(design: float | None) -> None:
+    """Refuse an invalid load factor of a design load.
+
+    Raises:
+        InputError: If it is not a positive number.
+    """
+    if design is not None and not (design > 0 and math.isfinite(design)):
+        raise InputError(f"design = {design} is not a load factor; give a positive one, often 1.0.")
+
+
+@dataclass(frozen=True)
+class DruckerBounds:
+    """Drucker's two bounds for a mesh with Coulomb's friction.
+
+    Attributes:
+        lower: Lower bound of the limit load without friction; 0 if only friction holds the bodies.
+        upper: Upper bound of the limit load if surfaces neither slip nor separate. It is infinite
+            if nothing seems to bound that load, None if it was not found.
+    """
+
+    lower: float
+    upper: float | None
+
+    def in_words(self) -> str:
+        """Return the bounds in a sentence."""
+        least = f"collapse or slide at no load below {rounded_down(self.lower)}, the limit load"
+        least += " without friction"
+        finite = self.upper is not None and math.isfinite(self.upper)
+        # A lower bound below this share of the upper one is zero to rounding: the interior point
+        # method ends when both sides are this close.
+        rounding = 1e-6
+        if self.lower <= rounding * (self.upper if finite and self.upper else 0.0):
+            least = "may slide at any load, as without friction they carry none"
+        tied = "if nothing slipped or separated where there is friction"
+        if self.upper is None:
+            most = f"; the limit load {tied} was not found"
+        elif not finite:
+            most = f", and would carry any load {tied}"
+        else:
+            most = (
+                f", and collapse at {rounded_up(self.upper)} at the latest, the limit load {tied}"
+            )
+        return (
+            f"with Coulomb's friction the bodies of this mesh {least}{most} (Drucker); no other"
+            " limit theorem holds"
+        )
+
+    def table(self) -> dict[str, Any]:
+        """Return the bounds and their words, in the form of ``summary.json``."""
+        return {"lower": self.lower, "upper": self.upper, "words": self.in_words()}
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """An equilibrium with reduced strengths.
+
+    Attributes:
+        factor: Factor F by which strengths are divided.
+        work: Work L(u) of all loads (energy).
+        displacement: Largest displacement (length).
+        duality_gap: Relative duality gap of the equilibrium.
+        newton_iterations: Newton iterations since the previous point, including those with other F
+            at this work.
+        linear_solves: Linear solves since the previous point, counted in the same way.
+    """
+
+    factor: float
+    work: float
+    displacement: float
+    duality_gap: float
+    newton_iterations: int
+    linear_solves: int
+
+
+@dataclass(frozen=True)
+class StrengthPath:
+    """F over work, from the first point until it has levelled off.
+
+    Attributes:
+        points: Points in the order of growing work.
+        levelled_off: Whether F hardly rises any more.
+        reason: Reason for the end.
+    """
+
+    points: tuple[PathPoint, ...]
+    levelled_off: bool
+    reason: str
+
+    @property
+    def factor(self) -> float | None:
+        """The last F; None without any point."""
+        return self.points[-1].factor if self.points else None
+
+    def in_words(self) -> str:
+        """Return the result in a sentence."""
+        worth = "an estimate from a mesh, and no bound of the body"
+        if not self.points:
+            return f"No curve of F over work was found: {self.reason}."
+        last = self.points[-1]
+        if not self.levelled_off:
+            return f"F over work has come to {last.factor:.5g} ({self.reason}): {worth}."
+        return f"F over work levels off at {last.factor:.5g} ({len(self.points)} points): {worth}."
+
+    def table(self) -> dict[str, Any]:
+        """Return the table for ``summary.json``."""
+        told = {"factor": self.factor, "levelled_off": self.levelled_off, "reason": self.reason}
+        points = [asdict(point) for point in self.points]
+        return told | {"in_words": self.in_words(), "points": points}
