@@ -1,4 +1,6 @@
-"""Define types of NumPy arrays by content."""
+"""Define types of NumPy arrays by content, and convert Mandel vectors. NumPy only."""
+
+import math
 
 import numpy as np
 import numpy.typing as npt
@@ -15,3 +17,24 @@ Longs = npt.NDArray[np.int64]
 PairFlags = npt.NDArray[np.bool_]
 """Flags of the contact pairs hosted by this rank, shape (num_pairs,). ``active`` pairs are closed
 and push; ``held`` pairs are held closed by a linear system."""
+
+
+SHEARS = {4: ((0, 1),), 6: ((1, 2), (0, 2), (0, 1))}
+"""Components that follow the diagonal ones, by the length of a vector."""
+
+
+def matrices(mandel: Floats) -> Floats:
+    """Return the symmetric matrices of Mandel vectors, shape (..., 3, 3) for (..., 4 or 6)."""
+    found: Floats = np.zeros((*mandel.shape[:-1], 3, 3))
+    for i in range(3):
+        found[..., i, i] = mandel[..., i]
+    for place, (i, j) in enumerate(SHEARS[mandel.shape[-1]], start=3):
+        found[..., i, j] = found[..., j, i] = mandel[..., place] / math.sqrt(2)
+    return found
+
+
+def vectors(symmetric: Floats) -> Floats:
+    """Return the Mandel vectors of symmetric matrices, shape (..., 6) for (..., 3, 3)."""
+    columns = [symmetric[..., i, i] for i in range(3)]
+    columns += [math.sqrt(2) * symmetric[..., i, j] for i, j in SHEARS[6]]
+    return np.stack(columns, axis=-1)

@@ -1,4 +1,4 @@
-"""Find faults of the environment before anything compiled is imported.
+"""Find faults of the environment before anything compiled is imported; prepare that of processes.
 
 DOLFINx, PETSc and MPI each exist once in a process. A mixture of two versions ends in a crash or a
 hang far from its cause. So the metadata of installed packages are checked first. This module needs
@@ -8,6 +8,7 @@ only the standard library.
 import os
 import platform
 import shutil
+import site
 import sys
 import sysconfig
 from dataclasses import dataclass
@@ -186,3 +187,30 @@ def _folder(package: str) -> Path | None:
 def _numbers(version: str) -> list[int]:
     """Return the numbers of a version."""
     return [int(part) for part in version.split(".") if part.isdigit()]
+
+
+REFUSED = 2
+"""Exit status of our own programs whose last line of output is an error message."""
+
+
+def environment_apart() -> dict[str, str]:
+    """Return an environment for such a process, without the variables of MPI launchers."""
+    hidden = ("OMPI_", "PMIX_", "PRTE_", "PMI_", "MPI_", "HYDRA_")
+    return {key: value for key, value in os.environ.items() if not key.startswith(hidden)}
+
+
+def environment_for_gmsh(home: Path) -> dict[str, str]:
+    """Return such an environment for gmsh, which writes settings into the home folder.
+
+    Args:
+        home: A folder that serves as home.
+    """
+    homes = {"HOME": str(home), "XDG_CONFIG_HOME": str(home)}
+    return environment_apart() | homes | {"PYTHONUSERBASE": site.getuserbase()}
+
+
+def environment_with_package(environment: dict[str, str] | None = None) -> dict[str, str]:
+    """Return such an environment for a program of this package, with the package on its path."""
+    environment = environment_apart() if environment is None else environment
+    places = [environment.get("PYTHONPATH"), str(Path(__file__).parents[1])]
+    return environment | {"PYTHONPATH": os.pathsep.join(filter(None, places))}

@@ -1,13 +1,21 @@
-"""Check formulas in the coordinates, from case files, and evaluate them with NumPy.
+"""Check formulas in the coordinates, evaluate them, and enclose them by linear functions.
 
 A formula is parsed and compared with a list of allowed parts. Its syntax tree is then evaluated
 with NumPy's functions; Python itself never evaluates it.
+
+Compute linear functions below and above a formula, in each of several simplices.
+Each part of a formula is enclosed by a pair of functions that are linear in the simplex and given
+at its vertices. The maximum of two linear functions is convex: its chord lies above it, and both
+functions lie below it. A product of two linear functions differs from its chord by
+Σ (fᵢ − fⱼ)(gᵢ − gⱼ) λᵢλⱼ, and λᵢλⱼ is at most a quarter. A formula that is linear in a simplex is
+enclosed by itself.
 """
 
 import ast
 import math
 import operator
 from collections.abc import Callable, Mapping
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -217,3 +225,186 @@ def _refusal(formula: str, place: str, fault: str) -> InputError:
         f" {', '.join(VARIABLES)}, parentheses, {operators} and the functions"
         f" {', '.join(FUNCTIONS)}."
     )
+
+
+ROUNDING = 1e-12
+"""Relative difference of the two sides of a comparison below which they count as equal. It decides
+in simplices where the sign changes between vertices.
+"""
+
+Pair = tuple[Floats, Floats]
+"""Values at the vertices of two linear functions: one that is nowhere above, and one nowhere below.
+"""
+
+TRUE, SOMETIMES, FALSE = 1.0, 0.5, 0.0
+
+
+class _UnknownFormula(Exception):
+    """A part of a formula without an enclosure."""
+
+
+def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
+    """Return linear functions below and above a formula in each simplex. Not collective.
+
+    Args:
+        formula: A number, or a formula in x, y and z.
+        corners: Vertices of the simplices, shape (n, k, d).
+        place: Place of the formula in the input, for messages.
+
+    Returns:
+        Values at the vertices, each of shape (n, k); None if the formula has parts other than sums,
+        products, ``abs``, ``minimum``, ``maximum``, and ``where`` with comparisons.
+
+    Raises:
+        InputError: If the formula has parts that are not allowed.
+    """
+    shape = corners.shape[:2]
+    found: Any = float(formula) if not isinstance(formula, str) else None
+    if found is None:
+        text = " ".join(str(formula).split())
+        check(text, place)
+        none = np.zeros(shape)
+        at = [corners[..., i] if i < corners.shape[2] else none for i in range(3)]
+        names = {name: (x, x) for name, x in zip("xyz", at, strict=True)} | {"pi": np.pi}
+        try:
+            found = _enclosed_value(ast.parse(text, mode="eval").body, names)
+        except _UnknownFormula:
+            return None
+    low, high = found if isinstance(found, tuple) else (found, found)
+    low, high = np.broadcast_to(low, shape), np.broadcast_to(high, shape)
+    return (low, high) if np.isfinite(low).all() and np.isfinite(high).all() else None
+
+
+def _enclosed_value(node: ast.AST, names: dict[str, Any]) -> Any:
+    """Return a number for a constant part, and a pair otherwise."""
+    match node:
+        case ast.Constant(value=number):
+            return float(number)
+        case ast.Name(id=name):
+            return names[name]
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return _negative(_enclosed_value(operand, names))
+        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+            return _enclosed_value(operand, names)
+        case ast.BinOp(left=left, op=sign, right=right):
+            return _combined(sign, _enclosed_value(left, names), _enclosed_value(right, names))
+        case ast.Call(func=ast.Name(id="where"), args=[condition, one, other]):
+            return _chosen(
+                _holds(condition, names), _enclosed_value(one, names), _enclosed_value(other, names)
+            )
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            return _function(name, [_enclosed_value(it, names) for it in arguments])
+    raise _UnknownFormula
+
+
+def _function(name: str, values: list[Any]) -> Any:
+    """Return a function of numbers and pairs."""
+    if not any(isinstance(it, tuple) for it in values):
+        with np.errstate(all="ignore"):
+            return float(getattr(np, name)(*values))
+    if name == "maximum":
+        return _larger(*values)
+    if name == "minimum":
+        return _negative(_larger(*map(_negative, values)))
+    if name == "abs":
+        return _larger(values[0], _negative(values[0]))
+    raise _UnknownFormula
+
+
+def _combined(sign: ast.operator, one: Any, other: Any) -> Any:
+    """Return a sum, difference, product, quotient or power."""
+    numbers = not isinstance(one, tuple) and not isinstance(other, tuple)
+    if numbers and type(sign) in OPERATORS:
+        with np.errstate(all="ignore"):
+            return float(OPERATORS[type(sign)][1](np.float64(one), np.float64(other)))
+    if isinstance(sign, ast.Add):
+        return _each(operator.add, _pair(one), _pair(other))
+    if isinstance(sign, ast.Sub):
+        return _combined(ast.Add(), one, _negative(other))
+    if isinstance(sign, ast.Mult):
+        return _product(one, other)
+    if isinstance(sign, ast.Div) and not isinstance(other, tuple) and other:
+        return _product(one, 1 / other)
+    if isinstance(sign, ast.Pow) and other == 2:
+        return _product(one, one)
+    raise _UnknownFormula
+
+
+def _pair(value: Any) -> Any:
+    return value if isinstance(value, tuple) else (value, value)
+
+
+def _each(function: Callable[..., Floats], *pairs: Pair) -> Pair:
+    """Return a function of both sides; one array for both if each pair is linear."""
+    low = function(*(it[0] for it in pairs))
+    linear = all(it[0] is it[1] for it in pairs)
+    return low, low if linear else function(*(it[1] for it in pairs))
+
+
+def _negative(value: Any) -> Any:
+    return _each(operator.neg, value[::-1]) if isinstance(value, tuple) else -value
+
+
+def _larger(one: Any, other: Any) -> Any:
+    """Return an enclosure of the maximum of two values, at least one of which is a pair."""
+    (a, b), (c, d) = _pair(one), _pair(other)
+    high = np.maximum(b, d)
+    a, c = np.broadcast_to(a, high.shape), np.broadcast_to(c, high.shape)
+    first = a.mean(axis=1, keepdims=True) >= c.mean(axis=1, keepdims=True)
+    return np.where(first, a, c), high
+
+
+def _product(one: Any, other: Any) -> Any:
+    """Return an enclosure of a product."""
+    if not isinstance(one, tuple):
+        one, other = other, one
+    if not isinstance(other, tuple):
+        return _each(lambda side: side * other, one if other >= 0 else one[::-1])
+    if one[0] is not one[1] or other[0] is not other[1]:
+        raise _UnknownFormula  # a factor is not linear
+    return linear_product(one[0], other[0])
+
+
+def linear_product(f: Floats, g: Floats) -> Pair:
+    """Return linear functions below and above the product of two linear functions.
+
+    Args:
+        f: Values of one at the vertices of simplices, shape (n, k).
+        g: Values of the other one.
+    """
+    low, high = f * g, f * g
+    for i, j in combinations(range(f.shape[1]), 2):
+        bent = (f[:, i] - f[:, j]) * (g[:, i] - g[:, j]) / 4
+        low = low - np.maximum(bent, 0.0)[:, None]
+        high = high + np.maximum(-bent, 0.0)[:, None]
+    return low, high
+
+
+def _holds(node: ast.AST, names: dict[str, Any]) -> Any:
+    """Return where a condition is true in a whole simplex, in a part of it, or nowhere."""
+    match node:
+        case ast.Compare(left=left, ops=[sign], comparators=[right]):
+            one, other = _enclosed_value(left, names), _enclosed_value(right, names)
+            if isinstance(sign, (ast.Gt, ast.GtE)):
+                one, other = other, one
+            elif not isinstance(sign, (ast.Lt, ast.LtE)):
+                raise _UnknownFormula
+            (a, b), (c, d) = _pair(one), _pair(other)
+            sizes = [np.abs(it).max(initial=0.0) for it in (a, b, c, d)]
+            little = ROUNDING * max(sizes)
+            never, always = np.atleast_2d(a - d) >= -little, np.atleast_2d(b - c) <= little
+            return np.where(always.all(axis=1), TRUE, np.where(never.all(axis=1), FALSE, SOMETIMES))
+        case ast.BinOp(left=left, op=ast.BitAnd(), right=right):
+            return np.minimum(_holds(left, names), _holds(right, names))
+        case ast.BinOp(left=left, op=ast.BitOr(), right=right):
+            return np.maximum(_holds(left, names), _holds(right, names))
+    raise _UnknownFormula
+
+
+def _chosen(holds: Floats, one: Any, other: Any) -> Pair:
+    """Return an enclosure of ``one`` where a condition holds, and of ``other`` elsewhere."""
+    (a, b), (c, d) = _pair(one), _pair(other)
+    told = holds[:, None]
+    low = np.where(told == TRUE, a, np.where(told == FALSE, c, np.minimum(a, c)))
+    high = np.where(told == TRUE, b, np.where(told == FALSE, d, np.maximum(b, d)))
+    return low, high

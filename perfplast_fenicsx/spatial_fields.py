@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.enclosures import ROUNDING, Pair, enclosed
 from perfplast_fenicsx.errors import InputError, place_of
-from perfplast_fenicsx.formulas import check, evaluate
-from perfplast_fenicsx.point_net import Triangulation
-from perfplast_fenicsx.vtu_points import read_vtu_points
+from perfplast_fenicsx.formulas import ROUNDING, Pair, check, enclosed, evaluate
+from perfplast_fenicsx.point_net import Triangulation, read_vtu_points
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.enclosures import enclosed
-from perfplast_fenicsx.formulas import evaluate
+from perfplast_fenicsx.formulas import enclosed, evaluate
 
 pytestmark = pytest.mark.serial
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from perfplast_fenicsx.mesh_estimate import MeshEstimate, percent
+from perfplast_fenicsx.outcome_words import MeshEstimate, percent
 
 pytestmark = pytest.mark.serial
 

@@ -207,8 +207,7 @@ def test_functions_have_at_most_80_lines() -> None:
     long = {
         name
         for name, node in functions()
-        if (node.end_lineno or 0) - node.lineno >= 80
-        and name.split("/")[-1] not in KERNEL_SOURCES
+        if (node.end_lineno or 0) - node.lineno >= 80 and name.split("/")[-1] not in KERNEL_SOURCES
     }
     assert long == LONG_FUNCTIONS
 

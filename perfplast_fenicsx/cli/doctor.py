@@ -17,9 +17,9 @@ from pathlib import Path
 
 from perfplast_fenicsx import environment
 from perfplast_fenicsx._version import __version__
-from perfplast_fenicsx.child_process import environment_apart, environment_with_package
 from perfplast_fenicsx.cli.json_answer import Answer
 from perfplast_fenicsx.cli.launch import find_launcher
+from perfplast_fenicsx.environment import environment_apart, environment_with_package
 
 SOUND, FAULTY = 0, 2
 """Exit statuses."""

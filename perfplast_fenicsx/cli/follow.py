@@ -15,8 +15,7 @@ from perfplast_fenicsx.cli.remaining import next_level, remaining
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.run_lock import ENDED, INTERRUPTED, is_held
-from perfplast_fenicsx.mesh_estimate import MeshEstimate
-from perfplast_fenicsx.path_bracket import PathBracket
+from perfplast_fenicsx.outcome_words import MeshEstimate, PathBracket
 
 PERIOD = 0.5
 """Time between two readings (s)."""

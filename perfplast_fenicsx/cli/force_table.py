@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from perfplast_fenicsx.force_rows import Row, force_rows
+from perfplast_fenicsx.outcome_words import Row, force_rows
 from perfplast_fenicsx.problem.judged.state import LevelReport
 
 
@@ -18,7 +18,7 @@ def force_lines(
     """Return the lines of the table; an empty list without loads.
 
     Args:
-        loads: See :func:`force_rows.force_rows`.
+        loads: See :func:`outcome_words.force_rows`.
         lower: Load factor that the bodies carry for certain.
         upper: Load factor at which the bodies collapse for certain.
         at_limit: The forces in balance with the stress of the lower bound or of the mesh.

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from perfplast_fenicsx import environment
-from perfplast_fenicsx.child_process import environment_apart
-from perfplast_fenicsx.environment import WHEEL, version_of
+from perfplast_fenicsx.environment import WHEEL, environment_apart, version_of
 
 COMPILING = ("run", "sweep", "check")
 """Commands that compile forms."""

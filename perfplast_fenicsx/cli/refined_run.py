@@ -12,7 +12,7 @@ from perfplast_fenicsx.cli.run import Flags, run
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.limit_analysis.body.next_step import clock
-from perfplast_fenicsx.mesh_estimate import percent
+from perfplast_fenicsx.outcome_words import percent
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 NONE = "-"

@@ -15,12 +15,12 @@ from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.cli.parser import NO_SOLUTION, SOLVED
 from perfplast_fenicsx.cli.run import Flags, OneOfSeveral, run
 from perfplast_fenicsx.cli.terminal import Terminal
-from perfplast_fenicsx.csv_table import csv_table
 from perfplast_fenicsx.errors import InputError, on_rank0, raise_together
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import case_of, read_case
 from perfplast_fenicsx.io.case.variations import Variation, grid, read_variation, varied
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.tables import csv_table
 
 TABLE, PICTURE = "sweep.csv", "sweep.png"
 """Files of a sweep, in the folder that contains those of the cases."""

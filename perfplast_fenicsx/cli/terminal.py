@@ -24,8 +24,7 @@ from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_wor
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import USUAL
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
-from perfplast_fenicsx.mesh_estimate import MeshEstimate
-from perfplast_fenicsx.path_bracket import NO_PAIR, SAID, PathBracket
+from perfplast_fenicsx.outcome_words import NO_PAIR, SAID, MeshEstimate, PathBracket
 from perfplast_fenicsx.problem.judged.state import Iteration, LevelReport
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down, rounded_up

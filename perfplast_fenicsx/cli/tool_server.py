@@ -14,9 +14,9 @@ from functools import wraps
 from pathlib import Path
 from typing import Any
 
-from perfplast_fenicsx.child_process import environment_with_package
 from perfplast_fenicsx.cli.json_answer import OPTION
 from perfplast_fenicsx.cli.parser import SOLVED
+from perfplast_fenicsx.environment import environment_with_package
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.run_lock import ENDED, is_held
 

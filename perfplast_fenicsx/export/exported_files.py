@@ -6,7 +6,6 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.csv_table import csv_table
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.export.result_rows import Row, bound_rows, level_rows, resultant_rows
 from perfplast_fenicsx.export.vtu_writer import vtu_of
@@ -18,6 +17,7 @@ from perfplast_fenicsx.io.results.result_files import (
     SERIES,
 )
 from perfplast_fenicsx.pictures.result_reader import ResultReader
+from perfplast_fenicsx.tables import csv_table
 
 TABLES: dict[str, Callable[[ResultReader], list[Row]]] = {
     "levels.csv": level_rows,

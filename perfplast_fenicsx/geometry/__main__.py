@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from perfplast_fenicsx.child_process import REFUSED
+from perfplast_fenicsx.environment import REFUSED
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry.mesher import mesh_file
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions

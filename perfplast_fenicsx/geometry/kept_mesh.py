@@ -14,7 +14,7 @@ import msgspec
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.child_process import (
+from perfplast_fenicsx.environment import (
     REFUSED,
     environment_for_gmsh,
     environment_with_package,

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.enclosures import Pair, linear_product
 from perfplast_fenicsx.errors import InputError, place_of
+from perfplast_fenicsx.formulas import Pair, linear_product
 from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 

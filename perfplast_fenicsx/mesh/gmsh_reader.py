@@ -19,7 +19,7 @@ from types import ModuleType
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.child_process import environment_for_gmsh
+from perfplast_fenicsx.environment import environment_for_gmsh
 from perfplast_fenicsx.errors import LARGEST, InputError, place_of
 
 NO_GMSH = (

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from perfplast_fenicsx.arrays import Longs
-from perfplast_fenicsx.child_process import environment_for_gmsh
+from perfplast_fenicsx.environment import environment_for_gmsh
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.models.element_types import (
     HEXAHEDRON,

@@ -7,7 +7,7 @@ does not affect the run. This module imports nothing of MPI.
 import sys
 from collections.abc import Callable, Iterator, Sequence
 
-from perfplast_fenicsx.child_process import REFUSED
+from perfplast_fenicsx.environment import REFUSED
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.pictures.result_figures import animate, case, parts, plot
 

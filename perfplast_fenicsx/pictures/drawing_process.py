@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from perfplast_fenicsx.child_process import REFUSED, environment_with_package
+from perfplast_fenicsx.environment import REFUSED, environment_with_package
 from perfplast_fenicsx.errors import InputError
 
 if TYPE_CHECKING:

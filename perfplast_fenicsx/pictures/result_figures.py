@@ -13,7 +13,7 @@ from typing import Any
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.figures import Drawing, figures
-from perfplast_fenicsx.mesh_estimate import MeshEstimate
+from perfplast_fenicsx.outcome_words import MeshEstimate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
 from perfplast_fenicsx.rounding import rounded_down, rounded_up

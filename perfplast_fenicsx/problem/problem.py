@@ -35,7 +35,6 @@ from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, body_names, find_bodies
 from perfplast_fenicsx.mesh.kinematics import Kinematics
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.notebook_table import notebook_table
 from perfplast_fenicsx.parallel import drop_garbage, lasting
 from perfplast_fenicsx.problem.assembled.declared_loads import LoadCase, declared_loads
 from perfplast_fenicsx.problem.assembled.glued_rows import glued_rows
@@ -60,6 +59,7 @@ from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support, name_of
 from perfplast_fenicsx.profiling import phase
+from perfplast_fenicsx.tables import notebook_table
 
 
 class Problem:

@@ -5,13 +5,12 @@ from collections.abc import Mapping
 from html import escape
 from string import Template
 
-from perfplast_fenicsx.force_rows import force_rows
 from perfplast_fenicsx.io.results.claims import Proofs
 from perfplast_fenicsx.io.results.combination_table import as_cells, read_table
 from perfplast_fenicsx.io.results.figures import FIGURES, figures
 from perfplast_fenicsx.io.results.result_files import FALLS, LEAST, PROOF, STANDS
 from perfplast_fenicsx.io.results.summary import Summary
-from perfplast_fenicsx.mesh_estimate import percent
+from perfplast_fenicsx.outcome_words import force_rows, percent
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
 from perfplast_fenicsx.report.curve import NARROW, curve_of, to_svg

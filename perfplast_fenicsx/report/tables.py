@@ -102,7 +102,7 @@ def bolt_table(reports: Sequence[LevelReport], unit: str) -> str:
 
 
 def force_table(what: str, axes: str, unit: str, rows: Sequence[tuple[str, list[float]]]) -> str:
-    """Return a row for each force or moment of :func:`force_rows.force_rows`."""
+    """Return a row for each force or moment of :func:`outcome_words.force_rows`."""
     heads = [what, *(f"{axis}{_bracket(unit)}" for axis in axes)]
     cells = [[escape(name), *(f"{number:.6g}" for number in row)] for name, row in rows]
     return table(heads, cells)

@@ -4,11 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from perfplast_fenicsx.factor_words import factor_words
 from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, STANDS
 from perfplast_fenicsx.io.results.summary import Summary
-from perfplast_fenicsx.mesh_estimate import MeshEstimate
-from perfplast_fenicsx.path_bracket import NO_PAIR, SAID, PathBracket
+from perfplast_fenicsx.outcome_words import NO_PAIR, SAID, MeshEstimate, PathBracket, factor_words
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
 from perfplast_fenicsx.problem.judged.state import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up

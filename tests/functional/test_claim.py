@@ -15,10 +15,10 @@ import pytest
 
 from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.child_process import environment_with_package
 from perfplast_fenicsx.cli import tool_server
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.cli.tool_server import NAMES, Tools, answering
+from perfplast_fenicsx.environment import environment_with_package
 from perfplast_fenicsx.errors import UNLISTED
 from perfplast_fenicsx.proof import check
 from tests.functional.test_adapted_run import CASE

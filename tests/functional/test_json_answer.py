@@ -12,10 +12,10 @@ import pytest
 
 from docs import command_reference
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.child_process import environment_with_package
 from perfplast_fenicsx.cli import doctor
 from perfplast_fenicsx.cli.json_answer import COMMON, FIELDS
 from perfplast_fenicsx.cli.parser import BAD_INPUT, FAULT, NO_SOLUTION, SOLVED
+from perfplast_fenicsx.environment import environment_with_package
 from perfplast_fenicsx.errors import UNLISTED
 from tests.models_of_others.meshes import unv_text
 

@@ -12,8 +12,8 @@ from mpi4py import MPI
 
 import pytest
 
-from perfplast_fenicsx.child_process import environment_with_package
 from perfplast_fenicsx.cli.parser import FAULT
+from perfplast_fenicsx.environment import environment_with_package
 from tests.functional.test_sweep import BLOCKS, LEVELS
 from tests.models import write_case
 

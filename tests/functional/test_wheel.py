@@ -12,7 +12,7 @@ import pytest
 
 from docs.man_page import man_page
 from perfplast_fenicsx import Contact, Elastic, Support, VonMises
-from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.environment import environment_apart
 from tests.models import case_text
 from tests.test_walls import BELOW
 

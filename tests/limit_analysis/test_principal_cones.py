@@ -168,12 +168,12 @@ def test_smooth_circular_footings(read: Read, angle: float, exact: float) -> Non
 @pytest.mark.parametrize("cut", [False, True])
 def test_moduli_are_those_of_the_linear_system(cut: bool) -> None:
     """One step's stress, rates and multipliers fulfil the equations of a point, by their parts."""
+    from perfplast_fenicsx.arrays import matrices
     from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import (
         PrincipalCones,
         PrincipalPoints,
     )
     from perfplast_fenicsx.limit_analysis.discrete.standard_cones import never_yields
-    from perfplast_fenicsx.mandel_arrays import matrices
 
     random = np.random.default_rng(3)
     frame = never_yields(6, 3).frame

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, matrices, vectors
 from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import (
     MatrixScaling,
     least_eigenvalue,
     longest_step,
     product,
 )
-from perfplast_fenicsx.mandel_arrays import matrices, vectors
 
 pytestmark = pytest.mark.serial
 

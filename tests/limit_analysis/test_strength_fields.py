@@ -29,6 +29,7 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_fields import Side, prof
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import weakened
 from perfplast_fenicsx.materials import Material, MohrCoulomb, Tresca
 from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.point_net import read_vtu_points
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.checker import check_lower, check_upper
@@ -43,7 +44,6 @@ from perfplast_fenicsx.spatial_fields import (
     read_vtu,
     spatial_field,
 )
-from perfplast_fenicsx.vtu_points import read_vtu_points
 from tests.limit_analysis.test_linear_tractions import SQUARE, cube
 from tests.limit_analysis.test_static_bound import rectangle
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.mandel_arrays import matrices, vectors
+from perfplast_fenicsx.arrays import matrices, vectors
 
 Array = npt.NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from dolfinx import fem
 from dolfinx.mesh import create_unit_cube, create_unit_square
 
 from perfplast_fenicsx import DruckerPrager, Hill, MohrCoulomb, Tresca, VonMises
+from perfplast_fenicsx.arrays import matrices, vectors
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.mandel_arrays import matrices, vectors
 from perfplast_fenicsx.materials import Material
 from tests.materials.plain_projections import (
     DEV,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import InputError, MohrCoulomb, Tresca
-from perfplast_fenicsx.mandel_arrays import matrices, vectors
+from perfplast_fenicsx.arrays import matrices, vectors
 from perfplast_fenicsx.materials.mohr_coulomb import MohrCoulombLaw
 from tests.materials.properties import Array, Point, check_all
 

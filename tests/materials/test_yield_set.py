@@ -8,7 +8,7 @@ import pytest
 import ufl
 
 from perfplast_fenicsx import DruckerPrager, Elastic, Hill, MohrCoulomb, Tresca, VonMises
-from perfplast_fenicsx.mandel_arrays import matrices, vectors
+from perfplast_fenicsx.arrays import matrices, vectors
 from perfplast_fenicsx.materials import (
     MATERIALS,
     Cone,

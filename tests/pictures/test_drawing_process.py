@@ -10,10 +10,10 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.child_process import environment_apart
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.contact.declared.obstacles import Sphere
+from perfplast_fenicsx.environment import environment_apart
 from perfplast_fenicsx.io.case.scene import Scene, write_scene
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results

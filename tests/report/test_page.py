@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.force_rows import force_rows
 from perfplast_fenicsx.io.results.summary import Summary
+from perfplast_fenicsx.outcome_words import force_rows
 from perfplast_fenicsx.pictures.result_reader import StoredLimit
 from perfplast_fenicsx.proof.verdict import Checked
 from perfplast_fenicsx.report.case_words import CaseWords, folded

@@ -4,10 +4,9 @@ import basix.ufl
 import numpy as np
 from dolfinx import fem, la
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, matrices
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
 from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
-from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.problem import Problem

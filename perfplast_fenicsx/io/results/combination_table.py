@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.csv_table import csv_table
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
+from perfplast_fenicsx.tables import csv_table
 
 TABLE = "combinations.csv"
 """File of the table, in the folder that contains those of the combinations."""

@@ -5,10 +5,9 @@ import numpy as np
 import ufl
 from dolfinx import fem, la
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, matrices
 from perfplast_fenicsx.compat import evaluate, interpolation_matrix, interpolation_points
 from perfplast_fenicsx.io.results.friction_fields import FrictionFields
-from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.materials.mandel import tensor
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.assembled.spaces import by_cell

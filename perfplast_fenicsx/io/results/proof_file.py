@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, matrices
 from perfplast_fenicsx.contact.declared.obstacles import Plane
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.global_ordering import (
@@ -32,7 +32,6 @@ from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.limit_analysis.statements.bound import Scope
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
-from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.problem import Problem

@@ -18,7 +18,6 @@ from typing import Any
 from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.csv_table import csv_table
 from perfplast_fenicsx.errors import on_all_ranks, raise_together
 from perfplast_fenicsx.io.results.figures import figures
 from perfplast_fenicsx.io.results.given_table import given_table
@@ -47,6 +46,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import element_size
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.state import LevelReport
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.tables import csv_table
 
 DATA = ("summary.json", "path.csv", "run.log", "scene.json", SERIES)
 """Files that are listed before the pictures of :func:`figures`."""

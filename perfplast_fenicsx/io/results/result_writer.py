@@ -29,8 +29,7 @@ from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.load_factor import DesignFactor, Question
-from perfplast_fenicsx.mesh_estimate import MeshEstimate
-from perfplast_fenicsx.path_bracket import PathBracket
+from perfplast_fenicsx.outcome_words import MeshEstimate, PathBracket
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem

@@ -19,8 +19,8 @@ from perfplast_fenicsx.limit_analysis.facets.body_interfaces import strengths_of
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.static_bound import StaticBound
-from perfplast_fenicsx.notebook_table import notebook_table
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.tables import notebook_table
 
 NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds' computes it",))
 

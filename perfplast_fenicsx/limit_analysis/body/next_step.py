@@ -7,7 +7,7 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBo
 from perfplast_fenicsx.limit_analysis.facets.bound_body import UNMATCHED
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED, ENTERS
 from perfplast_fenicsx.limit_analysis.statements.bound import NO_MECHANISM
-from perfplast_fenicsx.mesh_estimate import percent
+from perfplast_fenicsx.outcome_words import percent
 
 
 @dataclass(frozen=True)

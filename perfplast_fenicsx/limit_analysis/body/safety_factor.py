@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.factor_words import factor_words
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import nearness
 from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
@@ -36,6 +35,7 @@ from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.limit_analysis.statements.load_factor import StrengthPath
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
+from perfplast_fenicsx.outcome_words import factor_words
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.linear.factorisation import TooLarge

@@ -35,7 +35,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.arrays import Floats, Longs, matrices, vectors
 from perfplast_fenicsx.limit_analysis.conic.cone import (
     MOST_VISCOUS,
     NEAR,
@@ -50,7 +50,6 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
     Rates,
     missing_of,
 )
-from perfplast_fenicsx.mandel_arrays import matrices, vectors
 from perfplast_fenicsx.rounding import TINY
 
 SIZE = 3

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import ufl
 
-from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.arrays import Floats, Longs, matrices
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.cone import LawSet, PointSets
 from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
@@ -20,7 +20,6 @@ from perfplast_fenicsx.limit_analysis.discrete.standard_cones import (
     shadow,
     standard_cone,
 )
-from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.materials.law import Cone, Material, PrincipalCone, in_plane_stress
 from perfplast_fenicsx.materials.mandel import mandel_size, numbers_of
 from perfplast_fenicsx.materials.varying_friction import FrictionSine

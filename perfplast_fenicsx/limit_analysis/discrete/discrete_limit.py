@@ -69,7 +69,7 @@ from perfplast_fenicsx.limit_analysis.statements.load_factor import (
     Question,
     Standing,
 )
-from perfplast_fenicsx.mesh_estimate import percent
+from perfplast_fenicsx.outcome_words import percent
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 

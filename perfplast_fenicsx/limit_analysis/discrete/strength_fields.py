@@ -17,8 +17,8 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.enclosures import ROUNDING
 from perfplast_fenicsx.errors import InputError, place_of, raise_together
+from perfplast_fenicsx.formulas import ROUNDING
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
 from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.problem.assembled.spaces import coordinates_of_points

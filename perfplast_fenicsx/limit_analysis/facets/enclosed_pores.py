@@ -18,8 +18,8 @@ import numpy.typing as npt
 from dolfinx import la
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.enclosures import ROUNDING
 from perfplast_fenicsx.errors import on_all_ranks
+from perfplast_fenicsx.formulas import ROUNDING
 from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb, Tresca
 from perfplast_fenicsx.materials.drucker_prager import DruckerPrager
 from perfplast_fenicsx.materials.elastic import Elastic

@@ -15,7 +15,7 @@ from mpi4py import MPI
 import numpy as np
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats, Ints, PairFlags
+from perfplast_fenicsx.arrays import Floats, Ints, PairFlags, matrices
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import strength_of
 from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
     UNSEEN,
@@ -25,7 +25,6 @@ from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
     flat_faces,
     has_pair,
 )
-from perfplast_fenicsx.mandel_arrays import matrices
 from perfplast_fenicsx.problem.problem import Problem
 
 UNKNOWN = "slip of nodes that supports hold along their normal is not known"

@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.enclosures import enclosed
 from perfplast_fenicsx.errors import InputError, place_of
+from perfplast_fenicsx.formulas import enclosed
 
 if TYPE_CHECKING:
     from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh

@@ -11,8 +11,8 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.notebook_table import notebook_table
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.tables import notebook_table
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from dolfinx import fem
 from meshes.thick_sphere import write_thick_sphere
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Elastic, Pressure, Problem, Support, TaggedMesh, read_gmsh
-from perfplast_fenicsx.child_process import environment_apart
+from perfplast_fenicsx.environment import environment_apart
 from perfplast_fenicsx.io.results import field_series
 from perfplast_fenicsx.io.results.field_series import FieldSeries
 from perfplast_fenicsx.io.results.result_folder import ResultFolder

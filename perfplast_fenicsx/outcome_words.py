@@ -1,0 +1,213 @@
+"""Write outcomes in words: factors of safety, estimates of meshes, brackets of paths, forces.
+
+Write the limit load of a mesh in words: an estimate for the body, and no bound of it.
+A mesh has a static side, the load of a stress in equilibrium and within yield at its points. Its
+kinematic side is the power of a mechanism. They bound the limit load of the finite elements from
+below and above, but bound that of the body on neither side. So only their distance is printed, and
+the estimate in few digits.
+
+Write in words the load at which a loading path loses equilibrium, between two of its levels.
+If no limit theorem holds, as with Coulomb's friction, only tried levels bound such a load. One is
+solved, and one ended with the verdict that there is no equilibrium.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from perfplast_fenicsx.rounding import ROUNDING, rounded_down, rounded_up
+
+Row = tuple[str, list[float]]
+
+
+def force_rows(
+    loads: Sequence[Mapping[str, Any]],
+    lower: float | None,
+    upper: float | None,
+    at_limit: Mapping[str, Any] | None,
+    moments: bool = False,
+    zeta: str = "zeta",
+) -> list[Row]:
+    """Return the rows of loads at ζ = 1 and at collapse, and of supports at the lower bound.
+
+    Args:
+        loads: Tables of :class:`resultants.LoadResultant`.
+        lower: Load factor that the bodies are proven to carry.
+        upper: Load factor at which they are proven to collapse.
+        at_limit: Table of :class:`limit_forces.LimitForces`, in which loads and supports balance,
+            for the strict lower bound or the limit load of the mesh.
+        moments: Whether to return moments instead of forces.
+        zeta: Name of the load factor.
+
+    Returns:
+        Words and numbers; empty without loads.
+    """
+    rows = list(_rows(loads, lower, upper, at_limit, moments, zeta))
+    largest = max((abs(number) for _, row in rows for number in row), default=0.0)
+    return [
+        (name, [number if abs(number) > ROUNDING * largest else 0.0 for number in row])
+        for name, row in rows
+    ]
+
+
+def _rows(
+    loads: Sequence[Mapping[str, Any]],
+    lower: float | None,
+    upper: float | None,
+    at_limit: Mapping[str, Any] | None,
+    moments: bool,
+    zeta: str,
+) -> Iterator[Row]:
+    strict = at_limit is not None and at_limit.get("strict", False)
+    for load in loads:
+        named = load["name"] not in ("", load["on"])
+        name = f"load {load['name']} on {load['on']}" if named else f"load {load['on']}"
+        one = load["moment" if moments else "force"]
+        if load["constant"]:
+            yield f"{name}, at any {zeta}", one
+            continue
+        yield f"{name}, {zeta} = 1", one
+        if lower is not None:
+            shown = rounded_down(lower)
+            words = f"{name}, {zeta} = {shown}, carried for certain"
+            yield words, [float(shown) * number for number in one]
+        if upper is not None:
+            shown = rounded_up(upper)
+            words = f"{name}, {zeta} = {shown}, collapse for certain"
+            yield words, [float(shown) * number for number in one]
+        if at_limit is not None and not strict:
+            words = f"{name}, {zeta} = {at_limit['zeta']:.6g}, limit load of the mesh"
+            yield words, [at_limit["zeta"] * number for number in one]
+    if at_limit is not None and loads:
+        at = f"{at_limit['zeta']:.6g}, limit load of the mesh"
+        if strict:
+            at = f"{rounded_down(at_limit['zeta'])}, carried for certain"
+        for name, one in at_limit["moments" if moments else "reactions"].items():
+            if name != "loads":
+                yield f"{name}, {zeta} = {at}", one
+
+
+@dataclass(frozen=True)
+class MeshEstimate:
+    """Loads that bracket or estimate the limit load of a mesh.
+
+    Attributes:
+        static: Load factor ζ of the static side, or the largest one that a loading path has
+            reached; −∞ if none is known.
+        estimate: The limit load; None if none was found.
+        kinematic: Load factor of the kinematic side; None if no mechanism was found.
+    """
+
+    static: float
+    estimate: float | None
+    kinematic: float | None
+
+    @property
+    def apart(self) -> float | None:
+        """Distance of the two sides, relative to the static one.
+
+        None with one side, or if that is 0.
+        """
+        if self.kinematic is None or self.static == 0 or not math.isfinite(self.static):
+            return None
+        return abs((self.kinematic - self.static) / self.static)
+
+    @property
+    def shown(self) -> str:
+        """The estimate in a few digits; "none" without one."""
+        if self.estimate is None:
+            return "none"
+        # Relative distance of the sides above which an estimate has one digit less.
+        widest = 0.01
+        wide = self.apart is not None and self.apart > widest
+        # Number of significant digits of an estimate; a mesh is hardly ever fine enough for more.
+        digits = 4
+        return f"{self.estimate:.{digits - wide}g}"
+
+    def in_words(self, zeta: str = "") -> str:
+        """Return the estimate and its reliability, as the rest of a sentence about the mesh.
+
+        Args:
+            zeta: Text before loads, such as "ζ = ".
+        """
+        if self.estimate is None:
+            known = self.static != 0 and math.isfinite(self.static)
+            carried = f", but not below {zeta}{rounded_down(self.static)}" if known else ""
+            beyond = "" if self.kinematic is None else f", nor above {zeta}{self.kinematic:.6g}"
+            return f"not found{carried}{beyond}; no bound of the body"
+        apart = self.apart
+        if apart is None:
+            side = "static" if self.kinematic is None else "kinematic"
+            return f"{zeta}{self.shown}, known only from its {side} side; no bound of the body"
+        sides = f"its static and kinematic sides {percent(apart)} apart"
+        return f"{zeta}{self.shown}, {sides}; no bound of the body"
+
+
+def percent(share: float) -> str:
+    """Return a share in percent with two digits: "0.74 %", "430 %"."""
+    touching = 1e-5  # relative distance of the sides below which its number has no meaning
+    if share < touching:
+        return f"less than {100 * touching:g} %"
+    return f"{float(f'{100 * share:.2g}'):g} %"
+
+
+SAID = (
+    "No limit theorem holds with Coulomb's friction. These loads hold only for this mesh and this"
+    " loading path, which starts from rest with all constant loads; another path may end at"
+    " another load."
+)
+"""Sentences on the scope of the bracket."""
+
+NO_PAIR = (
+    "Drucker's bounds were not sought: they need loads that all grow, and a problem that the"
+    " interior point method accepts."
+)
+"""The sentence for results without Drucker's bounds."""
+
+
+@dataclass(frozen=True)
+class PathBracket:
+    """Load factors of one path between which equilibrium is lost.
+
+    Attributes:
+        carried: Largest load factor of a solved level; 0 without one.
+        refused: Least load factor of a level without equilibrium; None without one.
+    """
+
+    carried: float
+    refused: float | None
+
+    def in_words(self, zeta: str = "") -> str:
+        """Return the load at which equilibrium is lost, as the rest of a sentence about the path.
+
+        Args:
+            zeta: Text before loads, such as "ζ = ".
+        """
+        low = f"{zeta}{rounded_down(self.carried)}"
+        if self.refused is None:
+            solved = f"; levels are solved up to {low}" if self.carried > 0 else ""
+            return f"loses equilibrium at a load that was not found{solved}"
+        high = f"{zeta}{rounded_up(self.refused)}"
+        return f"loses equilibrium between {low}, where it is solved, and {high}, where it has none"
+
+
+def factor_words(
+    lower: float | None, upper: float | None, estimate: bool, many: bool = False
+) -> list[str]:
+    """Return a clause for each known factor: whether the bodies stand or fall with it.
+
+    Args:
+        lower: Factor with which the bodies stand; None if it is not known.
+        upper: Factor at which they fall; None if it is not known.
+        estimate: Whether both are estimates, computed for other bodies.
+        many: Whether the sentence has a plural subject.
+    """
+    ending, sides = "" if many else "s", []
+    if lower is not None:
+        certain = "" if estimate else " for certain"
+        sides.append(f"stand{ending} with F = {rounded_down(lower)}{certain}")
+    if upper is not None:
+        latest = "" if estimate else " at the latest"
+        sides.append(f"fall{ending} at F = {rounded_up(upper)}{latest}")
+    return sides
