@@ -91,6 +91,17 @@ class Slope:
         """Whether there is water in the pores."""
         return bool(len(self.table)) or self.ratio_of_pressure > 0
 
+    def mirrored(self) -> "Slope":
+        """Return the mirror image."""
+        return replace(
+            self,
+            x=-self.x[::-1],
+            y=self.y[::-1],
+            weight=(-self.weight[0], self.weight[1]),
+            push=-self.push,
+            table=self.table[::-1] * (-1, 1),
+        )
+
     def at(self, value: float) -> tuple["Slope", float]:
         """Return the slope under a value of what is sought, and the divisor of strengths."""
         across, down = self.weight
@@ -130,14 +141,11 @@ def slope_of(case: dict[str, Any]) -> Slope | None:
     if any(value != density for value in water.get("saturated", {}).values()):
         return None
     push = float(case.get("earthquake", {}).get("direction", (-1.0, 0.0))[0])
-    if points[0, 1] > points[-1, 1]:  # the mirror image
-        points, table = points[::-1] * (-1, 1), table[::-1] * (-1, 1)
-        weight, push = (-weight[0], weight[1]), -push
     x, y = points.T
     both = np.union1d(x, table[:, 0])
     if len(table) and (np.interp(both, *table.T) > np.interp(both, x, y) + 1e-9).any():
         return None
-    return Slope(
+    slope = Slope(
         x,
         y,
         float(bottom),
@@ -150,6 +158,7 @@ def slope_of(case: dict[str, Any]) -> Slope | None:
         table,
         float(water.get("unit_weight", 9.81)),
     )
+    return slope.mirrored() if y[0] > y[-1] else slope
 
 
 def _surface(body: dict[str, Any]) -> tuple[NDArray[np.float64], float] | None:
@@ -296,6 +305,16 @@ def least(slope: Slope, factor: float, starts: Sequence[Sequence[float]]) -> tup
 
 def upper_bound(slope: Slope) -> float | None:
     """Return the least factor at which a log spiral falls; None if no spiral falls.
+
+    A dam, whose ends have the same level, may fall to both sides.
+    """
+    ways = [slope, slope.mirrored()] if slope.y[0] == slope.y[-1] else [slope]
+    found = [bound for way in ways if (bound := _upper_bound(way)) is not None]
+    return min(found, default=None)
+
+
+def _upper_bound(slope: Slope) -> float | None:
+    """Return the least factor at which a log spiral falls to the left; None if no spiral falls.
 
     The factor is rounded up, and the work of its mechanism is checked at it.
     """

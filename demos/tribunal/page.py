@@ -41,7 +41,7 @@ weight does more work than the ground can take up. Bounds on a load factor multi
 instead.
 
 ```bash
-make tribunal                     # solves all problems; NAMES="pruska_01 cheng" selects
+make tribunal       # solves all problems; NAMES="pruska_01 cheng" selects case files
 ```
 
 - [Case files](../demos/tribunal) of at most 25 lines have coordinates and strengths.
@@ -133,7 +133,8 @@ def page(
             "\n## Verdicts by method\n\n",
             of_methods(verdicts),
             "\n## Slopes\n\nBounds are those of the factor of safety, unless the title names k_c or"
-            " γH/c. The columns of verdicts have numbers of published values.\n\n",
+            " γH/c. The column s has the processor time. The column of numbers counts published"
+            " ones: impossible/possible/below/not decided.\n\n",
             of_problems(_of("slopes", kinds, titles), verdicts, solved, spirals=True),
             "\n## Footings, cuts, tunnels, anchors and piles\n\nBounds are those of the load"
             " factor, which each case file explains.\n\n",
@@ -143,7 +144,8 @@ def page(
             "\n## Beside what is published\n\n",
             beside(titles, published, solved),
             EXPLAINED,
-            "\n## All numbers\n\nPercentages are above the upper or below the lower bound.\n\n",
+            "\n## All numbers\n\nPercentages are above the upper or below the lower bound. The"
+            " sources are in [published.csv](../demos/tribunal/published.csv).\n\n",
             of_numbers(titles, verdicts),
         ]
     )
@@ -209,19 +211,18 @@ def of_problems(
         solved: What is proven, by name.
         spirals: Whether the table has a column of log spirals.
     """
-    heads = ["problem", "case", "lower:", "upper:", "width, %:", "s:"]
-    heads += ["impossible:", "possible:", "below:", "not decided:"]
+    heads = ["problem", "lower:", "upper:", "width, %:", "s:", "numbers:"]
     heads += ["log spiral:"] if spirals else []
     rows = []
     for name in sorted(titles, key=lambda name: (not name.startswith("pruska"), name)):
         row = solved.get(name)
         numbers = Counter(verdict.word for number, verdict in verdicts if number.problem == name)
-        case = f"[`{name}`](../demos/tribunal/{name}.toml)"
         found = ["–"] * 4
         if row is not None:
             width = "–" if row.width is None else f"{row.width:.2f}"
             found = [row.lower or "–", row.upper or "–", width, row.seconds]
-        shown = [titles[name], case, *found, *(str(numbers[word] or "") for word in WORDS)]
+        case = f"[{titles[name]}](../demos/tribunal/{name}.toml)"
+        shown = [case, *found, "/".join(str(numbers[word]) for word in WORDS)]
         rows.append([*shown, "" if row is None else row.spiral] if spirals else shown)
     return table(heads, rows)
 
@@ -246,9 +247,11 @@ def beside(
             low = max(lows, key=lambda it: ends(it.value))
             high = min(highs, key=lambda it: ends(it.value))
             theirs = 100 * (Decimal(high.value) / Decimal(low.value) - 1)
-            sources = " and ".join(dict.fromkeys([low.source, high.source]))
+            both = dict.fromkeys(it.source.partition(": ")[0] for it in (low, high))
             here = f"{row.lower} … {row.upper}"
-            pairs.append((name, f"{low.value} … {high.value}", theirs, here, row.width, sources))
+            pairs.append(
+                (name, f"{low.value} … {high.value}", theirs, here, row.width, " and ".join(both))
+            )
         elif len({it.program for it in mine}) > 2 and all(it.method != "slip lines" for it in mine):
             least = min(ends(it.value)[1] for it in mine)
             most = max(ends(it.value)[0] for it in mine)
@@ -283,7 +286,7 @@ def beside_numbers(
         f" {len(finer)} of these problems our two bounds are closer to each other than the least"
         f" and the largest number, by a factor of {ratio:.0f} in the median. Rounding is deducted"
         f" from the distance of the numbers. These {len(named)} problems have the largest factors;"
-        " the last table has the sources:\n\n"
+        " `published.csv` has the sources:\n\n"
     )
     cells = [
         [titles[name], f"{spread:.1f}", f"{width:.2f}", f"{spread / width:.0f}"]
@@ -310,11 +313,8 @@ def of_numbers(titles: Mapping[str, str], verdicts: Sequence[tuple[Published, Ve
     for number, verdict in verdicts:
         by = f" ({percent(verdict)} %)" if verdict.percent is not None else ""
         why = f": {number.doubt}" if number.doubt else ""
-        source = number.source
-        if number.transcribed_by:
-            source += f"; transcribed by {number.transcribed_by}"
         value = f"{number.value} ({number.bound} bound)" if number.bound else number.value
-        shown = [titles[number.problem], value, number.program, number.method]
-        rows.append([*shown, number.year, f"{verdict.word}{by}{why}", source])
-    heads = ["problem", "value:", "program or author", "method", "year", "verdict", "source"]
-    return table(heads, rows)
+        source = f"{number.program} ({number.method}, {number.year})"
+        word = "below" if verdict.word == BELOW else verdict.word
+        rows.append([titles[number.problem], value, source, f"{word}{by}{why}"])
+    return table(["problem", "value:", "program or author", "verdict"], rows)
