@@ -469,7 +469,7 @@ def test_the_program_refuses_the_same_entries(
         capsys.readouterr()
 
 
-SCRIPTS = ("decode", "camera", "toml", "case_check", "case_marks")
+SCRIPTS = ("decode", "camera", "drawing", "toml", "case_check", "case_marks")
 
 SCENE = """
 const done = arguments[0];
@@ -538,6 +538,80 @@ FORMULAS = (
     *("1 + 2 * x - y / 4", "-x**2 + 3", "2**-1 * z", "maximum(0, 8 - y) * where(x > 1, 2, 3)"),
     *("sin(pi * x) + arctan2(y, z)", "(x < 2) & (y >= 1)", "10 % 3 - -x", "1.5e-2 * abs(z - 3)"),
 )
+
+
+LARGE = """(() => {
+  const count = 120;
+  const points = Float32Array.from({ length: 3 * (count + 1) ** 2 }, (_, i) => {
+    const point = Math.floor(i / 3);
+    return [point % (count + 1), Math.floor(point / (count + 1)), 0][i % 3];
+  });
+  const triangles = [];
+  for (let row = 0; row < count; row++) for (let at = 0; at < count; at++) {
+    const low = row * (count + 1) + at;
+    const high = low + count + 1;
+    triangles.push(low, low + 1, high + 1, low, high + 1, high);
+  }
+  const half = triangles.length / 6;
+  const found = coarsened({ points, triangles, triangleStarts: [0, half, 2 * half], size: 170 });
+  const area = (corners) => {
+    let sum = 0;
+    for (let k = 0; k < corners.length; k += 3) {
+      const [a, b, c] = [0, 1, 2].map((i) => points.subarray(3 * corners[k + i]));
+      sum += 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]));
+    }
+    return sum;
+  };
+  const kept = [...found.corners].every((corner, k) => corner % 3 === k % 3);
+  return [triangles.length / 3, found.starts, area(triangles), area(found.points), kept];
+})()"""
+"""A square of two bodies and 28800 triangles, and what it is while it turns."""
+
+
+def test_a_large_mesh_turns_with_fewer_triangles(prop: Path, browser: Any) -> None:
+    SetupPage(browser, prop / "setup.html")
+    count, starts, area, drawn, kept = in_scene(browser, LARGE)
+    assert count == 28800
+    assert 0 < starts[1] < starts[2] <= 6000
+    assert drawn == pytest.approx(area, rel=0.06)  # cut off at two sides by less than a cube
+    assert kept
+
+
+GALLERY = sorted(ROOT.glob("docs/gallery/*.toml"))
+
+
+def test_a_case_of_the_gallery_is_saved_as_it_was(prop: Path, browser: Any) -> None:
+    """Also after its title has been changed and changed back: each line and comment is kept."""
+    page = SetupPage(browser, prop / "setup.html")
+    assert len(GALLERY) >= 10
+    for file in GALLERY:
+        text = file.read_text(encoding="utf-8")
+        title = tomllib.loads(text)["title"]
+        page.drop(text)
+        page.wait(f"document.getElementById('e--title')?.value === {json.dumps(title)}")
+        assert page.case == text
+        for now in ("another title", title):
+            page.choose("e--title", now)
+            page.wait("document.getElementById('cards').ariaBusy === 'false'")
+            assert tomllib.loads(page.case) == tomllib.loads(text) | {"title": now}, file.name
+        assert page.case == text, file.name
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("file", [file for file in GALLERY if file.with_suffix(".geo").exists()])
+def test_a_case_of_the_gallery_fits_its_drawing(file: Path, tmp_path: Path, browser: Any) -> None:
+    """On the page of its own drawing nothing is wrong with it."""
+    drawing, folder = file.with_suffix(".geo"), tmp_path / "case"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
+        table = tomllib.loads(file.read_text(encoding="utf-8"))["geometry"]
+        size = ["--size", str(table["size"])] if "size" in table else []
+        assert main(["mesh", str(drawing), "-o", str(folder), *size, "--trust"]) == SOLVED
+    page = SetupPage(browser, folder / "setup.html")
+    page.drop(file.read_text(encoding="utf-8"))
+    page.wait("document.getElementById('cards').ariaBusy === 'false'")
+    wrong = "[...document.querySelectorAll('#left li.wrong')].map((a) => a.textContent)"
+    assert page(wrong) == []
 
 
 def test_formulas_have_the_values_of_the_program(prop: Path, browser: Any) -> None:

@@ -1,12 +1,53 @@
-// Draws triangles and lines, body by body, and tells which triangle is at a pixel.
+// Draws triangles and lines, body by body, and finds the triangle at a pixel.
+
+const MANY = 20000; // triangles from which on a machine without a graphics card stutters
+const FEW = 6000; // triangles that it turns instead
+
+/**
+ * Return fewer triangles of the same bodies, for the time in which they turn: corners in one cube of
+ * a grid become one. `corners` are those of the mesh that remain, `points` where each is drawn.
+ */
+function coarsened(mesh) {
+  const { points, triangles, triangleStarts } = mesh;
+  const low = [0, 1, 2].map((k) => points.reduce((least, x, i) => (i % 3 === k ? Math.min(least, x) : least), Infinity));
+  for (let cubes = 128; cubes >= 8; cubes /= 2) {
+    const length = mesh.size / cubes;
+    const first = new Map();
+    const of = new Uint32Array(points.length / 3);
+    for (let point = 0; point < of.length; point++) {
+      const [i, j, k] = [0, 1, 2].map((axis) => Math.floor((points[3 * point + axis] - low[axis]) / length));
+      const key = (i * 1024 + j) * 1024 + k;
+      if (!first.has(key)) first.set(key, point);
+      of[point] = first.get(key);
+    }
+    const [corners, drawn, starts] = [[], [], [0]];
+    for (let body = 0; body + 1 < triangleStarts.length; body++) {
+      const seen = new Set();
+      for (let k = triangleStarts[body]; k < triangleStarts[body + 1]; k++) {
+        const three = [0, 1, 2].map((i) => of[triangles[3 * k + i]]);
+        const key = [...three].sort((a, b) => a - b).join();
+        if (three[0] === three[1] || three[1] === three[2] || three[0] === three[2] || seen.has(key)) continue;
+        seen.add(key);
+        drawn.push(...three);
+        corners.push(3 * k, 3 * k + 1, 3 * k + 2);
+      }
+      starts.push(corners.length / 3);
+    }
+    if (starts.at(-1) <= FEW || cubes === 8) {
+      return { corners: Uint32Array.from(corners), points: Uint32Array.from(drawn), starts };
+    }
+  }
+}
 
 class Drawing {
   constructor(canvas, mesh) {
-    const options = { antialias: true, preserveDrawingBuffer: true };
-    const gl = canvas.getContext("webgl2", options);
+    const many = mesh.triangles.length / 3 > MANY;
+    const gl = canvas.getContext("webgl2", { antialias: !many, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser has no WebGL 2");
     Object.assign(this, { gl, canvas, mesh, program: makeProgram(gl), places: {} });
     this.faces = this.bundle(mesh.triangles);
+    this.few = many ? coarsened(mesh) : null;
+    if (many) this.fewFaces = this.bundle(this.few.points);
     this.edges = this.bundle(mesh.lines);
     this.marks = mesh.marks.map(({ anchors, offsets, colour }) => {
       const bundle = this.bundle(anchors);
@@ -61,19 +102,25 @@ class Drawing {
 
   /** Take the motion of points. */
   setMotion(motion) {
-    for (const bundle of [this.faces, this.edges, ...this.marks]) {
+    this.motion = motion;
+    for (const bundle of [this.faces, this.edges, ...this.marks, ...(this.few ? [this.fewFaces] : [])]) {
       this.fill(bundle, 1, gathered(motion, bundle.corners, 3));
     }
   }
 
   /** Take a value for each corner of triangles; null for none. */
   setValues(values) {
+    this.valuesOf(this.faces, values);
+    if (this.few) this.valuesOf(this.fewFaces, values && gathered(values, this.few.corners, 1));
+  }
+
+  valuesOf(bundle, values) {
     const { gl } = this;
-    gl.bindVertexArray(this.faces.array);
+    gl.bindVertexArray(bundle.array);
     if (values === null) {
       gl.disableVertexAttribArray(2);
     } else {
-      this.fill(this.faces, 2, values);
+      this.fill(bundle, 2, values);
       gl.enableVertexAttribArray(2);
     }
   }
@@ -83,14 +130,14 @@ class Drawing {
     this.gl[`uniform${kind}`](this.places[name], ...values);
   }
 
-  /** Draw what `look` says: camera, amount, cut, field, range, hidden, picked, meshed. */
-  draw(look, picking = false) {
+  /** Draw what `look` says: camera, amount, cut, field, range, hidden, picked, meshed, turning. */
+  draw(look) {
     const { gl, canvas, mesh } = this;
     const { width, height } = canvas;
     const half = look.camera.half(width, height);
     const [u, v, w] = look.camera.axes;
     gl.viewport(0, 0, width, height);
-    gl.clearColor(...(picking ? [0, 0, 0, 0] : [1, 1, 1, 1]));
+    gl.clearColor(1, 1, 1, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     this.uniform("1f", "amount", look.amount);
     this.uniform("Matrix3fv", "turn", false, [0, 1, 2].flatMap((k) => [u[k], v[k], w[k]]));
@@ -102,14 +149,14 @@ class Drawing {
     this.uniform("1i", "plane", mesh.plane);
     this.uniform("1i", "meshed", look.meshed);
     this.uniform("1i", "marked", Boolean(mesh.faces));
-    gl.bindVertexArray(this.faces.array);
+    const few = look.turning && this.few;
+    gl.bindVertexArray((few ? this.fewFaces : this.faces).array);
     this.uniform("1f", "nearer", 0);
-    this.uniform("1i", "mode", picking ? 3 : look.field ? 1 : 0);
-    this.bodies(gl.TRIANGLES, 3, mesh.triangleStarts, look, (body) => {
+    this.uniform("1i", "mode", look.field ? 1 : 0);
+    this.bodies(gl.TRIANGLES, 3, few ? few.starts : mesh.triangleStarts, look, (body) => {
       this.uniform("3fv", "colour", bodyColour(body).map((a) => a / 255));
       this.uniform("1f", "glow", body === look.picked && !look.field ? 0.25 : 0);
     });
-    if (picking) return;
     gl.bindVertexArray(this.edges.array);
     this.uniform("1f", "nearer", 2e-4);
     this.uniform("1i", "mode", 2);
@@ -140,28 +187,41 @@ class Drawing {
     }
   }
 
-  /** The triangle at a pixel from the lower left corner; −1 where there is none. */
-  pick(look, x, y) {
-    const { gl, canvas } = this;
-    const found = new Uint8Array(4);
-    const frame = gl.createFramebuffer();
-    const stores = [gl.RGBA8, gl.DEPTH_COMPONENT16].map((format, i) => {
-      const store = gl.createRenderbuffer();
-      gl.bindRenderbuffer(gl.RENDERBUFFER, store);
-      gl.renderbufferStorage(gl.RENDERBUFFER, format, canvas.width, canvas.height);
-      gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-      const where = i ? gl.DEPTH_ATTACHMENT : gl.COLOR_ATTACHMENT0;
-      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, where, gl.RENDERBUFFER, store);
-      return store;
-    });
-    gl.enable(gl.SCISSOR_TEST);
-    gl.scissor(x, y, 1, 1);
-    this.draw(look, true);
-    gl.readPixels(x, y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, found);
-    gl.disable(gl.SCISSOR_TEST);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    gl.deleteFramebuffer(frame);
-    stores.forEach((store) => gl.deleteRenderbuffer(store));
-    return found[0] + 256 * found[1] + 65536 * found[2] - 1;
+  /** The triangle at a place of the picture, in lengths right and up from its middle; −1 for none. */
+  pick(look, right, up) {
+    const { mesh: { points, triangles, triangleStarts }, motion } = this;
+    const { axes, centre } = look.camera;
+    const seen = new Float64Array(points.length); // right, up, towards the eye
+    for (let k = 0; k < 3; k++) {
+      const [p, q, r] = axes[k];
+      for (let i = 0; i < points.length; i += 3) {
+        seen[i + k] = p * (points[i] + look.amount * motion[i] - centre[0])
+          + q * (points[i + 1] + look.amount * motion[i + 1] - centre[1])
+          + r * (points[i + 2] + look.amount * motion[i + 2] - centre[2]);
+      }
+    }
+    const [cut, place] = [look.cut.slice(0, 3), look.cut[3]];
+    const from = axes.map((axis) => axis.reduce((sum, a, k) => sum + a * cut[k], 0));
+    const shift = centre.reduce((sum, a, k) => sum + a * cut[k], 0);
+    let [best, nearest] = [-1, -Infinity];
+    for (let body = 0; body + 1 < triangleStarts.length; body++) {
+      if (look.hidden.has(body)) continue;
+      for (let t = triangleStarts[body]; t < triangleStarts[body + 1]; t++) {
+        const a = 3 * triangles[3 * t];
+        const b = 3 * triangles[3 * t + 1];
+        const c = 3 * triangles[3 * t + 2];
+        const area = (seen[b] - seen[a]) * (seen[c + 1] - seen[a + 1]) - (seen[c] - seen[a]) * (seen[b + 1] - seen[a + 1]);
+        if (area === 0) continue;
+        const s = ((right - seen[a]) * (seen[c + 1] - seen[a + 1]) - (seen[c] - seen[a]) * (up - seen[a + 1])) / area;
+        if (s < 0 || s > 1) continue;
+        const r = ((seen[b] - seen[a]) * (up - seen[a + 1]) - (right - seen[a]) * (seen[b + 1] - seen[a + 1])) / area;
+        if (r < 0 || s + r > 1) continue;
+        const depth = seen[a + 2] + s * (seen[b + 2] - seen[a + 2]) + r * (seen[c + 2] - seen[a + 2]);
+        if (depth <= nearest || from[0] * right + from[1] * up + from[2] * depth + shift > place) continue;
+        best = t;
+        nearest = depth;
+      }
+    }
+    return best;
   }
 }

@@ -34,7 +34,7 @@ function followPointers(viewer, onPick) {
     } else {
       camera.orbit(0.5 * dx, 0.5 * dy);
     }
-    viewer.redraw();
+    viewer.turned();
   });
   canvas.addEventListener("pointerup", (event) => {
     if (pointers.size === 1 && moved < CLICK) onPick(viewer.pick(event.offsetX, event.offsetY));
@@ -46,7 +46,7 @@ function followPointers(viewer, onPick) {
     if (document.activeElement !== canvas) return; // the page scrolls
     event.preventDefault();
     camera.magnify(Math.exp(-0.001 * event.deltaY));
-    viewer.redraw();
+    viewer.turned();
   }, { passive: false });
 }
 
@@ -76,6 +76,6 @@ function followKeys(viewer, others) {
       return;
     }
     event.preventDefault();
-    viewer.redraw();
+    viewer.turned();
   });
 }

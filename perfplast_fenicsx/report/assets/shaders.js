@@ -14,14 +14,12 @@ out vec3 place;
 out vec3 seen;
 out vec3 corner;
 out float shade;
-flat out int number;
 
 void main() {
   place = position + amount * motion;
   seen = turn * (place - centre);
   corner = vec3(gl_VertexID % 3 == 0, gl_VertexID % 3 == 1, gl_VertexID % 3 == 2);
   shade = (value - range.x) / (range.y - range.x);
-  number = gl_VertexID / 3;
   gl_Position = vec4(seen * stretch - vec3(0.0, 0.0, nearer), 1.0);
 }
 `;
@@ -32,8 +30,7 @@ in vec3 place;
 in vec3 seen;
 in vec3 corner;
 in float shade;
-flat in int number;
-uniform int mode;        // 0 body, 1 field, 2 line, 3 which triangle
+uniform int mode;        // 0 body, 1 field, 2 line
 uniform vec3 colour;
 uniform sampler2D scale;
 uniform vec4 cut;        // normal, place
@@ -45,11 +42,6 @@ out vec4 pixel;
 
 void main() {
   if (dot(place, cut.xyz) > cut.w) discard;
-  if (mode == 3) {
-    int id = number + 1;
-    pixel = vec4(id & 255, (id >> 8) & 255, (id >> 16) & 255, 255) / 255.0;
-    return;
-  }
   if (mode == 2) {
     pixel = vec4(colour, 1.0);
     return;

@@ -1,6 +1,7 @@
 // The bodies at a step: what is shown, how it is turned, and what is picked.
 
 const ENLARGED = 0.12; // the largest motion, as a share of the size of the bodies
+const TURNING = 250; // ms after which a camera that was moved rests
 const COLLAPSING = 0.06; // that of a mechanism, which may be of a small part
 
 class Viewer {
@@ -12,7 +13,7 @@ class Viewer {
     this.drawing = new Drawing(canvas, mesh);
     this.look = {
       camera: this.camera, amount: 0, reach: 0, cut: [0, 0, 0, 1], field: false, range: [0, 1],
-      hidden: new Set(), picked: -1, meshed: false, marked: true, outlined: false,
+      hidden: new Set(), picked: -1, meshed: false, marked: true, outlined: false, turning: false,
     };
     this.asked = 0;
     this.share = 1; // of the enlarged motion
@@ -96,6 +97,20 @@ class Viewer {
     this.redraw();
   }
 
+  /** Redraw for another camera, with fewer triangles of a large mesh until it rests. */
+  turned() {
+    const now = performance.now();
+    const since = this.look.turning ? now - this.lastTurn : 0;
+    this.lastTurn = now;
+    this.look.turning = true;
+    clearTimeout(this.rest);
+    this.rest = setTimeout(() => {
+      this.look.turning = false;
+      this.redraw();
+    }, Math.max(TURNING, 3 * since)); // a slow machine has long frames
+    this.redraw();
+  }
+
   redraw() {
     if (this.waiting) return;
     this.waiting = true;
@@ -176,9 +191,9 @@ class Viewer {
   /** What is at a place of the canvas (CSS pixels): the body and the value, or null. */
   pick(x, y) {
     const { canvas, look, mesh } = this;
-    const ratio = canvas.width / canvas.clientWidth;
-    const row = canvas.height - 1 - Math.round(y * ratio);
-    const triangle = this.drawing.pick(look, Math.round(x * ratio), row);
+    const { clientWidth: width, clientHeight: height } = canvas;
+    const scale = this.camera.half(width, height) / (height / 2);
+    const triangle = this.drawing.pick(look, scale * (x - width / 2), scale * (height / 2 - y));
     const starts = mesh.triangleStarts;
     const face = triangle < 0 || !mesh.faces ? 0 : mesh.faces[triangle];
     look.picked = triangle < 0 || face > 0 ? -1 : starts.findIndex((a, k) => a <= triangle && triangle < starts[k + 1]);
