@@ -134,7 +134,7 @@ def page(
             of_methods(verdicts),
             "\n## Slopes\n\nBounds are those of the factor of safety, unless the title names k_c or"
             " γH/c. The column s has the processor time. The column of numbers counts published"
-            " ones: impossible/possible/below/not decided.\n\n",
+            f" ones: impossible/possible/below/not decided. {with_spirals(kinds, solved)}\n\n",
             of_problems(_of("slopes", kinds, titles), verdicts, solved, spirals=True),
             "\n## Footings, cuts, tunnels, anchors and piles\n\nBounds are those of the load"
             " factor, which each case file explains.\n\n",
@@ -154,6 +154,16 @@ def page(
 def _of(kind: str, kinds: Mapping[str, str], titles: Mapping[str, str]) -> dict[str, str]:
     """Return the titles of the problems of a kind."""
     return {name: title for name, title in titles.items() if kinds.get(name) == kind}
+
+
+def with_spirals(kinds: Mapping[str, str], solved: Mapping[str, Solved]) -> str:
+    """Return the number of slopes with a log spiral in a sentence."""
+    rows = [row for name, row in solved.items() if kinds.get(name) == "slopes"]
+    found = sum(bool(row.spiral) for row in rows)
+    return (
+        f"{found} of {len(rows)} slopes have a log spiral, and no lower bound is above one; the"
+        " other slopes have layers, or water above the surface."
+    )
 
 
 def in_short(

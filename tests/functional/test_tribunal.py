@@ -146,6 +146,16 @@ def test_stored_bounds_are_of_the_cases_and_in_order() -> None:
         assert bool(low) == bool(row.stands) and bool(high) == bool(row.falls)
 
 
+def test_each_slope_where_the_script_applies_has_a_log_spiral() -> None:
+    applies = {
+        name
+        for name, case in CASES.items()
+        if slope_of(tomllib.loads(case.read_text(encoding="utf-8"))) is not None
+    }
+    assert len(applies) > 50
+    assert {name for name, row in STORED.items() if row.spiral} == applies
+
+
 def test_the_page_and_the_verdicts_are_those_of_the_stored_bounds(tmp_path: Path) -> None:
     page = tribunal.page(CASES, PUBLISHED, STORED)
     assert page == tribunal.PAGE.read_text(encoding="utf-8"), "make tribunal writes it"
