@@ -77,7 +77,7 @@ def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
     """Move nodes of the mesh to the original surfaces of the faces.
 
     Closing a gap replaces the edges of one body by those of the other body's face, at a distance of
-    the gap width. Contact on a face that this bends pushes bodies aside.
+    the gap width. Contact on such a bent face would push bodies aside.
 
     Args:
         parts: Bodies in space.

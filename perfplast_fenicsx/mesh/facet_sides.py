@@ -74,7 +74,7 @@ def check_sides(mesh: Mesh) -> None:
 def _refuse(
     mesh: Mesh, x: Floats, wrong: npt.NDArray[np.bool_], what: str, numbers: Ints | None = None
 ) -> None:
-    """Collective.
+    """Refuse the mesh if a cell is wrong, and name one place. Collective.
 
     ``wrong`` has a row for each cell, and equal ``numbers`` identify the same fault.
     """

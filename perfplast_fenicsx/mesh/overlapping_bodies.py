@@ -228,7 +228,7 @@ def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
 
 
 def _cells(tagged_mesh: TaggedMesh) -> _Cells:
-    """Collective."""
+    """Return the cells with an outer facet on this rank. Collective."""
     mesh = tagged_mesh.mesh
     tdim, gdim = mesh.topology.dim, mesh.geometry.dim
     cells, points = corners(mesh)

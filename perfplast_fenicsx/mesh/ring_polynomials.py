@@ -105,7 +105,7 @@ def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
     """Return upper bounds of ∫ B_i/r over triangles, 0 for coefficients that are zero on the axis.
 
     Args:
-        radii: At their vertices, shape (n, 3).
+        radii: Radii at their vertices, shape (n, 3).
         areas: Areas, shape (n,).
 
     Returns:

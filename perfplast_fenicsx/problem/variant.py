@@ -37,8 +37,8 @@ def variant(
     """Return the same bodies with other data; None keeps data as it was. Collective.
 
     The variant shares mesh, displacements, supports and contact search with the given problem, but
-    no data that levels change. Supports, obstacles and slip are independent in each of them. The
-    history of its laws starts from zero.
+    no data that levels change. Each variant has its own positions of supports and obstacles, and
+    its own slip. The history of its laws starts from zero.
 
     Args:
         problem: The original problem.

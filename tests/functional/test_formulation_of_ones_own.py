@@ -111,4 +111,4 @@ def test_numbers_of_no_source(
     run: Callable[..., dict[str, Any]], comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run(stop("top", (0, 0, 1), 1e-5, 2, Source("end stop", "top")), status=BAD_INPUT)
-    assert "there are 1 sources; number these from 0" in comm.bcast(capsys.readouterr().err)
+    assert "there are 1 sources; number surfaces" in comm.bcast(capsys.readouterr().err)

@@ -113,7 +113,7 @@ def tangential_rows(
 def _check_ties(
     contacts: Sequence[Contact], obstacles: Sequence[Obstacle], ties: Sequence[Tie]
 ) -> None:
-    """Refuse friction on surfaces that are glued."""
+    """Refuse friction on tied surfaces."""
     rubs = {name for a in contacts if a.rubs for name in (a.primary, a.secondary)}
     rubs |= {obstacle.on for obstacle in obstacles if obstacle.rubs}
     both = sorted(rubs & {name for tie in ties for name in (tie.primary, tie.secondary)})

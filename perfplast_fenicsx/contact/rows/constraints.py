@@ -39,8 +39,8 @@ def matrix_of_entries(
 
     Args:
         comm: The ranks.
-        rows: Rows of the matrix.
-        columns: Columns of the matrix.
+        rows: Local and global number of rows.
+        columns: Local and global number of columns.
         entries: Entries in any number of parts; repeated entries are added.
         block_size: Block size of rows and columns.
     """
@@ -61,7 +61,7 @@ def entries_of(A: PETSc.Mat) -> tuple[Longs, Longs, Floats]:
 
 
 def unknowns(V: fem.FunctionSpace) -> Sizes:
-    """Return the sizes of rows or columns of displacement unknowns."""
+    """Return the local and the global number of displacement unknowns."""
     index_map, gdim = V.dofmap.index_map, V.dofmap.index_map_bs
     return index_map.size_local * gdim, index_map.size_global * gdim
 
@@ -242,8 +242,8 @@ def named(comm: MPI.Intracomm, constraints: Constraints) -> Constraints:
     if count:
         if len(numbers) and not (numbers[0] >= 0 and numbers[-1] < count):
             raise InputError(
-                f"rows of contact have the surfaces {numbers.tolist()}, but there are "
-                f"{count} sources; number these from 0, or give no sources."
+                f"rows of contact have the surface numbers {numbers.tolist()}, but there are "
+                f"{count} sources; number surfaces from 0, or give no sources."
             )
         return constraints
     place = np.searchsorted(numbers, constraints.surface).astype(np.int32)

@@ -99,7 +99,7 @@ class Friction:
         array[self.index[there]] += values[there]
 
     def unknowns(self, where: npt.NDArray[np.bool_]) -> Ints:
-        """Return the local unknowns of the jumps at some places."""
+        """Return the local unknowns of the jumps at the places marked in ``where``."""
         some = self.index[where]
         return some[some >= 0]
 

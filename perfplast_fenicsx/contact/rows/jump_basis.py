@@ -184,7 +184,7 @@ def _choose(
         comm: The ranks.
         host: Host of each pair, shape (num_pairs,).
         coefficient: Coefficient of the host's free components in its row, shape (num_pairs, gdim).
-        surface: Index of the name of each of the first pairs.
+        surface: Index in ``names`` of the contact of each of the first pairs.
         names: Names of contacts, which messages use.
 
     Returns:

@@ -267,15 +267,15 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """Puts forces of programs on the facets of joints, in the units of the problem.
+    """Converts forces of a linear program to forces on facets of joints, in the problem's units.
 
     Attributes:
         blocks: The blocks.
         facets: Facets of joints.
         jumps: Their vertices.
         sticky: Places where adhesive tractions act.
-        units: A force of 1, and those of each kind of loads.
-        loads: Of each kind: those whose factor is sought, those that stay, and others.
+        units: Unit of forces, and unit of each kind of loads.
+        loads: Loads of each kind: with the unknown factor, constant ones, and others.
     """
 
     blocks: RigidBlocks

@@ -314,8 +314,8 @@ def _search(
         made.callback(program.destroy)
         if not varying.ratio(strains, varying.live) > 0:
             raise InputError(
-                "the varying loads stress no body that can yield, so that nothing limits them; give"
-                " the bodies that may yield a yield stress, or a load that is not zero."
+                "no varying load causes stress in a body that can yield, so that nothing limits the"
+                " loads; give a yield stress to a body, or a load that is not zero."
             )
         steps: list[InteriorStep] = []
         iteration: InteriorIteration | None = None

@@ -60,8 +60,8 @@ UNREACHED = (
     "no stress in equilibrium was reached, and on a coarse mesh there may be none that presses"
     " wherever bodies touch; refine the mesh"
 )
-"""Reason without a bound if an iteration has stalled. On meshes of twenty cells, linear programming
-has shown that there was no such stress.
+"""Reason for a missing bound after an iteration has stalled. On meshes of twenty cells, linear
+programming has shown that there was no such stress.
 """
 
 REPLACED = "the loads of the problem were replaced after its declaration"

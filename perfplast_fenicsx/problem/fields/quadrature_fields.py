@@ -26,8 +26,11 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
 
 RIGID = 1e-5
-"""Share of :func:`jagged_norm2`; bodies with a smaller norm of strains move as if rigid. Their
-strain and stress consist mainly of rounding errors and serve as no reference."""
+"""Share of :func:`jagged_norm2`.
+
+Bodies with a smaller norm of strains move as if rigid. Their strain and stress consist mainly of
+rounding errors and serve as no reference.
+"""
 
 
 def stress_norm2(problem: Problem, stress: OfLaw) -> Integral:
@@ -41,7 +44,7 @@ def stress_norm2(problem: Problem, stress: OfLaw) -> Integral:
 
 
 def strain_norm2(problem: Problem, strain: Expr) -> Integral:
-    """Return ‖e‖² of a strain, as an integral compiled once. Collective."""
+    """Return the integral ∫ Ce : e of a strain e, compiled once. Collective."""
 
     def square(on: LawOnCells) -> Expr:
         return ufl.dot(on.law.elastic.hooke(strain), strain)

@@ -47,13 +47,13 @@ class Resultants:
     """Resultants by their source, and their imbalance.
 
     Attributes:
-        forces: Force of each source, one number for each direction (force; in plane strain per unit
-            of depth; in axisymmetry of the full turn, where the radial number is the sum of outward
-            forces around the axis, not a vector resultant). The sources are ``loads``, ``support
-            NAME``, ``rigid surface NAME`` if it is moved, ``obstacle NAME`` and ``contact PRIMARY
-            SECONDARY``. The force of a contact acts on the body of the primary surface; its sum
-            over both bodies is zero. The force of a component that two supports hold counts for the
-            first one.
+        forces: Force of each source, one number for each direction. In plane strain it is per unit
+            of depth. In axisymmetry it is that of the full turn; its radial number is the sum of
+            outward forces around the axis, not a vector resultant. The sources are ``loads``,
+            ``support NAME``, ``rigid surface NAME`` if it is moved, ``obstacle NAME`` and ``contact
+            PRIMARY SECONDARY``. The force of a contact acts on the body of the primary surface; its
+            sum over both bodies is zero. The force of a component that two supports hold counts for
+            the first one.
         moments: Moments of ``loads``, ``support NAME`` and ``rigid surface NAME`` about the origin
             (:func:`moment`).
         balance: The larger of two sums: of the forces on the bodies, and of the moments about the
