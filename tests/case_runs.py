@@ -16,13 +16,13 @@ from tests.models import write_case
 
 @dataclass(frozen=True)
 class CaseRun:
-    """What came of it.
+    """The result of a run of a case.
 
     Attributes:
-        status: Of the command.
-        out: What rank 0 says.
-        err: Its messages.
-        folder: The results.
+        status: Exit status of the command.
+        out: Standard output of rank 0.
+        err: Standard error of rank 0.
+        folder: Folder of the results.
         summary: ``summary.json``; empty without one.
     """
 

@@ -1,4 +1,4 @@
-"""What several tests ask of results."""
+"""Checks of results that several tests share."""
 
 from collections.abc import Callable, Sequence
 

@@ -172,7 +172,7 @@ def forces_left(it: Pressed, checked: Checked, load: float) -> float:
 
 
 def _unequal(x: Floats, push: Floats, normal: Floats) -> Floats:
-    """What tractions on both sides of a seam do not balance, at the vertices of its facets."""
+    """Return the imbalance of tractions on both sides of a seam, at the vertices of its facets."""
     if not len(x):
         return push
     names = np.round(x, 6).reshape(-1, x.shape[2])
@@ -185,7 +185,7 @@ def _unequal(x: Floats, push: Floats, normal: Floats) -> Floats:
 
 
 def _areas(x: Floats) -> Floats:
-    """Of facets from their vertices, shape (num_facets, d, d)."""
+    """Return the areas of facets from their vertices, shape (num_facets, d, d)."""
     edges = x[:, 1:] - x[:, :1]
     if x.shape[2] == 2:
         return np.linalg.norm(edges[:, 0], axis=1)

@@ -1,4 +1,4 @@
-"""Which tests run on how many ranks, and what holds several ranks together.
+"""Choose the tests of a number of ranks, and keep several ranks together.
 
 A test runs on one rank unless a mark says more; what runs never depends on other tests:
 
@@ -87,7 +87,7 @@ class Watchdog:
 
 
 class Together:
-    """What fails on one rank fails on all."""
+    """A plugin with which a test that fails on one rank fails on all."""
 
     def __init__(self, config: pytest.Config) -> None:
         """Collective."""
@@ -115,7 +115,7 @@ class Together:
     def pytest_runtest_makereport(
         self, item: pytest.Item
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """What has failed on another rank has failed here."""
+        """Mark a test as failed that has failed on another rank."""
         report = yield
         outcome = NAMES.index(report.outcome)
         outcomes, same = self._exchange(item.nodeid + report.when, outcome, item.nodeid, report)
@@ -275,7 +275,7 @@ def case_of(item: pytest.Item) -> str:
 
 
 def _text(report: pytest.TestReport) -> str:
-    """What a rank shows of a test that it has not passed."""
+    """Return the text of a rank on a test that it has not passed."""
     if report.skipped:
         return str(report.longrepr)
     return "\n".join(

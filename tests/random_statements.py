@@ -152,7 +152,7 @@ def _mesh(it: _Draw, seam: dict[str, Any]) -> Any:
 
 
 def _seam(it: _Draw, alike: bool) -> dict[str, Any]:
-    """What is between the blocks."""
+    """Return the random connection between the blocks."""
     smooth = it.known and not alike
     what = it.pick(
         ("contact", "a gap", "a press fit")
@@ -183,7 +183,7 @@ def _seam(it: _Draw, alike: bool) -> dict[str, Any]:
 
 
 def _initial(it: _Draw) -> list[Any]:
-    """What is there before any load, and does no work."""
+    """Return random initial stresses and temperatures, which do no work."""
     found: list[Any] = []
     if it.say("heat", 0.3):
         found.append(Temperature(it.random.choice(BLOCKS), "40*y"))
@@ -196,7 +196,7 @@ def _initial(it: _Draw) -> list[Any]:
 
 
 def _held(it: _Draw) -> tuple[list[Support], list[Plane], list[RigidSurface]]:
-    """What holds the blocks; of rigid surfaces one that moves as told."""
+    """Return random supports, planes and rigid surfaces that hold the blocks."""
     axes = "xy"[: it.gdim - 1] if it.kind != "axis" else ""
     supports = [Support(f"{side}{axis}0", axis) for side in ("", "upper_") for axis in axes]
     settles = 0.0 if not it.say("a settlement", 0.3) else -1e-3

@@ -1,4 +1,4 @@
-"""What is said of the limit load of a mesh: an estimate, and no bound of anything."""
+"""Words on the limit load of a mesh: it is an estimate, not a bound."""
 
 import pytest
 

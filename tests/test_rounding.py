@@ -1,4 +1,4 @@
-"""What is shown of a bound is a bound."""
+"""A printed bound is still a bound after rounding."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Which sub-package may import which: :data:`BELOW` is the one place where that is written."""
+"""Imports between sub-packages; only :data:`BELOW` states which are allowed."""
 
 import ast
 from collections.abc import Iterator
@@ -99,7 +99,7 @@ GROUND = ""
 
 
 def imports(path: Path) -> Iterator[tuple[str, ...]]:
-    """What a file imports of the package, as parts of dotted names behind the package's."""
+    """Yield what a file imports from the package, as parts of dotted names after its own."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom) and node.level == 0:

@@ -1,4 +1,4 @@
-"""What the shell is told on Tab."""
+"""Completion of words by the shell on Tab."""
 
 import json
 import subprocess
@@ -40,7 +40,7 @@ LINES = {
     "perfplast animate results -o ": {"old.gif", "results/"},
     "perfplast report results -o ": {"page.html", "results/"},
 }
-"""What has been typed, and all words without dashes, or all words, that fit."""
+"""Typed texts, with all words that fit, or all of those without dashes."""
 
 # a process of its own, since argcomplete takes the file number 9 for itself
 ASK = """

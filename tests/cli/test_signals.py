@@ -187,7 +187,7 @@ def test_killed_at_any_moment(whole: tuple[Path, Path], tmp_path: Path) -> None:
 
 
 def is_whole(folder: Path, err: str, reason: str) -> None:
-    """What a run without room leaves behind: one sentence, and levels that can be gone on from."""
+    """Check a run that had no room: one sentence, and levels from which it can be continued."""
     said = [line for line in err.splitlines() if line.startswith("perfplast")]
     assert len(said) == 1
     assert reason in said[0]

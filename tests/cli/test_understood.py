@@ -1,4 +1,4 @@
-"""What a case is taken to say is told before it is solved: parts of sides, names, motions."""
+"""The summary of a case before it is solved: parts of sides, names, motions."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -1,1 +1,1 @@
-"""What goes with what: statements of a case against questions that are asked of it."""
+"""Combinations of statements of a case with questions about it."""

@@ -1,4 +1,4 @@
-"""What the program answers to a question about a case that states something."""
+"""Answers of the program to questions about cases with a statement."""
 
 import contextlib
 import io
@@ -26,11 +26,11 @@ SIZE = 0.5
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of a question.
+    """The answer to a question.
 
     Attributes:
-        status: Of the run.
-        words: "yes"; what of it is answered, or the sentence why nothing is.
+        status: Exit status of the run.
+        words: "yes", the part that is answered, or the sentence why nothing is answered.
     """
 
     status: int
@@ -77,7 +77,7 @@ def answer(statement: Statement, question: str, folder: Path) -> Answer:
 
 
 def _of_bounds(body: Mapping[str, Any]) -> str:
-    """Which bounds there are, and why not both."""
+    """Return "yes", or the bound that exists and the reason why the other one does not."""
     there = [kind for kind in ("lower", "upper") if body[kind] is not None]
     if len(there) == 2 and body["strict"]:
         return "yes"

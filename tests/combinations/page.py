@@ -30,7 +30,7 @@ ROW = re.compile(r"^\| (?P<words>[^|]+?) \|(?P<cells>.*)\|$", re.M)
 
 
 def cell(given: Answer, notes: dict[str, int]) -> str:
-    """What the table shows of an answer; its sentence is added to the notes."""
+    """Return the cell of the table for an answer, and add its sentence to the notes."""
     if given.words == "yes":
         return "yes"
     kind, _, sentence = given.words.partition(": ")

@@ -29,7 +29,7 @@ REFUSALS: Mapping[str, str] = {
 
 
 def remark(sentence: str) -> str:
-    """What the page says of a refusal.
+    """Return the remark of the page on a refusal.
 
     Raises:
         KeyError: If no refusal, or more than one, has these words.

@@ -18,7 +18,7 @@ HELD = [{"on": "bottom"}, LEFT]
 
 @dataclass(frozen=True)
 class Statement:
-    """What one says of the two blocks beside that they touch and are pressed.
+    """A statement about the two blocks, in addition to contact and pressure.
 
     Attributes:
         words: In a few words.

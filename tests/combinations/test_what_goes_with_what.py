@@ -43,7 +43,7 @@ ASKED = (
     ("hardening", "limit load by the interior point method"),
     ("a press fit", "shakedown, tied"),
 )
-"""What ``make test`` asks: each question of a statement, and some that are refused."""
+"""Pairs of ``make test``: each question with a statement, and some that are refused."""
 
 CASES = [
     pytest.param(statement, question, id=f"{statement.words} - {question}")

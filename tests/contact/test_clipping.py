@@ -76,7 +76,7 @@ def test_random_triangles_against_points() -> None:
 
 
 def common_area(a: Floats, b: Floats) -> float:
-    """Of two polygons, by shapely."""
+    """Return the common area of two polygons, by shapely."""
     shapely = pytest.importorskip("shapely")
     return float(shapely.Polygon(a).intersection(shapely.Polygon(b)).area)
 

@@ -17,7 +17,7 @@ from tests.contact.test_clipping import area, grid
 def test_a_step_in_the_other_surface(
     comm: MPI.Intracomm, height: float, onward: bool, found_far: int
 ) -> None:
-    """What lies far in front is found, and what lies far behind is none of it."""
+    """Facets far in front are found, and facets far behind are not."""
     hosts = grid((4, 5), 0.0, 1, 1, 1.0)
     guests = grid((6, 6), 0.0, 1, 2, -1.0)
     guests["x"][..., 0] /= 2

@@ -76,9 +76,7 @@ def test_a_round_pin_without_friction(
     """It is solved as with a friction that is next to none, and no force holds it."""
     with caplog.at_level(logging.WARNING):
         problem = round_pin(read, load)
-    told = (
-        "nothing resists a rigid motion of the body 'pin' (rotation), and no load does work on it"
-    )
+    told = "of the body 'pin' (rotation), and no load"
     assert caplog.text.count(told) == (problem.comm.rank == 0)
     assert "loosely held" not in caplog.text
     free = Newton(problem).solve(20.0)

@@ -171,7 +171,7 @@ def test_a_ring_of_ties_is_refused(comm: MPI.Intracomm) -> None:
 def test_supports_at_a_seam_are_told_their_own_forces(
     gdim: int, hosts: Any, comm: MPI.Intracomm
 ) -> None:
-    """What the glue exerts on nodes that a support holds is no reaction of the support."""
+    """Forces of a tie on supported nodes do not count as reactions of the support."""
     vertical = "xyz"[gdim - 1]
     problem = Problem(
         blocks_apart(comm, *COUNTS[gdim]),

@@ -36,7 +36,7 @@ class Page:
         return self._browser.find_element("id", name)
 
     def pixels(self) -> np.ndarray[Any, Any]:
-        """What is on the canvas, shape (32, 32, 3)."""
+        """Return the pixels of the canvas, shape (32, 32, 3)."""
         return np.array(
             self._browser.execute_async_script(
                 """const done = arguments[0];

@@ -84,7 +84,7 @@ def test_forces_are_told_to_be_of_the_full_turn(
 def test_bounds_are_strict_and_proven(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
-    """Of a ring of steel between its ends 300 are carried, and no more."""
+    """A ring of steel between its ends carries 300, and no more."""
     loading = CASE[CASE.index("[loading]") : CASE.index("[output]")]
     text = CASE.replace(loading, f"{LIMIT}\n").replace("pictures = false", "pictures = true")
     case, results = written(comm, shared_tmp_path, text), shared_tmp_path / "results"

@@ -137,14 +137,14 @@ HEATED = '[[temperature]]\nname = "heat"\non = "lower"\nchange = 1.0\n'
 @pytest.mark.parametrize(
     ("more", "part"),
     {
-        tables({"A": {"wieght": 1.0}}) + BOUNDS: "there is no load 'wieght'; did you mean 'weight'",
-        tables({"A": {"weight": -1.0}}) + BOUNDS: "the factor of 'weight' is -1; give 0 or more",
+        tables({"A": {"wieght": 1.0}}) + BOUNDS: "no load 'wieght'; did you mean 'weight'",
+        tables({"A": {"weight": -1.0}}) + BOUNDS: "of 'weight' is -1; give 0",
         tables({"A": {"weight": 0.0}}) + BOUNDS: "'A' has no factor above 0",
         tables({"A": {}}) + BOUNDS: "'A' has no factor above 0",
         tables({"A": {"live": float("inf")}}) + BOUNDS: "the factor of 'live' is inf",
         tables({"A/B": {"weight": 1.0}}) + BOUNDS: "cannot be the name of a folder",
         tables({"..": {"weight": 1.0}}) + BOUNDS: "name = '..' cannot be the name of a folder",
-        tables({"": {"weight": 1.0}}) + BOUNDS: "name = '' cannot be the name of a folder",
+        tables({"": {"weight": 1.0}}) + BOUNDS: "name = '' cannot be",
         tables({"A\\n": {"weight": 1.0}}) + BOUNDS: "cannot be the name of a folder",
         HEATED + tables({"A": {"heat": 1.0}}) + BOUNDS: "'heat' is not a load: temperatures",
         GOOD.replace("1.0", '"fill in: the code"') + BOUNDS: "weight must still be filled in (the",
@@ -179,7 +179,7 @@ def test_one_in_which_nothing_grows(
     case = write_case(comm, shared_tmp_path / "case.toml", text)
     assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == BAD_INPUT
     err = comm.bcast(capsys.readouterr().err)
-    assert "[[combination]] 'A': control = 'work' needs a load that grows" in err
+    assert "[[combination]] 'A': control = 'work'" in err
     assert not (shared_tmp_path / "r").exists()
 
 

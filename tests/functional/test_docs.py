@@ -177,7 +177,7 @@ def test_a_script_of_few_lines(
 
 
 def test_links_lead_to_files() -> None:
-    """Of all pages, as they are read in the repository; the site's own are checked by Sphinx."""
+    """All pages in the repository are checked here; Sphinx checks the links of the site."""
     pages = [*DOCS.parent.glob("*.md"), *DOCS.rglob("*.md"), *DOCS.parent.glob("benchmarks/*.md")]
     links = [(page, match[2]) for page in pages for match in LINK.finditer(page.read_text("utf-8"))]
     files = [(page, link) for page, link in links if ":" not in link]

@@ -166,8 +166,8 @@ def test_a_crack_is_open_and_its_water_presses_on_both_sides(shared_tmp_path: Pa
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ("water = 33", r"the line 'crack' has water, but is not a crack"),
-        ("crack = true\nwater = 33", r"is at 33, where the crack has no point"),
+        ("water = 33", "the line 'crack' has water, but"),
+        ("crack = true\nwater = 33", "at 33, where the crack"),
         ("crack = true\nwater = 35", r"unit_weight is missing"),
     ],
 )
@@ -180,7 +180,7 @@ def test_cracks_that_cannot_be(tmp_path: Path, more: str, words: str) -> None:
 @pytest.mark.serial
 def test_a_crack_inside_of_one_region_is_refused(tmp_path: Path) -> None:
     inside = CRACKED.replace("[54, 31], [54, 35]", "[60, 31], [60, 35]") + "crack = true\n"
-    with pytest.raises(InputError, match="is not between two regions; divide the region along"):
+    with pytest.raises(InputError, match="is not between two regions; divide"):
         case(tmp_path, inside, **OF_TWO)
 
 
@@ -189,7 +189,7 @@ def test_a_contact_on_a_part_of_a_glued_joint_is_refused(tmp_path: Path) -> None
     """It parted the rest as well, without a word."""
     contact = '[[contact]]\nprimary = "a_crack"\nsecondary = "b_crack"\n'
     read = case(tmp_path, CRACKED + contact, **OF_TWO)
-    with pytest.raises(InputError, match="names a part of 'a_joint_1' or 'b_joint_1', and the"):
+    with pytest.raises(InputError, match="'a_joint_1' or 'b_joint_1'"):
         read.problem(MPI.COMM_SELF)
 
 

@@ -138,7 +138,7 @@ force = [2.0, 0.0]
 @pytest.mark.long
 @pytest.mark.serial
 def test_the_picture_of_a_rigid_footing(tmp_path: Path) -> None:
-    """Of forces on a surface that moves as one; the footing's width is 2."""
+    """The forces act on a rigid surface; the width of the footing is 2."""
     write_footing(tmp_path / "ground.msh", size=1.0)
     head, tail = CASE[: CASE.index("[[support]]")], CASE[CASE.index("[loading]") :]
     text = head + RIGID + tail.replace("pictures = false", "pictures = true").replace("= 8", "= 3")

@@ -1,4 +1,4 @@
-"""What people get wrong at first, each with its remedy in one sentence; or it just works."""
+"""First mistakes of users: each is accepted, or refused in one sentence with its remedy."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -84,8 +84,8 @@ REFUSED = [
     (('builder = "two_blocks"\nn = 2', 'file = "C:\\models\\block.msh"'), "C:/models/block.msh"),
     (('builder = "two_blocks"\nn = 2', 'file = "C:\\temp\\new.msh"'), "\\ is an escape"),
     (('builder = "two_blocks"\nn = 2', "file = 'parts\\new.msh'"), "write / for \\"),
-    (('"top"', '"upper"'), "'upper' is a volume of this mesh, but a surface is needed here: left"),
-    (("material.upper", "material.top"), "'top' is a surface of this mesh, but a volume"),
+    (('"top"', '"upper"'), "but a surface is needed here: left"),
+    (("material.upper", "material.top"), "'top' is a surface of this mesh"),
     (('components = "xyz"', 'components = "yz"'), "the body 'lower' (translation in x"),
 ]
 

@@ -176,7 +176,7 @@ class Hang(BaseException):
 
 
 def outcome(comm: MPI.Intracomm, attempt: Callable[[], str]) -> str:
-    """What an attempt comes to, the same on every rank: "refused" or what it returns."""
+    """Return the outcome of an attempt, the same on every rank: "refused", or its result."""
 
     def late(*_: object) -> None:
         raise Hang
@@ -363,7 +363,7 @@ def test_mesh_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) ->
 
 
 WEDGE = {"2 5 0 0": "2 5 0 3", "2 8 0 0": "2 8 0 2", '3 8 "upper"': '999999999 8 "upper"'}
-"""What makes gmsh itself crash, or run without end."""
+"""Changes of a mesh file that make gmsh itself crash, or run without end."""
 
 
 @pytest.mark.mpi2("2 5 0 0-2 5 0 3-gmsh cannot read")
@@ -488,7 +488,7 @@ def test_output_folders(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """What no folder can be: one sentence, of one rank."""
+    """A path that cannot be a folder is refused in one sentence, by one rank."""
     monkeypatch.chdir(shared_tmp_path)
     case = put(comm, shared_tmp_path / "case.toml", document(BASE).encode())
     if comm.rank == 0:

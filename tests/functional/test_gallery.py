@@ -34,10 +34,10 @@ COARSE = {
     "dovetail": {"size = 1.5": "size = 5.0", "{blade = 1.0}": "{blade = 3.0}"},
     "engine_bracket": {"size = 9.0": "size = 30.0\ncurvature = 6", "cells = 4500": "cells = 10"},
 }
-"""What is written otherwise for a small mesh."""
+"""Changes of the cases for a small mesh."""
 
 STEP = {"bolted_bracket": write_bolted_bracket, "engine_bracket": write_engine_bracket}
-"""What writes geometry that is no script."""
+"""Functions that write the geometry of cases without a script."""
 
 
 def run_small(folder: Path, name: str) -> dict[str, Any]:
@@ -65,7 +65,7 @@ def run_small(folder: Path, name: str) -> dict[str, Any]:
     [("bolted_bracket", 108.8), ("lug", 106.8), ("nozzle", 23.8), ("slope", 288.0)],
 )
 def test_limit_loads(shared_tmp_path: Path, name: str, limit: float) -> None:
-    """What was found on meshes so coarse, that of gmsh 4.13 and others alike."""
+    """The limits were found on such coarse meshes, with gmsh 4.13 and other versions alike."""
     found = run_small(shared_tmp_path, name)["limit"]
     assert found["levelled_off"]
     assert found["estimate"] == pytest.approx(limit, rel=0.05)

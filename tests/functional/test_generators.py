@@ -65,7 +65,7 @@ pytestmark = pytest.mark.serial
 
 @dataclass
 class Case:
-    """What a generator should write.
+    """A generator with the properties of the mesh that it should write.
 
     Attributes:
         write: The generator.

@@ -45,7 +45,7 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 COHESION, ANGLE = 10.0, 30.0
 TIP = COHESION / math.tan(math.radians(ANGLE))
 EXACT = TIP * (2.0 ** (2 / 3) - 1)
-"""Of the tube b/a = 2 at 30°."""
+"""Exact limit pressure of the tube b/a = 2 at 30°."""
 
 CASE = """
 [mesh]

@@ -103,15 +103,15 @@ IGES_LIKE = f"{'//':72}S      1\n"
 
 @dataclass(frozen=True)
 class Hostile:
-    """What comes with the mail.
+    """A file from an unknown source.
 
     Attributes:
-        name: Of the mesh or geometry file.
-        content: Of it.
-        says: What is in the refusal; nothing where the file is harmless after all.
+        name: Name of the mesh or geometry file.
+        content: Its content.
+        says: Words of the refusal; empty if the file is harmless.
         beside: Other files, by name.
-        table: Of the case that names the file.
-        more: What the case has besides.
+        table: Table of the case that names the file.
+        more: Further lines of the table.
     """
 
     name: str
@@ -122,7 +122,7 @@ class Hostile:
     more: str = ""
 
 
-SCRIPT = "is a script, with which gmsh may run any command"
+SCRIPT = "is a script, with which gmsh"
 NOT_RUN = "is a program, which perfplast never runs"
 NO_MESH = "is not a gmsh .msh file"
 
@@ -141,17 +141,17 @@ HOSTILE = {
     "options": Hostile("a.geo", SOLID, SCRIPT, {"a.geo.opt": TOUCH}),
     "Python": Hostile("a.py", "open('PWNED', 'w')\n", NOT_RUN),
     "shell": Hostile("a.sh", "touch PWNED\n", NOT_RUN),
-    "as STEP": Hostile("a.step", TOUCH + SOLID, "is not in STEP format despite its name"),
+    "as STEP": Hostile("a.step", TOUCH + SOLID, "is not in STEP format"),
     "in STEP": Hostile("a.step", STEP_LIKE + TOUCH + SOLID, "cannot be read"),
     "STEP's options": Hostile(
         "a.stp", STEP_LIKE, "cannot be read", {"a.stp.opt": TOUCH, "a.opt": TOUCH}
     ),
-    "as BREP": Hostile("a.brep", TOUCH + SOLID, "is not in BREP format despite its name"),
+    "as BREP": Hostile("a.brep", TOUCH + SOLID, "is not in BREP format"),
     "in BREP": Hostile("a.brep", "// CASCADE Topology\n" + TOUCH + SOLID, "a.brep'"),
-    "as IGES": Hostile("a.iges", TOUCH + SOLID, "is not in IGES format despite its name"),
+    "as IGES": Hostile("a.iges", TOUCH + SOLID, "is not in IGES format"),
     "in IGES": Hostile("a.igs", IGES_LIKE + TOUCH + SOLID, "a.igs'"),
-    "as STL": Hostile("a.stl", TOUCH + SOLID, "does not have the name of a geometry file"),
-    "as options": Hostile("a.opt", TOUCH + SOLID, "does not have the name of a geometry file"),
+    "as STL": Hostile("a.stl", TOUCH + SOLID, "name of a geometry file"),
+    "as options": Hostile("a.opt", TOUCH + SOLID, "name of a geometry file"),
     "its own trust": Hostile("a.geo", TOUCH + SOLID, "no key 'trust'", more="trust = true"),
     "as mesh": Hostile("a.msh", TOUCH + SOLID, NO_MESH, table="mesh"),
     "script for mesh": Hostile("a.geo", TOUCH + SOLID, NO_MESH, table="mesh"),

@@ -39,7 +39,7 @@ TITLES = (
     "${alert(1)}`<b onclick=alert(1)>`",
     "\u2028</SCRIPT\t><ScRiPt>alert(1)",
 )
-"""What a page would run if it were not text."""
+"""Titles that a page would run if it did not treat them as text."""
 
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process reads, whatever the ranks")
@@ -63,14 +63,14 @@ class Tags(HTMLParser):
 
     @classmethod
     def of(cls, page: str) -> list[tuple[str, ...]]:
-        """Of a page."""
+        """Return the tags of a page, with their attributes."""
         parser = cls()
         parser.found: list[tuple[str, ...]] = []
         parser.feed(page)
         return parser.found
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note it."""
+        """Store the tag with its attributes."""
         self.found.append((tag, *(name for name, _ in attrs)))
 
 

@@ -58,7 +58,7 @@ def known() -> Iterator[None]:
 def ran(
     comm: MPI.Intracomm, folder: Path, loading: str, seam: str = "", status: int = SOLVED
 ) -> dict[str, Any]:
-    """What a run writes of a block that is pushed along another one. Collective."""
+    """Run a block that is pushed along another one, and return the summary. Collective."""
     text = case_text(
         {"builder": "stacked_blocks", "n": 1},
         {"lower": STEEL, "upper": STEEL},
@@ -111,7 +111,7 @@ def test_strict_bounds(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
 
 
 def adhesions(file: h5py.File) -> list[h5py.Dataset]:
-    """What the file says of it, in either half."""
+    """Return the adhesions of contacts in both halves of a proof file."""
     found: list[h5py.Dataset] = []
 
     def visit(name: str, item: object) -> None:

@@ -227,7 +227,7 @@ def test_one_object_on_several_ranks(
 
 @pytest.mark.serial
 def test_as_a_program(place: Path, tmp_path: Path) -> None:
-    """What PETSc prints goes to standard error, too."""
+    """The output of PETSc goes to standard error, too."""
     arguments = ["run", str(place / "case.toml"), "-o", str(tmp_path / "out")]
     program = [sys.executable, "-m", "perfplast_fenicsx", *arguments]
     done = subprocess.run(

@@ -59,7 +59,7 @@ pictures = false
 def test_bodies_meshed_apart(
     shared_tmp_path: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Which surface's nodes are the hosts is said on the terminal and in the log."""
+    """The terminal and the log name the surface whose nodes are the hosts."""
     case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
     if comm.rank == 0:
         case.write_text(CASE, encoding="utf-8")

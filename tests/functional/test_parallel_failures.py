@@ -1,4 +1,4 @@
-"""Which tests run on how many ranks, and tests that fail or hang there.
+"""The number of ranks of each test, and tests that fail or hang on some ranks.
 
 The run ends, and says what happened on each rank.
 """
@@ -32,7 +32,7 @@ GRACE = "from tests import parallel_plugin\nparallel_plugin.GRACE = 5.0\n"
 
 
 def run(folder: Path, tests: str, *options: str, ranks: int = 2, settings: str = "") -> str:
-    """What pytest shows of tests that fail."""
+    """Run tests, and return the output of pytest."""
     (folder / "test_here.py").write_text(BEGIN + tests)
     (folder / "conftest.py").write_text(settings)
     launch = ["mpirun", "-n", str(ranks), str(ROOT / "scripts" / "rank0")] if ranks > 1 else []
@@ -57,7 +57,7 @@ def line_of(text: str, what: str) -> int:
 
 
 class Case:
-    """What the choice of tests reads of a test: its name and its marks."""
+    """A test with a name and marks, from which tests are chosen."""
 
     def __init__(self, nodeid: str, *marks: pytest.MarkDecorator) -> None:
         self.nodeid = nodeid

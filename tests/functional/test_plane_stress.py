@@ -56,7 +56,7 @@ def ring(mesh: TaggedMesh, *loads: Any, contacts: Any = ()) -> Problem:
     ],
 )
 def test_rings_fail_at_the_exact_load(read: Read, outer: float, load: Any, exact: float) -> None:
-    """Of von Mises, by an ordinary differential equation along the radius."""
+    """Exact loads are those of von Mises, by an ordinary differential equation along the radius."""
     mesh = read(write_thick_tube, outer=outer, size=0.1, order=2)
     found = limit_load(ring(mesh, load), 1e-5)
     assert found.estimate == pytest.approx(exact * YIELD, rel=1e-3)
@@ -94,7 +94,7 @@ def test_the_four_algorithms_agree(read: Read) -> None:
 
 
 def test_strict_bounds_of_a_ring(read: Read) -> None:
-    """Of a polygon, on both sides of the limit load of its mesh; the upper one is near it."""
+    """Bounds of a polygon bracket the limit load of its mesh; the upper bound is near it."""
     problem = ring(read(write_thick_tube, outer=2.0, size=0.1), Pressure("inner", 1.0))
     bounds, found = limit_bounds(problem), limit_load(problem, 1e-5)
     assert bounds.strict
@@ -152,11 +152,11 @@ degree = 2
 [loading]
 """
 LIMIT = 0.9 * 300.0 * 4.0 * 1.0 / 100.0
-"""Of r22, over the width of 1 and the thickness."""
+"""Limit load by r22, for the width of 1 and the thickness."""
 
 
 def ran(comm: MPI.Intracomm, folder: Path, loading: str, *more: str) -> dict[str, Any]:
-    """What a run writes. Collective."""
+    """Run a ring with a loading, and return the summary. Collective."""
     if comm.rank == 0:
         write_ring(folder / "ring.msh", size=0.5)
     case = write(comm, folder, CASE + loading)

@@ -73,7 +73,7 @@ def first_bounds(path: Path) -> list[float | None]:
 
 
 def proven_on(path: Path, browser: Any) -> str:
-    """What a page says when its button was clicked."""
+    """Click the button of a page, and return its answer."""
     browser.get(path.as_uri())
     browser.find_element("id", "prove").click()
     page = Page.__new__(Page)

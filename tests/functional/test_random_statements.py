@@ -25,7 +25,7 @@ REFUSED = (
     "they move bodies away from their supports",
     "is a formula that is not linear",
 )
-"""Of sentences that are an answer to a case whose limit load is not known."""
+"""Parts of sentences that are a valid answer if the limit load is not known."""
 
 HINGED = 193
 """A case whose elastic body turns about a hinge that its supports make, beside its first vertex."""
@@ -65,7 +65,7 @@ def test_whatever_a_case_says(shared_tmp_path: Path, seed: int) -> None:
 
 
 def proven_of(bounds: BodyBounds, path: Path) -> dict[str, float]:
-    """What the checker proves of what is told as strict. Collective."""
+    """Return the values that the checker proves of strict bounds. Collective."""
     halves = proofs(bounds, bounds)
     if halves == (None, None):
         return {}

@@ -52,11 +52,11 @@ REFUSED = {
     "a negative gap": (BLOCKS + CONTACT + "gap = -1e-3\n" + LOADING, "interference = true"),
     "an overlap that nothing makes grow": (
         BLOCKS + CONTACT + "gap = -1e-3\ninterference = true\nconstant = false\n" + LOADING,
-        "'upper_bottom' has constant = false, but nothing moves it",
+        "'upper_bottom' has constant = false",
     ),
     "no overlap that could grow": (
         BLOCKS + CONTACT + "constant = false\n" + LOADING,
-        "has constant = false, but no overlap that could grow",
+        "constant = false, but no overlap",
     ),
     "an overlap of nothing that is to grow": (
         BLOCKS
@@ -71,19 +71,19 @@ REFUSED = {
     ),
     "a stage of no load": (
         BLOCKS + CONTACT + stage("top = 1.0, tpo = 2.0"),
-        "a factor for 'tpo', but there is no load, no change of temperature, no bolt and no motion",
+        "a factor for 'tpo', but",
     ),
     "a stage of what does not move": (
         BLOCKS + CONTACT + stage("top = 1.0, bottom = 2.0"),
-        "a factor for 'bottom', but there is no load, no change of temperature, no bolt and no",
+        "a factor for 'bottom', but",
     ),
     "a stage of a load and a motion": (
         BLOCKS + CONTACT + PLANE + stage("top = 1.0"),
-        "of a load or temperature and of a motion",
+        "or temperature and of a motion",
     ),
     "a move in no stage": (
         BLOCKS + CONTACT + PLANE + 'name = "punch"\n' + stage("top = 1.0"),
-        "the motion of 'punch' is in no stage",
+        "motion of 'punch' is in no stage",
     ),
     "two stages of one place": (
         BLOCKS
@@ -93,7 +93,7 @@ REFUSED = {
         + 'name = "b"\n'
         + CONTACT
         + stage("top = 1.0, a = 1.0, b = 2.0"),
-        "'a' and 'b' hold the same nodes along z",
+        "'a' and 'b' hold the same nodes",
     ),
     "more levels than can be": (
         BLOCKS + CONTACT + stage("top = 1.0") + "steps = 1000000000000\n",
@@ -101,13 +101,13 @@ REFUSED = {
     ),
     "a value that is no number": (
         BLOCKS + CONTACT + moved("top", '"far"') + LOADING,
-        "value of the support on 'top': the formula 'far' has the name 'far'",
+        "'far' has the name 'far'",
     ),
     "a limit of bodies that harden": (
         BLOCKS.replace('law = "von-mises"', 'law = "von-mises-hardening"\nisotropic = 1.0')
         + CONTACT
         + LIMIT,
-        "hardens, so that bodies carry any load",
+        "hardens, so that bodies",
     ),
     "bounds with a body force by formula": (
         BLOCKS + BENDING_WEIGHT + CONTACT + BOUNDS,
@@ -132,11 +132,11 @@ REFUSED = {
     ),
     "subdomains and friction": (
         BLOCKS + CONTACT + "tresca = 1.0\n" + LOADING + '[solve]\ncontact_solver = "tfeti"\n',
-        'contact_solver = "tfeti" does not support friction',
+        '"tfeti" does not support friction',
     ),
     "a tolerance finer than slip": (
         BLOCKS + CONTACT + "coulomb = 0.3\n" + LIMIT + "limit_tolerance = 1e-12\n",
-        "is too small to distinguish bodies that slide",
+        "is too small to distinguish bodies",
     ),
 }
 """Files whose refusal ``check`` and ``run`` share: none of them is solved to be refused."""

@@ -107,7 +107,7 @@ def change(folder: Path, **values: Any) -> None:
         (lambda path: (path / "fields/level_0002.vtkhdf").write_text("a"), [], "cannot be read"),
         (lambda path: (path / "model.json").touch(), [], "has model.json, so its results are"),
         (lambda path: None, ["-o", "/dev/null/a.html"], "cannot be written"),
-        (lambda path: None, ["-o", "/"], "is a folder; give -o the name of a file"),
+        (lambda path: None, ["-o", "/"], "is a folder; give -o"),
     ],
 )
 def test_what_cannot_be_reported(

@@ -1,4 +1,4 @@
-"""What a notebook shows of the objects: a short line, without arrays."""
+"""Representation of objects in a notebook: a short line, without arrays."""
 
 from pathlib import Path
 

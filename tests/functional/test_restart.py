@@ -403,7 +403,7 @@ def test_another_mesh_is_refused(
         write_thick_tube(mesh, outer=2.001, size=0.3, order=2)
     comm.barrier()
     message = refused(comm, capsys, case, folder)
-    assert "the mesh differs from that of the checkpoint" in message
+    assert "mesh differs from that" in message
     assert str(folder) in message
 
 
@@ -574,4 +574,4 @@ def test_a_file_of_strengths_that_has_changed(
     capsys.readouterr()
     assert main(["run", str(case), "--restart", str(results)]) == BAD_INPUT
     said = comm.bcast(capsys.readouterr().err)
-    assert "the content of 'strength.csv' differs from that in the run whose checkpoint" in said
+    assert "the content of 'strength.csv' differs" in said

@@ -48,7 +48,7 @@ def test_factor_of_safety_of_an_earth_dam(
 
 
 def test_combinations_share_the_flow(tmp_path: Path) -> None:
-    """What differs is the loads alone; the flow through the bodies is found once."""
+    """Only the loads differ; the flow through the bodies is computed once."""
     path = tmp_path / "dam.toml"
     path.write_text(coarse(), encoding="utf-8")
     case = read_case(path, MPI.COMM_SELF)

@@ -266,7 +266,7 @@ SLOPE = Slope(
     friction=math.tan(math.radians(20.0)),
     weight=(0.0, -1.0),
 )
-"""Of 60°, with W. F. Chen's stability number γH/c of φ = 20° (1975, table 9.1)."""
+"""Slope of 60° with W. F. Chen's stability number γH/c for φ = 20° (1975, table 9.1)."""
 
 
 def test_a_log_spiral_has_the_stability_number_of_chen() -> None:

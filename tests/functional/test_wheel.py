@@ -37,11 +37,11 @@ COMP_LINE='perfplast ru' COMP_POINT=12 COMP_TYPE=9 COMP_WORDBREAKS=' '
 _python_argcomplete perfplast
 echo "${COMPREPLY[@]}"
 """
-"""What bash does on Tab, with the folders of commands and of shared files."""
+"""Script for the completion of bash, with the folders of commands and of shared files."""
 
 
 def run(*command: str | Path, cwd: Path) -> str:
-    """What a command prints; a failed one fails the test."""
+    """Return the output of a command; a failed command fails the test."""
     environment = environment_apart()
     environment.pop("PYTHONPATH", None)
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""What loads bodies without any load: a press fit, cooling, a settlement, under the load factor."""
+"""Bodies without loads: a press fit, cooling or a settlement that the load factor multiplies."""
 
 import json
 from pathlib import Path
@@ -61,4 +61,4 @@ def test_refused(
 ) -> None:
     case = write_case(comm, shared_tmp_path / "case.toml", text)
     assert main(["check", str(case)]) == BAD_INPUT
-    assert "no load is given; add a [[load]] table" in comm.bcast(capsys.readouterr().err)
+    assert "add a [[load]] table" in comm.bcast(capsys.readouterr().err)

@@ -65,7 +65,7 @@ REFUSED: dict[str, tuple[Sequence[tuple[str, str]], Sequence[str]]] = {
     ),
     "a unit weight of water in other units": (
         [("m-kN-kPa", "mm-N-MPa"), ("", WATER + "unit_weight = 9.81\n")],
-        ["unit_weight = 9.81 N/mm^3 is 1e+06 times that of water"],
+        ["unit_weight = 9.81 N/mm^3 is 1e+06 times"],
     ),
     "strata that cross": ([(REGIONS, STRATA)], ["'clay'", "at x = 70"]),
     "regions that overlap": ([("[70, 31], [70, 35]", "[70, 29], [70, 35]")], ["overlap", "("]),
@@ -79,7 +79,7 @@ REFUSED: dict[str, tuple[Sequence[tuple[str, str]], Sequence[str]]] = {
     ),
     "a strength that falls below zero in cells alone": (
         [("cohesion = 30.0", 'cohesion = "30*abs(y - 22) + 1e-3"')],
-        ["the strength of 'clay' varies so steeply in the cell at ("],
+        ["of 'clay' varies so steeply"],
     ),
     "an angle of friction that is negative at one corner": (
         [("friction_angle = 30.0", 'friction_angle = "30 - 0.9*(x - 30)"')],
@@ -87,7 +87,7 @@ REFUSED: dict[str, tuple[Sequence[tuple[str, str]], Sequence[str]]] = {
     ),
     "an angle of friction above 90 degrees in cells alone": (
         [("friction_angle = 30.0", 'friction_angle = "89.9 - 5*abs(y - 33.123)"')],
-        ["friction_angle", "varies so steeply in the cell at ("],
+        ["friction_angle", "so steeply in the cell at ("],
     ),
     "a table that does not cover its body": (
         [("cohesion = 30.0", "cohesion = [[31, 30], [25, 40]]")],

@@ -30,7 +30,7 @@ def known() -> Iterator[None]:
 
 
 def ran(comm: MPI.Intracomm, folder: Path, loading: str, *more: str) -> dict[str, Any]:
-    """What a run writes of foam under steel. Collective."""
+    """Run foam under steel, and return the summary. Collective."""
     text = case_text(
         {"builder": "stacked_blocks", "n": 1},
         {"lower": FOAM, "upper": VonMises(2e5, 0.3, 100.0)},  # type: ignore[dict-item]

@@ -1,4 +1,4 @@
-"""What a first case asks for."""
+"""The loading of a first case."""
 
 import tomllib
 

@@ -1,4 +1,4 @@
-"""What a meshing program was doing that took too long."""
+"""The step at which a meshing program took too long."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What is drawn of a geometry."""
+"""The drawn surface of a geometry."""
 
 from pathlib import Path
 

@@ -15,7 +15,7 @@ from perfplast_fenicsx.compat import geometry_dofmap
 
 @dataclass(frozen=True)
 class Checked:
-    """What a stress leaves.
+    """Errors of a stress in its conditions.
 
     Attributes:
         divergence: Largest |div σ + f|, times the size of the cell.
@@ -24,7 +24,7 @@ class Checked:
             plane strain with the mean stress out of the plane.
         x: Vertices of the boundary's facets, of all ranks, shape (num_facets, d, d).
         normals: Outward unit normals, shape (num_facets, d).
-        tractions: At these vertices, shape (num_facets, d, d).
+        tractions: Tractions at these vertices, shape (num_facets, d, d).
         forces: Sum of all forces that are not balanced in cells and between them.
     """
 

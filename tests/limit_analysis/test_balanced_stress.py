@@ -1,4 +1,4 @@
-"""What is kept in reserve beside constant loads, and the mean of stresses in and out of yield."""
+"""The reserve with constant loads, and the mean of stresses inside and outside of yield."""
 
 from types import SimpleNamespace
 from typing import Any

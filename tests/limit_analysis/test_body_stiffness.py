@@ -34,7 +34,7 @@ def tube(read: Read) -> Problem:
 
 
 def foam(read: Read) -> Problem:
-    """Whose cones have axes of their own."""
+    """Return a problem with a law whose cones have their own axes."""
     return Problem(
         stacked_blocks(COMM, 1),
         {"lower": Foam(1e4, 0.3, 10.0, 3.0), "upper": VonMises(2e5, 0.3, 100.0)},
@@ -46,7 +46,7 @@ def foam(read: Read) -> Problem:
 
 
 def random_moduli(at: PointCoordinates, m: int) -> Moduli:
-    """Of all kinds at once."""
+    """Return random moduli of all kinds at once."""
     rng = np.random.default_rng(COMM.rank)
     count = len(at.radii)
     bulk, a = rng.uniform(1, 3, count), rng.uniform(1, 2, count)

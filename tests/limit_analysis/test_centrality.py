@@ -28,7 +28,7 @@ BLOCKS: Sequence[Block] = (
 
 
 def eigenvalues(products: Products) -> list[Floats]:
-    """Of the products of each block."""
+    """Return the eigenvalues of the products of each block."""
     *cones, matrices, pairs = products.parts
     found: list[Floats] = []
     for rows in cones:

@@ -114,7 +114,10 @@ def test_a_footing(read: Read, shared_tmp_path: Path, sign: float) -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("centre", [0.0, 4.0])
 def test_a_stack_in_plane_strain(shared_tmp_path: Path, centre: float, sign: int) -> None:
-    """Of uniform stress, with the best one out of the plane; nothing holds it to its platen."""
+    """The stress is uniform, with the best out-of-plane stress.
+
+    Contact with the platen is smooth.
+    """
     foam, it = Foam(1e4, 0.3, 10.0, centre), stack(3, 2)
     path = shared_tmp_path / "stack.msh"
     if COMM.rank == 0:

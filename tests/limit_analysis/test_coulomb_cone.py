@@ -117,7 +117,7 @@ def test_a_footing(read: Read, shared_tmp_path: Path, angle: float) -> None:
 
 @pytest.mark.parametrize("angle", [10.0, 30.0])
 def test_drucker_and_prager_match_it(read: Read, angle: float) -> None:
-    """Of the plane match all numbers are the same."""
+    """With the match of plane strain both laws have the same bounds."""
     match = DruckerPrager(2.5e4, 0.25, 1.0, angle, "plane-strain")
     mesh = ground(read, angle)
     one, other = (limit_bounds(footing(mesh, it)) for it in (Ground(angle), match))

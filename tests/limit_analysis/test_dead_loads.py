@@ -81,7 +81,7 @@ def footing(live: tuple[float, float], dead: tuple[float, float], n: int = 2) ->
 
 
 def checked(low: BodyBounds, high: BodyBounds, folder: Path) -> dict[str, Checked]:
-    """What the checker says of both halves, which it finds without faults."""
+    """Return the checker's results for both halves, which have no faults."""
     there = ResultFolder(MPI.COMM_WORLD, folder)
     write_proof(there, there.file("bounds.h5"), *proofs(low, high))
     found = check(there.file("bounds.h5"))
@@ -123,7 +123,7 @@ def test_weight_lowers_what_a_column_carries() -> None:
 
 
 def test_dead_loads_that_are_a_share_of_the_live_ones() -> None:
-    """Of loads in proportion λ alone changes, by the share."""
+    """If dead loads are a share of the limit load, λ decreases by this share."""
     plain = limit_load(footing((0.3, -1.0), (0.0, 0.0)), RTOL)
     assert plain.estimate is not None
     for share in (0.5, 0.99, -2.0):
@@ -164,7 +164,7 @@ def test_bodies_part_at_the_load_that_lifts_what_presses() -> None:
 
 
 def test_factors_of_rounding_spoil_no_bound(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of bodies that part the last K may be singular but for rounding, and balance nothing."""
+    """If bodies separate, the last K may be singular up to rounding, and balance nothing."""
     asked = []
 
     def spoilt(_: NewtonDirections, now: Unknowns) -> Unknowns:
@@ -230,7 +230,7 @@ def test_a_growing_load_where_nothing_moves(shared_tmp_path: Path, read: Read) -
 
 @pytest.mark.serial
 def test_forged_dead_loads(shared_tmp_path: Path) -> None:
-    """What the checker finds where constant loads are not what they were."""
+    """The checker finds faults if constant loads were changed."""
     import h5py
 
     bounds = limit_bounds(block(1.0, -3.0))

@@ -13,33 +13,19 @@ pytestmark = pytest.mark.serial
 @pytest.mark.parametrize(
     ("lower", "upper", "estimate", "words"),
     [
-        (
-            3.0,
-            4.0,
-            3.9,
-            "is carried for certain, 1.5 times: the proof leaves 50 % to spare; 2 times it is not.",
-        ),
-        (3.0, None, 3.9, "is carried for certain, 1.5 times: the proof leaves 50 % to spare."),
-        (1.0, 1.5, 1.4, "is not carried: the bodies collapse at 0.75 times it at the latest."),
-        (
-            1.0,
-            3.0,
-            2.9,
-            "is not decided by this mesh: 0.5 times it is carried; 1.5 times it is not",
-        ),
-        (
-            None,
-            None,
-            2.9,
-            "not decided by this mesh: nothing is proven of the bodies (estimate: 1.45 times).",
-        ),
-        (None, 4.0, None, "not decided by this mesh: 2 times it is not."),
+        (3.0, 4.0, 3.9, ["is carried for certain", "1.5 times", "50 %", "2 times it is not."]),
+        (3.0, None, 3.9, ["is carried for certain", "1.5 times", "50 % to spare."]),
+        (1.0, 1.5, 1.4, ["is not carried", "at 0.75 times"]),
+        (1.0, 3.0, 2.9, ["not decided", "0.5 times it is carried", "1.5 times it is not"]),
+        (None, None, 2.9, ["not decided", "nothing is proven", "(estimate: 1.45 times)"]),
+        (None, 4.0, None, ["not decided", "2 times it is not."]),
     ],
 )
 def test_words(
-    lower: float | None, upper: float | None, estimate: float | None, words: str
+    lower: float | None, upper: float | None, estimate: float | None, words: list[str]
 ) -> None:
-    assert words in DesignFactor.of(2.0, lower, upper, estimate).in_words()
+    said = DesignFactor.of(2.0, lower, upper, estimate).in_words()
+    assert [part for part in words if part not in said] == []
 
 
 def test_rounding_is_to_the_safe_side() -> None:

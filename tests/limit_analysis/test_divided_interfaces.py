@@ -35,7 +35,7 @@ STEEL = VonMises(2e5, 0.3, 200.0)
 PAIR = ("lower_top", "upper_bottom")
 MEETING: dict[str, Any] = {"ties": [Tie(*PAIR)], "contacts": [Contact(*PAIR)]}
 EXACT = 2 / 3**0.5 * STEEL.yield_stress
-"""Of a block in plane strain that is free to widen."""
+"""Limit load of a block in plane strain with free sides."""
 
 
 def blocks(lower: int, upper: int, kind: str, loads: Any = None, **shape: Any) -> Problem:

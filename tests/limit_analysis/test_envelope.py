@@ -197,7 +197,7 @@ def test_numbers_of_either_sign(around: tuple[bool, bool], parts: int, cube: Pro
     """A quarter or half of the ellipse, and what is refused."""
     with pytest.raises(InputError, match="is not one of each of 3"):
         envelope(cube, [[ACROSS], [ALONG], [ALONG]], around=around)
-    with pytest.raises(InputError, match="an envelope needs two or three numbers"):
+    with pytest.raises(InputError, match="envelope needs two or three numbers"):
         envelope(cube, [[ACROSS]])
     found = envelope(cube, [[ACROSS], [ALONG]], directions=4 + parts, around=around)
     turns = [row["angle"] for row in found.table()]
@@ -213,7 +213,7 @@ def test_one_direction_alone_is_no_polygon(cube: Problem) -> None:
 
 
 def test_constant_loads_are_not_multiplied(cube: Problem) -> None:
-    with pytest.raises(InputError, match="is constant, but an envelope multiplies it"):
+    with pytest.raises(InputError, match="is constant, but an envelope"):
         envelope(cube, [[Traction("z1", (0.0, 0.0, 1.0), constant=True)], [ACROSS]])
 
 

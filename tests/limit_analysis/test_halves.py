@@ -56,7 +56,7 @@ CASES: dict[str, Callable[[], Problem]] = {
 
 
 def numbers(told: list[InteriorStep]) -> list[int]:
-    """Of the steps that a rank was told."""
+    """Return the numbers of the steps that a rank received."""
     return [step.number for step in told]
 
 

@@ -18,7 +18,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 Y = 300.0
 STEEL = VonMises(2e5, 0.3, Y)
 PLATES, THICK, LONG = 8, 0.1, 3.0
-"""Of a regular polygon whose walls have their middle at a distance of 1 from the axis."""
+"""Number of walls, thickness and length; the middle of a wall is at distance 1 from the axis."""
 
 
 def shaft(comm: MPI.Intracomm, layers: int, across: int = 1) -> TaggedMesh:

@@ -263,7 +263,7 @@ def test_every_number_of_ranks_finds_the_same(
 def test_what_enters_once_it_keeps_the_volume_is_held(
     most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of steps that end early, the projected velocity enters some pairs that did not push."""
+    """If steps end early, the projected velocity penetrates at some pairs without force."""
     monkeypatch.setattr("perfplast_fenicsx.limit_analysis.conic.interior_steps.MOST_STEPS", most)
     given = two_blocks_problem(2).given
     limit = interior_point(Problem(two_blocks(COMM, 2), **vars(given) | {"degree": 2}))

@@ -36,7 +36,7 @@ SOIL = VonMises(young=1e3, poisson=0.3, yield_stress=3**0.5)
 DEEP = 3.0
 """Height of the water above the bottom."""
 WEIGHT = 0.7
-"""Of the water, for each volume."""
+"""Weight of the water per volume."""
 SQUARE = {
     "left": lambda x: x[0] < 1e-9,
     "bottom": lambda x: x[1] < 1e-9,
@@ -123,7 +123,7 @@ def proven(bounds: object, path: Path, exact: float) -> None:
 
 
 def test_bending_by_a_linear_traction() -> None:
-    """What bends a bar is linear over its end, where its edge can carry no more than 2k."""
+    """The traction that bends a bar is linear over its end, whose edge carries at most 2k."""
     mesh = rectangle((6, 4), (2.0, 1.0), {"block": lambda x: x[0] < 3}, ENDS)
     loads = [Traction("right", ("2*y - 1", 0.0))]
     problem = Problem(mesh, {"block": SOIL}, [Support("left")], loads, degree=2)

@@ -1,4 +1,4 @@
-"""What bounds are made of is made once a mesh, and the proof file reads what there is."""
+"""The data of bounds are computed once for each mesh, and the proof file uses them."""
 
 import gc
 from collections import Counter

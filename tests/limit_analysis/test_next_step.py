@@ -1,4 +1,4 @@
-"""What is said where a limit load is not known well enough."""
+"""The advice if a limit load is not known well enough."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -32,7 +32,7 @@ from tests.models import Read, touching_blocks
 ANGLE = 25.0
 N = math.tan(math.radians(45 + ANGLE / 2)) ** 2
 DRY = 2 * COHESION * math.sqrt(N)
-"""What a block between smooth planes bears."""
+"""Limit pressure of a dry block between smooth planes."""
 U = 0.2 * COHESION
 GROUND = DruckerPrager(1e4, 0.3, COHESION, ANGLE, "plane-strain")
 MERIDIAN = DruckerPrager(1e4, 0.3, COHESION, ANGLE, "compression")
@@ -92,7 +92,7 @@ def test_pores_that_fill(shared_tmp_path: Path) -> None:
 
 
 def test_pores_beside_contact(shared_tmp_path: Path) -> None:
-    """What pushes between bodies is all of the stress, that of the water too."""
+    """The contact pressure is the total stress, including the pressure of the water."""
     problem = touching_blocks(
         materials=dict.fromkeys(("lower", "upper"), MERIDIAN),
         loads=[Pressure("top", 1.0), PorePressure("lower", U)],
@@ -121,7 +121,7 @@ def test_under_water(shared_tmp_path: Path) -> None:
 
 
 def test_pores_of_metal_change_nothing() -> None:
-    """What keeps its volume does no work against a pressure."""
+    """A flow that preserves volume does no work against a pore pressure."""
     metal = VonMises(1e4, 0.3, math.sqrt(3))
     plain = limit_bounds(square(Pressure("top", 1.0), material=metal), 1e-7)
     pores = PorePressure("upper", "3 + 2*x - y", constant=False)

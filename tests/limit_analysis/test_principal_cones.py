@@ -37,7 +37,7 @@ TIED = [Tie("lower_top", "upper_bottom")]
 
 
 def ground(angle: float, cohesion: float = 20.0) -> Any:
-    """Of an angle of friction; Tresca's without."""
+    """Return ground of an angle of friction (degrees); of Tresca's law if it is 0."""
     return MohrCoulomb(1e4, 0.3, cohesion, angle) if angle else Tresca(1e4, 0.3, cohesion)
 
 

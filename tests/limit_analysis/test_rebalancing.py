@@ -1,4 +1,4 @@
-"""What is left where contact forces pull whatever is let go of."""
+"""Rebalancing if contact forces pull, whichever forces are removed."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -25,7 +25,7 @@ class Iterate:
 
     @property
     def forces(self) -> Floats:
-        """Of the pairs."""
+        """Return the forces of the pairs."""
         return self.borne.forces
 
     def bearing(self, borne: Borne, _blocks: object) -> "Iterate":

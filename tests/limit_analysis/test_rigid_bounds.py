@@ -31,7 +31,7 @@ from tests.limit_analysis.test_static_bound import rectangle
 K = 1.0
 SOIL = VonMises(1e3, 0.3, math.sqrt(3) * K)
 PRANDTL = (2 + math.pi) * K
-"""Of a rigid rough strip of unit width under a central load."""
+"""Limit load of a rigid rough strip of unit width under a central load."""
 
 
 def proven(problem: Problem, path: Path, rtol: float = 1e-4) -> BodyBounds:
@@ -99,7 +99,7 @@ def test_loads_that_turn_and_push(shared_tmp_path: Path) -> None:
 
 
 def test_a_traction_on_the_plate_is_its_resultant() -> None:
-    """Of what pushes on a rigid surface nothing but the sums counts."""
+    """Only the resultants of tractions on a rigid surface matter."""
     spread = limit_bounds(footing(Traction("strip", ("0*x", "-1 - 2*(x - 2)"))), 1e-4)
     force = limit_bounds(footing(at((0.0, -1.0), -2 / 12)), 1e-4)
     assert spread.strict

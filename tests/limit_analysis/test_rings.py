@@ -49,7 +49,7 @@ from tests.limit_analysis.test_static_bound import rectangle
 from tests.models import Read
 
 STEEL = VonMises(young=1e3, poisson=0.3, yield_stress=math.sqrt(3.0))
-"""Of the shear strength k = 1."""
+"""Steel of the shear strength k = 1."""
 
 
 ANGLE = 20.0
@@ -151,7 +151,7 @@ def check(bounds: BodyBounds, exact: float, width: float) -> None:
 
 
 def test_pressure_of_shells_that_touch_on_the_axis(read: Read) -> None:
-    """What one shell pushes the other along the axis by, 2σ_y ln(b/c) π c²."""
+    """The force of one shell on the other along the axis is 2σ_y ln(b/c) π c²."""
     seam, shape = 1.4, {"outer": 2.0, "size": 0.2}
     mesh = read(write_thick_tube, interface=seam, **shape).turned()
     problem = Problem(

@@ -34,7 +34,7 @@ MANY = 1000
 def declared(
     supports: Sequence[Support], loads: Sequence[Pressure], contacts: Sequence[Contact] = ()
 ) -> Given:
-    """What holds and pushes; the laws do not matter."""
+    """Return supports, loads and contacts; the laws do not matter."""
     return Given({}, supports, loads, contacts, [], 2, [], [], [])
 
 

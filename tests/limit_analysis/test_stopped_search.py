@@ -35,7 +35,7 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 
 MANY = 10 * int(os.environ.get("PERFPLAST_FUZZ", "0"))
 SEEDS = range(MANY or 4)
-"""Of random assemblies, every fourth one in space."""
+"""Seeds of random assemblies, every fourth one in space."""
 
 
 def write_pinned(path: Path, seed: int) -> None:
@@ -203,7 +203,7 @@ def test_an_interrupted_run_writes_what_it_knows(
 def test_a_run_that_is_interrupted_on_its_second_mesh(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What the first mesh has proven is on file, with its mechanism and what is left to do."""
+    """The result of the first mesh is on file, with its mechanism and the remaining work."""
     case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
     until = 'until = "limit"\n'
     if comm.rank == 0:

@@ -66,7 +66,7 @@ def work(problem: Problem, v: fem.Function, radius: float) -> float:
 
 
 def upper_block(problem: Problem) -> tuple[PairFlags, Floats, float]:
-    """Which local nodes are the upper block's, heights of all, and of the seam. Collective."""
+    """Return which local nodes belong to the upper block, all heights, and that of the seam."""
     of_node, height = problem.bodies.of_node, problem.V.tabulate_dof_coordinates()[:, 2]
     upper = of_node == problem.comm.allreduce(int(of_node.max()), MPI.MAX)
     low = problem.comm.allreduce(float(height[upper].min(initial=np.inf)), MPI.MIN)
@@ -74,7 +74,7 @@ def upper_block(problem: Problem) -> tuple[PairFlags, Floats, float]:
 
 
 def test_bodies_that_stay_rest() -> None:
-    """What rounding moves them by is nothing, and what is slow is something."""
+    """A motion by rounding becomes zero, and a slow motion remains."""
     problem = blocks_in_space()
     v = fem.Function(problem.V)
     upper, *_ = upper_block(problem)

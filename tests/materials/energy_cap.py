@@ -109,7 +109,7 @@ class EnergyCap(Law):
 
 @dataclass(frozen=True)
 class Foam:
-    """What a user gives.
+    """The parameters of a foam.
 
     Args:
         young: Young's modulus (stress).

@@ -25,7 +25,7 @@ def hooke(bulk: float, shear: float) -> Array:
 
 @dataclass(frozen=True)
 class Projected:
-    """What projections are.
+    """The results of projections.
 
     Attributes:
         stress: Shape (n, 6).

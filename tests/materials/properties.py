@@ -1,4 +1,4 @@
-"""What is true of every law, to be checked of each: Σ = Dψ, its tangent, the conjugate, the gauge.
+"""Checks that every law must pass: Σ = Dψ, its tangent, the conjugate, the gauge.
 
 A law's tests call :func:`check_all` with materials of it and strains on all its branches.
 """
@@ -87,7 +87,7 @@ def strains(scales: Iterable[float], size: int = 6, seed: int = 7) -> list[Array
 
 
 def deviator(x: Array) -> Array:
-    """Of a Mandel vector."""
+    """Return the deviator of a Mandel vector."""
     d = x.copy()
     d[:3] -= x[:3].mean()
     return d

@@ -57,7 +57,7 @@ from tests.models import STEEL
 
 @dataclass(frozen=True)
 class FirstSet:
-    """Of a law that does not say that it carries any load, nor of which rates it flows."""
+    """Yield set of a law that states neither that it hardens nor its admissible rates."""
 
     radius: Expr
 
@@ -272,7 +272,7 @@ def test_newton_converges_quadratically(degree: int) -> None:
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_newton_converges_with_an_order_above_one(degree: int) -> None:
-    """Of an order p each share of an increment in the one before is the last share to the p."""
+    """With the order p, each ratio of increments is the previous ratio to the power of p."""
     problem = bending(METAL, degree)
     level = Newton(problem, SHARP).solve(250.0)
     check(level)

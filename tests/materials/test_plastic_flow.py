@@ -69,7 +69,7 @@ def test_a_step_inside_leaves_no_trace() -> None:
 @pytest.mark.parametrize(
     ("isotropic", "kinematic", "named"),
     [
-        (0.0, 0.0, "isotropic and kinematic hardening are both zero"),
+        (0.0, 0.0, "kinematic hardening are both zero"),
         (-1.0, 2.0, "isotropic = -1.0"),
         (1.0, math.inf, "kinematic = inf"),
     ],

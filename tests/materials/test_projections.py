@@ -30,7 +30,7 @@ pytestmark = pytest.mark.serial
 
 POINTS = 100_000
 EXACT = 1e-12
-"""Of the elastic stress, whose rounding no law can mend."""
+"""Tolerance relative to the elastic stress, whose rounding error no law can reduce."""
 
 AMONG = {4: [0, 1, 2, 5], 6: list(range(6))}
 """Components of Mandel vectors of space that those of a section have."""
@@ -96,7 +96,7 @@ for name, found in {
 
 
 def strains(unit: float, size: int, count: int) -> Array:
-    """Of all sizes and shapes: half drawn, half with principal values that meet or nearly do."""
+    """Return strains: half of them random, half with equal or nearly equal principal values."""
     random = np.random.default_rng(12)
     half = count // 2
     e = random.normal(size=(count, 6))

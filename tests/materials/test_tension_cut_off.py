@@ -27,7 +27,7 @@ def principal(stress: Array) -> Array:
 
 
 def test_stress_is_the_nearest_admissible_one() -> None:
-    """Of random principal strains, by the variational inequality; all vertices and edges occur."""
+    """Random principal strains satisfy the variational inequality; all vertices and edges occur."""
     point, numbers = Point(GROUND), GROUND.parameters()
     s, b, f = (numbers[name] for name in ("sine", "strength", "tension"))
     low = ((1 + s) * f - b) / (1 - s)

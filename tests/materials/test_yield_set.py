@@ -57,7 +57,7 @@ PRINCIPAL: dict[str, Sequence[Material]] = {
 
 
 def value(expression: Expr) -> Array:
-    """Of an expression of numbers alone; UFL evaluates scalars."""
+    """Return the value of an expression without fields; UFL evaluates its entries."""
     shape = expression.ufl_shape
     entries = [expression[i](()) if i else expression(()) for i in np.ndindex(shape)]
     return np.array(entries, dtype=np.float64).reshape(shape)
@@ -178,7 +178,7 @@ def test_sets_of_principal_stresses(material: Material, size: int) -> None:
 
 
 OTHERS = (Foam(1e4, 0.3, 10.0), Foam(1e4, 0.3, 10.0, 4.0), Foam(1e4, 0.45, 10.0, -1.0))
-"""Of no law of case files: ellipsoids about zero, a pressure and a tension."""
+"""Laws that case files do not have: ellipsoids about zero, a pressure and a tension."""
 
 
 @pytest.mark.parametrize("size", [4, 6])
@@ -190,10 +190,10 @@ def test_descriptions_are_of_one_set(material: Material, size: int) -> None:
 
 @dataclass(frozen=True)
 class Wrong(VonMisesSet):
-    """Of which one description is of another set.
+    """A set with one description that belongs to another set.
 
     Args:
-        which: Which one.
+        which: Name of this description.
     """
 
     which: str = ""

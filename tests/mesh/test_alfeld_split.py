@@ -40,7 +40,7 @@ def interpolated(problem: Problem) -> PETSc.Vec:
 
 
 def cell_volumes(tagged_mesh: TaggedMesh) -> np.ndarray:
-    """Of this rank's cells."""
+    """Return the volumes of the cells of this rank."""
     mesh = tagged_mesh.mesh
     x = mesh.geometry.x[geometry_dofmap(mesh)][:, :, : mesh.geometry.dim]
     size = np.abs(np.linalg.det(x[:, 1:] - x[:, :1]))

@@ -66,7 +66,7 @@ def test_bodies_may_overlap_where_it_is_meant(shared_tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_depths_of_simplices(gdim: int) -> None:
-    """Of random ones: moved apart by the depth they touch, and by 1 % less they do not."""
+    """Random simplices touch after a separation by the depth, and overlap after 1 % less."""
     lot = np.random.default_rng(7)
     one, other = lot.normal(size=(2, 400, gdim + 1, gdim))
     none = np.zeros(len(one))

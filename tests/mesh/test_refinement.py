@@ -226,7 +226,7 @@ def test_edges_along_which_fields_change_are_cut(comm: MPI.Intracomm) -> None:
 
 
 def mean_extents(tagged_mesh: TaggedMesh) -> Floats:
-    """Of cells along the axes, shape (gdim,)."""
+    """Return the mean extents of cells along the axes, shape (gdim,)."""
     extents = np.ptp(corners(tagged_mesh), axis=1)
     comm = tagged_mesh.mesh.comm
     out: Floats = comm.allreduce(extents.sum(axis=0)) / comm.allreduce(len(extents))

@@ -17,7 +17,7 @@ COMM = MPI.COMM_WORLD
 
 
 def vertices(mesh: TaggedMesh) -> Floats:
-    """Of each owned cell, shape (num_cells, d + 1, d)."""
+    """Return the vertices of each owned cell, shape (num_cells, d + 1, d)."""
     cells, points = corners(mesh.mesh)
     return points[cells]
 

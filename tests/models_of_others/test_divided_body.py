@@ -23,7 +23,7 @@ from perfplast_fenicsx.mesh import gmsh_session
 from perfplast_fenicsx.models import read_inp, write_msh
 
 LENGTH = 2.0
-"""Of the cantilever, whose section is a unit square."""
+"""Length of the cantilever, whose section is a unit square."""
 
 
 def hexahedra(path: Path, n: int) -> Path:

@@ -28,14 +28,14 @@ def written(path: Path, text: str) -> Path:
 
 
 def areas(model: ForeignModel) -> dict[str, float]:
-    """Of the surfaces."""
+    """Return the areas of the surfaces by name."""
     p = model.points[model.facets]
     each = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1) / 2
     return {name: float(each[model.surface == k].sum()) for k, name in enumerate(model.surfaces)}
 
 
 def volumes(model: ForeignModel) -> dict[str, float]:
-    """Of the bodies."""
+    """Return the volumes of the bodies by name."""
     edges = model.points[model.cells[:, 1:]] - model.points[model.cells[:, :1]]
     each = np.linalg.det(edges) / 6
     assert (each > 0).all()

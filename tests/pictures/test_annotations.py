@@ -50,7 +50,7 @@ def test_arrows_end_on_their_surface_or_pull_at_it(plane: bool) -> None:
 
 
 def test_a_strip_of_a_large_body_has_three_arrows() -> None:
-    """Of an eighth of its size, so long as they are not on each other."""
+    """Arrows have an eighth of the size of the body, unless they would overlap."""
     surface = skin(square(MPI.COMM_SELF), Scene("", [Traction("side", (-1.0, 0.0))]))
     narrow = surface.points.copy()
     narrow[:, 1] *= 0.12

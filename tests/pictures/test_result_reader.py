@@ -1,4 +1,4 @@
-"""What is read back from a result folder, finished or not, and the pictures that are made of it."""
+"""Reading of result folders, finished or not, and pictures of them."""
 
 import shutil
 from collections import ChainMap

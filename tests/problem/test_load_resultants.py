@@ -80,7 +80,7 @@ def turned(moment: Sequence[float], both: tuple[list, list]) -> tuple[list, list
 
 
 SLOPE = [0.0, 0.0, -(3.0**2 - 1.5**2) / 2]
-"""Of the traction −x in z: its force; that acts at x = ∫x² / ∫x."""
+"""Force of the traction −x in z, which acts at x = ∫x² / ∫x."""
 
 CASES: dict[str, tuple[Callable[[], Problem], list[tuple[list, list]]]] = {
     "down": (lambda: cantilevers([Traction("top", (0, 0, -1.0))]), [of(TOP, (0, 0, -1.0))]),
@@ -177,7 +177,7 @@ def test_statics_of_a_lower_bound(name: str) -> None:
 
 
 def test_statics_of_a_path() -> None:
-    """Of its last level, which is next to the limit load, as good as that level is solved."""
+    """Forces are those of the last level, near the limit load, and as accurate as this level."""
     problem = touching_blocks(degree=2)
     limit = limit_load(problem, 1e-2, method="path")
     found = limit_forces(problem, limit)

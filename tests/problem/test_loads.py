@@ -1,4 +1,4 @@
-"""What loads do: resultants by hand, formulas, pore pressure, what is constant, what is refused."""
+"""Loads: resultants by hand, formulas, pore pressure, constant loads, refusals."""
 
 from collections.abc import Callable
 from functools import cache
@@ -41,7 +41,7 @@ def problem(*loads: Load, degree: int = 1) -> Problem:
 
 
 def work(problem: Problem, v: Callable[[np.ndarray], np.ndarray], zeta: float) -> float:
-    """Of all loads on a displacement, supports or not."""
+    """Return the work of all loads on a displacement, including supported unknowns."""
     velocity, force = fem.Function(problem.V), problem.create_vector()
     velocity.interpolate(v)
     problem.loads.add_all_to(force, zeta)

@@ -39,7 +39,7 @@ def unrolled(steps: int, once: bool) -> Expr:
 @pytest.mark.serial
 @pytest.mark.parametrize("steps", [1, 8])
 def test_equal_parts_become_one_object(steps: int) -> None:
-    """What is made twice in each of n steps has 2ⁿ parts, and as many as what is made once then."""
+    """An expression with 2ⁿ parts is merged to as few parts as if equal parts were made once."""
     once, twice = merged(unrolled(steps, True)), unrolled(steps, False)
     found = merged(twice)
     assert number_of_parts(found) == number_of_parts(once)

@@ -1,4 +1,4 @@
-"""What is made in Python by hand, and is refused by a sentence that names the cause."""
+"""Objects made in Python that are refused in a sentence that names the cause."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -39,7 +39,7 @@ class Own:
     poisson: float
 
     def parameters(self) -> dict[str, float]:
-        """Of Hooke's law."""
+        """Return the parameters of Hooke's law."""
         bulk, shear = self.young / (3 - 6 * self.poisson), self.young / (2 + 2 * self.poisson)
         return {"bulk": bulk, "shear": shear}
 

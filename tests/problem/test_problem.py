@@ -1,4 +1,4 @@
-"""What a problem refuses."""
+"""Input that a problem refuses."""
 
 import math
 

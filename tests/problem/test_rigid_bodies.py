@@ -165,7 +165,7 @@ def test_bodies_that_share_nodes(gdim: int) -> None:
 @pytest.mark.parametrize("gdim", [2, 3])
 @pytest.mark.parametrize("how", ["symmetry", "pressed", "turned"])
 def test_supports(gdim: int, how: str) -> None:
-    """What supports imply of a rigid body is held and moved with them, and they bear its forces."""
+    """Supports hold and move a rigid body as they imply, and bear its forces."""
     mesh = blocks_apart(COMM, *COUNTS[gdim])
     given: dict[str, Any] = {"contacts": [Contact("upper_bottom", "lower_top", tresca=40.0)]}
     if how == "symmetry":

@@ -40,7 +40,7 @@ class Rows:
             them.append(part)
 
     def matrix(self, width: int) -> sp.csc_matrix:
-        """All of them."""
+        """Return all rows as a matrix."""
         if not self.rows:
             return sp.csc_matrix((self.count, width))
         parts = [np.concatenate(them) for them in (self.values, self.rows, self.columns)]

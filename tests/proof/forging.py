@@ -73,7 +73,7 @@ def blocks(path: Path, dim: int) -> Halves:
 
 
 def halves_of(path: Path) -> Halves:
-    """What a file has."""
+    """Return the arrays and attributes of both halves of a file."""
     with h5py.File(path) as file:
         return {
             kind: {name: np.asarray(half[name]) for name in half}

@@ -1,4 +1,4 @@
-"""What a stress leaves of equilibrium makes its bound smaller, by as much as it can cost.
+"""The imbalance of a stress reduces its bound by as much as it can cost.
 
 Bodies here are cells by hand, so that limits are known: strips, columns and blocks in contact.
 """
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.serial
 
 Arrays = dict[str, npt.NDArray]
 RADIUS = np.sqrt(2.0)
-"""Of a shear strength of 1."""
+"""Yield radius of a shear strength of 1."""
 
 
 def strip(length: float, cells: int, height: float = 1.0) -> Arrays:
@@ -104,7 +104,7 @@ def test_loads_far_below_the_strength(slenderness: float, share: float) -> None:
 @pytest.mark.parametrize("pressure", [0.0, 1.5, 1e3])
 @pytest.mark.parametrize("slenderness", [1.0, 100.0])
 def test_a_body_without_the_stress_of_its_load(slenderness: float, pressure: float) -> None:
-    """What balances the load is found, and the bound is one of it: small, and not zero."""
+    """A stress that balances the load is found; its bound is small, but not zero."""
     them = cantilever(slenderness, 8)
     if pressure:
         pressed(them, pressure)

@@ -1,4 +1,4 @@
-"""What a velocity leaves of its conditions makes an upper bound larger, by as much as it can cost.
+"""The errors of a velocity in its conditions increase an upper bound by as much as they cost.
 
 Bodies here are cells by hand, so that limits are known, or blocks whose lower bound is.
 """
@@ -132,13 +132,13 @@ def nodes_on(them: Arrays, flags: npt.NDArray) -> npt.NDArray:
 
 
 def supports_move(them: Arrays, size: float) -> None:
-    """What is held moves."""
+    """Move the supported nodes."""
     at = nodes_on(them, np.asarray(them["held"].any(axis=1)))
     them["velocity"][at] += size
 
 
 def bodies_enter(them: Arrays, size: float) -> None:
-    """All in contact moves down by different lengths."""
+    """Move all nodes in contact down by different lengths."""
     at = nodes_on(them, np.isin(them["surface"], them["contacts"]))
     them["velocity"][at, 1] -= size * np.linspace(0, 1, len(at))
 

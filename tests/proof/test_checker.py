@@ -95,7 +95,7 @@ def proof(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def arrays(path: Path, kind: str) -> Arrays:
-    """What a half of the file has."""
+    """Return the arrays of a half of the file."""
     with h5py.File(path) as file:
         found = {name: np.asarray(file[kind][name]) for name in file[kind]}
         return found | {"bound": np.asarray(file[kind].attrs["bound"])}

@@ -221,7 +221,7 @@ def test_a_forged_cone_is_refused(honest: Halves, tmp_path: Path, name: str) -> 
 def test_the_same_sets_in_other_words(
     honest: Halves, tmp_path: Path, change: Callable[[Arrays], object]
 ) -> None:
-    """What is on file is a set, not its matrix."""
+    """The file defines a set; another matrix of the same set is accepted."""
     halves = {kind: {k: v.copy() for k, v in half.items()} for kind, half in honest.items()}
     change(halves["upper"])
     checked = check(write(tmp_path / "same.h5", halves))

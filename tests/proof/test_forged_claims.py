@@ -51,7 +51,7 @@ def nearly_all_stays(them: Arrays) -> None:
 
 @pytest.mark.parametrize("claim", [1.0, 0.9, 0.0, -0.9])
 def test_a_claim_beside_loads_at_their_limit(pressed: Halves, tmp_path: Path, claim: float) -> None:
-    """What is left is a billionth of what is dissipated, and told to a thousandth nevertheless."""
+    """The bound is 1e-9 of the dissipation, and is still proven to 0.1 %."""
     honest = float(pressed["upper"]["bound"])
     forge = in_turn(nearly_all_stays, times("bound", claim))
     said = said_of_forged(pressed, alone("upper", forge), tmp_path)

@@ -525,7 +525,7 @@ def test_arrays_that_are_not_in_the_file(honest: Halves, tmp_path: Path) -> None
 
 
 def refused(path: Path, words: str) -> None:
-    """What is no proof is said to be none."""
+    """Check that a file is refused as a proof file."""
     with pytest.raises(ProofError, match=words.replace("+", r"\+")):
         check(path)
 
@@ -548,7 +548,7 @@ def test_the_status_is_that_of_the_documentation(honest: Halves, tmp_path: Path)
 
 
 def test_an_upper_half_of_stronger_bodies_is_one(honest: Halves, tmp_path: Path) -> None:
-    """What no velocity of stronger bodies does with less work, none of these does."""
+    """An upper bound of stronger bodies also holds for the bodies."""
     upper = honest["upper"]
     stronger = upper | {"cone_bound": 2 * upper["cone_bound"], "bound": 2 * upper["bound"]}
     path = write(tmp_path / "stronger.h5", {"lower": honest["lower"], "upper": stronger})

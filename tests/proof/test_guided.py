@@ -81,7 +81,7 @@ def shear_there(share: float) -> Forgery:
 
 
 def test_what_passes_a_guide_is_refused(honest: Halves, tmp_path: Path) -> None:
-    """What passes is bent until it does not, and the bound rises by what that costs."""
+    """A velocity through the guide is corrected, which increases the bound."""
     for share in (1e-2, 1e-6):
         assert "only" in said_of_forged(honest, pass_through(share), tmp_path)
 

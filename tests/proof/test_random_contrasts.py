@@ -28,7 +28,7 @@ SEEDS = [
 ]
 """In numbers 240 and 276 edges nearly cross: rows of equilibrium nearly depend on each other."""
 COARSER = 1.5
-"""So many times as long are edges as in other tests with such bodies."""
+"""Ratio of edge lengths to those of other tests with such bodies."""
 
 
 @pytest.mark.mpi2("100")

@@ -21,7 +21,7 @@ from tests.random_bodies import problem_of, stack, write_stack
 COMM = MPI.COMM_WORLD
 EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
 SHARES = (-1.0, 0.3, 0.95, 1.4)
-"""Of the load that is carried for certain; the last one is too much without other loads."""
+"""Shares of the proven load; the last one is too large without other loads."""
 
 
 @pytest.mark.long(but=["300"])

@@ -51,13 +51,13 @@ EDITS = int(200 * EFFORT)
 
 
 def scaled(values: npt.NDArray, random: np.random.Generator) -> npt.NDArray:
-    """All of them by a factor near 1 or far from it."""
+    """Return all values times a factor near 1 or far from it."""
     size = 10.0 ** random.uniform(-12, 1)
     return values * (1 + size * random.choice([-1.0, 1.0]))
 
 
 def noisy(values: npt.NDArray, random: np.random.Generator) -> npt.NDArray:
-    """Noise on some rows, as stresses are symmetric."""
+    """Return values with noise on some rows; the noise of stresses is symmetric."""
     size = 10.0 ** random.uniform(-15, 1) * np.abs(values).max(initial=1e-3)
     noise = size * random.normal(size=values.shape)
     if values.ndim >= 2 and values.shape[-1] == values.shape[-2]:

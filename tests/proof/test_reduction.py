@@ -1,4 +1,4 @@
-"""What the checker says of a factor that divides strengths."""
+"""The checker's results for a factor that divides strengths."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -78,7 +78,7 @@ def pulled(them: Arrays, share: float) -> None:
 @pytest.mark.parametrize("inner", [0.0, 0.5, 0.999])
 @pytest.mark.parametrize("share", [1.0, 1 - 1e-12, 1 - 1e-6, 0.9, 0.0])
 def test_a_pulled_tube(inner: float, share: float) -> None:
-    """What is lacking lowers the bound, and nothing above the limit is proven."""
+    """The imbalance lowers the bound, and nothing above the limit is proven."""
     them = tube(inner)
     pulled(them, share)
     them["stress"] *= PULL

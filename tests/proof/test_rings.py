@@ -133,7 +133,7 @@ def rigid_surface(them: Arrays) -> None:
 
 
 def pores_that_cancel(them: Arrays) -> None:
-    """Of growing and of constant loads."""
+    """Add growing and constant pore pressures that cancel each other."""
     them["pore_pressure"] = np.ones(them["cells"].shape)
     them["constant_pore_pressure"] = -them["pore_pressure"]
 

@@ -119,7 +119,7 @@ def test_forgeries_are_refused(honest: Halves, name: str, tmp_path: Path) -> Non
 
 
 def test_files_without_friction_have_none(honest: Halves, tmp_path: Path) -> None:
-    """What a file does not say is zero, so that shear is too much and slip costs nothing."""
+    """Missing friction counts as zero, so that shear is a fault and slip costs nothing."""
     halves = copy.deepcopy(honest)
     for half in halves.values():
         for name in [name for name in half if "adhesion" in name or "friction" in name]:

@@ -23,7 +23,7 @@ Floats = npt.NDArray[np.float64]
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("away", [0.0, -1e9])
 def test_boxes_that_meet(dim: int, away: float) -> None:
-    """Of sizes of six decades, each pair once."""
+    """Boxes have sizes over six decades, and each pair is found once."""
     random = np.random.default_rng(dim)
     sets = []
     for count in (150, 200):
@@ -70,7 +70,7 @@ def test_too_many_boxes_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_cells_in_one_place_are_seen_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of two thousand times two cells in one place not all pairs are looked at."""
+    """The search does not examine all pairs of two thousand times two cells in one place."""
     looked_at = []
 
     def counted(ones: Floats, others: Floats) -> npt.NDArray[np.bool_]:

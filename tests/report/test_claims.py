@@ -31,7 +31,7 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
 
 
 def reader_of(folder: Path, lower: float | None, upper: float | None) -> Any:
-    """What a page needs of a folder whose summary claims these bounds."""
+    """Return a reader of a folder whose summary claims these bounds."""
     limit = {"body": {"lower": lower, "upper": upper}}
     return SimpleNamespace(path=folder, summary=SimpleNamespace(limit=limit))
 
@@ -66,7 +66,7 @@ def test_a_summary_that_contradicts_its_file(honest: Halves, tmp_path: Path, nam
 
 
 def test_modest_claims_are_fine(honest: Halves, tmp_path: Path) -> None:
-    """Of what is proven less may be said."""
+    """A summary may claim less than the file proves."""
     write(tmp_path / "bounds.h5", honest)
     low, high = (float(honest[kind]["bound"]) for kind in ("lower", "upper"))
     proofs_of(reader_of(tmp_path, 0.9 * low, 1.1 * high))

@@ -19,7 +19,7 @@ LIGHT, DARK = (
 )
 SCHEMES = pytest.mark.parametrize("names", [LIGHT, DARK], ids=["light", "dark"])
 WHITE = "#ffffff"
-"""Of curves, the view and the legend, in either scheme."""
+"""Background of curves, the view and the legend, in both schemes."""
 
 
 def luminance(colour: str) -> float:

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.serial
 
 
 def unpacked(packed: Packed) -> np.ndarray[Any, Any]:
-    """What decode.js makes of it."""
+    """Return the array that decode.js unpacks."""
     kind = np.dtype(packed["type"]).newbyteorder("<")
     by_place = np.frombuffer(zlib.decompress(base64.b64decode(packed["data"])), dtype=np.uint8)
     whole = by_place.reshape(kind.itemsize, -1).T.copy().view(kind).ravel()

@@ -1,4 +1,4 @@
-"""What the page says in words, marks and a curve."""
+"""The words, marks and the curve of the page."""
 
 import hashlib
 import os

@@ -1,4 +1,4 @@
-"""What of results goes into a page, and what is left out of a large one."""
+"""The results that a page contains, and those that a large page omits."""
 
 import json
 import shutil

@@ -1,4 +1,4 @@
-"""What tests ask of levels: solved ones, distances, a curve, an algorithm that gives up."""
+"""Checks of levels: solved ones, distances, a curve, an algorithm that gives up."""
 
 import dataclasses
 import math

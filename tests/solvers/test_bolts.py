@@ -111,7 +111,7 @@ def test_force_follows_diagram_of_joint() -> None:
 @SERIAL
 @pytest.mark.parametrize("method", [AugmentedLagrangian, WorkNewton, BorderedNewton])
 def test_algorithms_agree(method: Any) -> None:
-    """All of them tighten first, and find the same force."""
+    """All algorithms tighten bolts first, and find the same force."""
     problem = bolted()
     level = Newton(problem, TIGHT).solve(0.6 * APART)
     assert problem.shanks.shortening is not None

@@ -1,4 +1,4 @@
-"""What all algorithms do alike: the loop, the states they find, what they refuse."""
+"""Common behaviour of all algorithms: the loop, the states that they find, refusals."""
 
 import math
 from collections.abc import Callable, Sequence

@@ -202,16 +202,14 @@ def test_more_than_is_carried_ends_the_stages() -> None:
 def test_names_that_do_not_fit() -> None:
     problem = bar(STEEL, loads=[Pressure("top", 1.0, "push"), Pressure("x0", 1.0, "bed", True)])
     for stages, message in (
-        ([Stage({"pusch": 1.0})], "stage 1 has a factor for 'pusch'.*did you mean 'push'"),
+        ([Stage({"pusch": 1.0})], "'pusch'.*did you mean 'push'"),
         ([Stage({"push": 1.0}), Stage({"bed": 0.0})], "stage 2 has .* 'bed', which is constant"),
         ([Stage({})], "the load 'push' is in no stage"),
     ):
         with pytest.raises(InputError, match=message):
             LoadingHistory(problem, stages)
     for steps in (0, 10**7):
-        with pytest.raises(
-            InputError, match=f"steps = {steps} is not a valid number of levels; give 1 to"
-        ):
+        with pytest.raises(InputError, match=f"steps = {steps} is not a valid number of levels"):
             Stage({"push": 1.0}, steps)
     with pytest.raises(InputError, match="factor of 'push' is inf"):
         Stage({"push": np.inf})

@@ -58,7 +58,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def at(case: dict[str, Any], *keys: str | int) -> Any:
-    """What stands at a place of a case."""
+    """Return the value at a place of a case."""
     for key in keys:
         case = case[key]  # type: ignore[index]
     return case
@@ -97,7 +97,7 @@ FAULTS: dict[str, tuple[tuple[str | int, ...], dict[str, Any], str | None]] = {
     "an unknown builder": ((), {"mesh": {"builder": "three_blocks", "n": 1}}, None),
     "an argument that the builder has not": (("mesh",), {"size": 1.0}, None),
 }
-"""What is put at a place of the case below, and the key that is taken away there."""
+"""Place in the case below, entries that are added there, and the key that is removed."""
 
 CASE = """
 [mesh]

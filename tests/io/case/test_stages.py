@@ -133,7 +133,7 @@ def test_elastic_bodies_have_nothing_to_remember(read: Read) -> None:
             ["stages prescr"],
         ),
         (STAGES, "", ["'loading' is missing"]),
-        (STAGES, STAGES + OBSTACLE, ["the motion of 'top' is in no stage"]),
+        (STAGES, STAGES + OBSTACLE, ["motion of 'top' is in no stage"]),
         (STAGES, '[loading]\ncontrol = "work"\nuntil = "limit"', ["of 'upper' hardens"]),
         (STAGES, '[loading]\ncontrol = "bounds"', ["of 'upper' hardens"]),
         ("kinematic = 2000.0", "", ["[material.upper]", "both zero"]),

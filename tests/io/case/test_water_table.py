@@ -63,7 +63,7 @@ def test_saturated_ground_weighs_more_below_the_table() -> None:
 
 
 def test_a_share_of_the_weight_above() -> None:
-    """Of ground in layers of other weights, one of which ends within."""
+    """The ground has layers of different weights, one of which ends inside."""
     low: list[list[float]] = [[0.0, 0], [60, 0], [60, 10], [40, 10], [20, 12], [0, 16]]
     top: list[list[float]] = [[0.0, 20], [20, 20], [40, 10], [20, 12], [0, 16]]
     ground = DrawnGround([Region("top", top), Region("soil", low)])

@@ -1,4 +1,4 @@
-"""What is read from a checkpoint is what was written, at the same places, on other ranks."""
+"""A checkpoint returns what was written, at the same places, on other numbers of ranks."""
 
 import dataclasses
 from pathlib import Path

@@ -321,7 +321,7 @@ def test_files_are_small_beside_their_fields(comm: MPI.Intracomm, shared_tmp_pat
 @needs_pyvista
 @pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="no xvfb-run to draw with")
 def test_the_line_for_pyvista(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """What the docstring says to look at results, word by word, in a folder that was moved."""
+    """The line of the docstring draws results, word for word, in a folder that was moved."""
     (line,) = re.findall(r"^    (pyvista\..+)$", field_series.__doc__ or "", re.MULTILINE)
     write(loaded(bodies(comm, shared_tmp_path, 3, 1), 2), shared_tmp_path / "first")
     status = ""

@@ -38,14 +38,14 @@ def quadratic_problem() -> Problem:
 
 
 def elastic_operator(problem: Problem) -> ContactOperator:
-    """Of the unloaded bodies, all elastic."""
+    """Return the operator of the unloaded, elastic bodies."""
     fields = QuadratureFields(problem)
     fields.update()
     return ContactOperator(problem, Stiffness(fields).assemble(1.0))
 
 
 def loads(problem: Problem) -> PETSc.Vec:
-    """Loads in the jump basis, with the jumps held."""
+    """Return loads in the jump basis, with the jumps held."""
     b = problem.create_vector()
     problem.basis.T.multTranspose(problem.loads.live, b)
     b.array[problem.basis.index] = 0

@@ -1,4 +1,4 @@
-"""What does not fit into memory is said before it is tried."""
+"""A factorisation that does not fit into memory is refused before it starts."""
 
 import pytest
 

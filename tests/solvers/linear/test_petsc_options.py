@@ -21,7 +21,7 @@ pytestmark = pytest.mark.serial
 
 
 class Owner:
-    """Of options."""
+    """An owner of options."""
 
 
 def test_a_default_option_gives_way_to_the_users_and_is_gone_afterwards() -> None:

@@ -85,7 +85,7 @@ def test_as_with_active_sets(make: Callable[[], Problem], zeta: float) -> None:
 
 
 def test_optimality_of_the_dual() -> None:
-    """Of bounds and all rows, by SMALBE alone, to 1e-10; forces of contact are not negative."""
+    """SMALBE alone satisfies bounds and all rows to 1e-10; contact forces are not negative."""
     problem = two_blocks_problem(2)
     solver = Newton(problem, tfeti(8))
     program = solver.program
