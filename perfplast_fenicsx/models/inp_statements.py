@@ -153,7 +153,7 @@ class UsedSurfaces:
 
         Args:
             assembly: The mesh.
-            find: Search of facets.
+            find: Finds facets by their nodes or elements.
             dim: Dimension: 3, or 2 in the plane.
         """
         self._assembly, self._find, self._dim = assembly, find, dim
