@@ -5,24 +5,26 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError, check_magnitude, place_of
-from perfplast_fenicsx.geometry.part_names import plain_name
+from perfplast_fenicsx.geometry.ground_outline import (
+    SIDES,
+    Outline,
+    Shape,
+    faces_inside,
+    script_of,
+    segments_of,
+)
+from perfplast_fenicsx.geometry.part_names import LEFT, RIGHT, plain_name
 from perfplast_fenicsx.geometry.plane_arrangement import (
     ROUNDING,
-    Arrangement,
     arrange,
     crossings,
-    within,
 )
 
 NEARLY = 1e-5
 """A corner closer to a side than this share of the ground's size is assumed to lie on it."""
-
-SIDES = ("left", "base", "right", "surface")
-"""Names of the pieces of the outline, counterclockwise from its top left corner."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +71,14 @@ class DrawnLine:
 
     On the boundary of the ground it is a surface, for loads, supports and contacts. Between regions
     A and B it is a joint, with sides named ``A_NAME`` and ``B_NAME``. Inside one region it only
-    divides cells.
+    divides cells, unless it is a crack.
 
     Args:
         name: Name of the surface; lower-case letters, digits and _.
         points: Its corners in order, [x, y] each (length).
-        crack: Whether it is an open crack between two regions, whose sides carry only water.
-            Regions that meet along a longer line are glued next to the crack.
+        crack: Whether it is an open crack, whose sides carry only water. Regions that meet along a
+            longer line are glued next to the crack. Inside one region the sides are ``NAME_left``
+            and ``NAME_right``, as seen from its first point to its last.
         water: Water level in the crack (length); the water presses on both sides.
     """
 
@@ -83,15 +86,6 @@ class DrawnLine:
     points: list[list[float]]
     crack: bool = False
     water: float | None = None
-
-
-@dataclass(frozen=True)
-class _Shape:
-    """A region or stratum as a closed polygon."""
-
-    name: str
-    corners: Floats
-    opening: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,6 +119,13 @@ class DrawnGround:
         _check_near([*((s.name, s.corners, True) for s in shapes), *self._named_chains(chains)])
         _check_apart(shapes)
         _check_lines(self, shapes)
+        taken = {*(name for name, _ in self.shapes), *(line.name for line in self.lines), *SIDES}
+        for line, sides in self.cracks():
+            for side in {*sides} & taken:
+                raise InputError(
+                    f"the crack '{line.name}' has a side '{side}', which is the name of a region,"
+                    " stratum or line too; rename one of them."
+                )
 
     @property
     def shapes(self) -> list[tuple[str, Floats]]:
@@ -144,14 +145,22 @@ class DrawnGround:
         outline, found = self.outline(), []
         for number, line in enumerate(self.lines):
             if line.crack:
-                edges = outline.plan.owners[:, outline.first_line + number]
-                bodies = np.unique(outline.body[edges])
-                found.append((line, [f"{outline.names[k]}_{line.name}" for k in bodies]))
+                bodies = np.unique(outline.body[outline.edges_of(number)])
+                sides = [f"{outline.names[k]}_{line.name}" for k in bodies]
+                if len(bodies) == 1:
+                    sides = [f"{line.name}{end}" for end in (LEFT, RIGHT)]
+                found.append((line, sides))
         return found
 
     def script(self) -> str:
         """Return gmsh's script of the ground, which contains only geometry."""
-        return _script(self.outline(), [line.name for line in self.lines])
+        outline = self.outline()
+        inside = {
+            line.name: points_of(line.points, f"the line '{line.name}'")
+            for number, line in enumerate(self.lines)
+            if line.crack and len(np.unique(outline.body[outline.edges_of(number)])) == 1
+        }
+        return script_of(outline, [line.name for line in self.lines], inside)
 
     def remarks(self) -> list[str]:
         """Return remarks for the user, one sentence each."""
@@ -161,13 +170,13 @@ class DrawnGround:
             "cells follow it, but it names no surface"
             for number, line in enumerate(self.lines)
             for k in np.flatnonzero(outline.plan.owners[:, outline.first_line + number])[:1]
-            if outline.body[k, 0] == outline.body[k, 1]
+            if outline.body[k, 0] == outline.body[k, 1] and not line.crack
         ]
         return [*self.notes, *told, *([outline.unnamed] if outline.unnamed else [])]
 
-    def _shapes(self) -> list[_Shape]:
+    def _shapes(self) -> list[Shape]:
         shapes = [
-            _Shape(one.name, _polygon(one.points, f"the region '{one.name}'"), one.opening)
+            Shape(one.name, _polygon(one.points, f"the region '{one.name}'"), one.opening)
             for one in self.regions
         ]
         tops = [points_of(one.top, f"the top of '{one.name}'") for one in self.strata]
@@ -175,7 +184,7 @@ class DrawnGround:
             tops.append(_bottom(self.strata[-1], tops[0]))
         below = tops[1:]
         return shapes + [
-            _Shape(one.name, np.concatenate([upper, lower[::-1]]))
+            Shape(one.name, np.concatenate([upper, lower[::-1]]))
             for one, upper, lower in zip(self.strata, tops[:-1], below, strict=True)
         ]
 
@@ -211,69 +220,6 @@ class DrawnGround:
                 )
         if all(one.opening for one in self.regions) and not self.strata:
             raise InputError("there is no ground: each region is an opening; draw the ground.")
-
-
-@dataclass(frozen=True)
-class Outline:
-    """The ground divided by all its lines.
-
-    Attributes:
-        plan: Edges and faces.
-        names: Names of the bodies.
-        face_body: The body of each face, -1 without one.
-        body: The bodies on the left and right of each edge, shape (num_edges, 2), -1 without one.
-        openings: Edges around each opening, by its name.
-        sides: Edges of the whole sides, by their names.
-        unnamed: Why the whole sides have no names; empty if they have.
-        first_line: Index of the first line among the owners of edges.
-    """
-
-    plan: Arrangement
-    names: list[str]
-    face_body: list[int]
-    body: Longs
-    openings: dict[str, list[int]]
-    sides: dict[str, list[int]]
-    unnamed: str
-    first_line: int
-
-    @staticmethod
-    def of(shapes: Sequence[_Shape], chains: Sequence[Sequence[Floats]]) -> "Outline":
-        """Return the outline of shapes without overlaps and gaps.
-
-        Args:
-            shapes: Bodies and openings.
-            chains: Polylines of each line, followed by those of all kinks.
-        """
-        parts, owner = _segments(shapes)
-        for number, some in enumerate(chains, start=len(shapes)):
-            for chain in some:
-                parts.append(np.stack([chain[:-1], chain[1:]], axis=1))
-                owner += [number] * (len(chain) - 1)
-        plan = arrange(np.concatenate(parts), owner)
-        missing = len(shapes) + len(chains) - plan.owners.shape[1]
-        owners = np.pad(plan.owners, ((0, 0), (0, missing)))
-        plan = Arrangement(plan.points, plan.edges, owners, plan.faces, plan.sides, plan.outer)
-        solid = [k for k, one in enumerate(shapes) if not one.opening]
-        inside = _inside(shapes, plan)
-        cut = [inside[k] for k, one in enumerate(shapes) if one.opening]
-        free = ~np.any(cut, axis=0) if cut else np.ones(len(plan.faces), dtype=bool)
-        of_face = [-1] * len(plan.faces) + [-1]  # the last entry is for face -1
-        for number, k in enumerate(solid):
-            for face in np.flatnonzero(inside[k] & free):
-                of_face[face] = number
-        body = np.array(of_face)[plan.sides]
-        hollow = [k for k, one in enumerate(shapes) if one.opening]
-        around: dict[str, list[int]] = {}
-        opening = np.zeros(len(plan.edges), dtype=bool)
-        for k in hollow:
-            within_it = np.append(inside[k], False)[plan.sides]
-            edges = np.flatnonzero((within_it.sum(axis=1) == 1) & ((body >= 0).sum(axis=1) == 1))
-            around[shapes[k].name] = [int(e) for e in edges]
-            opening[edges] = True
-        sides, unnamed = _sides(plan, body, opening)
-        names = [shapes[k].name for k in solid]
-        return Outline(plan, names, of_face[:-1], body, around, sides, unnamed, len(shapes))
 
 
 def points_of(given: Sequence[Sequence[float]], what: str, least: int = 2) -> Floats:
@@ -394,23 +340,6 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
             raise InputError(f"{above} and {below} are the same line; remove this stratum.")
 
 
-def _segments(shapes: Sequence[_Shape]) -> tuple[list[Floats], list[int]]:
-    """Return the sides of shapes with a length, and their shapes."""
-    parts, owner = list[Floats](), list[int]()
-    for number, one in enumerate(shapes):
-        sides = np.stack([one.corners, np.roll(one.corners, -1, axis=0)], axis=1)
-        sides = sides[(sides[:, 0] != sides[:, 1]).any(axis=1)]
-        parts.append(sides)
-        owner += [number] * len(sides)
-    return parts, owner
-
-
-def _inside(shapes: Sequence[_Shape], plan: Arrangement) -> npt.NDArray[np.bool_]:
-    """Return which faces lie in each shape, shape (num_shapes, num_faces)."""
-    points = np.array([face.point for face in plan.faces]).reshape(-1, 2)
-    return np.array([within(one.corners, points) for one in shapes])
-
-
 def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
     """Refuse corners that are close to a side of another shape or line, but not on it.
 
@@ -441,15 +370,15 @@ def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
                 )
 
 
-def _check_apart(shapes: Sequence[_Shape]) -> None:
+def _check_apart(shapes: Sequence[Shape]) -> None:
     """Refuse bodies that overlap or leave gaps between them.
 
     Raises:
         InputError: Naming the bodies, the place and the area.
     """
-    parts, owner = _segments(shapes)
+    parts, owner = segments_of(shapes)
     plan = arrange(np.concatenate(parts), owner)
-    inside = _inside(shapes, plan)
+    inside = faces_inside(shapes, plan)
     opening = np.array([one.opening for one in shapes])
     for number, face in enumerate(plan.faces):
         bodies = [shapes[k].name for k in np.flatnonzero(inside[:, number] & ~opening)]
@@ -479,7 +408,7 @@ def _check_apart(shapes: Sequence[_Shape]) -> None:
             )
 
 
-def _check_lines(ground: DrawnGround, shapes: Sequence[_Shape]) -> None:
+def _check_lines(ground: DrawnGround, shapes: Sequence[Shape]) -> None:
     """Refuse lines that are outside the ground, or only partly on its boundary.
 
     Raises:
@@ -513,86 +442,35 @@ def _check_lines(ground: DrawnGround, shapes: Sequence[_Shape]) -> None:
                 f"the line '{line.name}' is {kinds[kind[a]]} at {place_of(middles[a])} and"
                 f" {kinds[kind[b]]} at {place_of(middles[b])}; draw one line for each."
             )
-        if line.crack and (kind != 2).any():
-            raise InputError(
-                f"the crack '{line.name}' is not between two regions; divide the region "
-                "along the crack and its extension beyond the tip, where the parts are "
-                "glued."
-            )
+        if line.crack:
+            _check_crack(line.name, outline, edges)
 
 
-def _sides(
-    plan: Arrangement, body: Longs, opening: npt.NDArray[np.bool_]
-) -> tuple[dict[str, list[int]], str]:
-    """Return the edges of the whole sides, or why they have no names."""
-    outer = np.flatnonzero(((body >= 0).sum(axis=1) == 1) & ~opening)
-    leaving: dict[int, tuple[int, int]] = {}
-    for edge in outer:
-        a, b = plan.edges[edge] if body[edge, 0] >= 0 else plan.edges[edge][::-1]
-        if int(a) in leaving:
-            return {}, (
-                f"the sides of the ground have no names, as its outline touches itself at"
-                f" {place_of(plan.points[a])}"
-            )
-        leaving[int(a)] = (int(b), int(edge))
-    points = plan.points
-    start = min(leaving, key=lambda at: (points[at, 0], -points[at, 1]))
-    loop, edges, now = list[int](), list[int](), start
-    while not loop or now != start:
-        loop.append(now)
-        now, edge = leaving[now]
-        edges.append(edge)
-    if len(loop) < len(leaving):
-        return {}, "the sides of the ground have no names, as it consists of several parts"
-    x = points[loop, 0]
-    tolerance = ROUNDING * float(np.linalg.norm(np.ptp(points[loop], axis=0)))
-    at_left, at_right = (np.abs(x - end) <= tolerance for end in (x.min(), x.max()))
-    for word, on in (("left", at_left), ("right", at_right)):
-        if int((on & ~np.roll(on, 1)).sum()) > 1:
-            return {}, f"the sides of the ground have no names, as its {word} end has several parts"
-    down, up = int(at_left.sum()) - 1, int(at_right.sum()) - 1
-    to_right = int(np.argmax(at_right))
-    ends = (0, down, to_right, to_right + up, len(loop))
-    found = {
-        name: edges[a:b] for name, a, b in zip(SIDES, ends[:-1], ends[1:], strict=True) if b > a
-    }
-    return found, ""
+def _check_crack(name: str, outline: Outline, edges: Longs) -> None:
+    """Refuse cracks on the boundary of the ground, and those in a region that reach another one.
 
-
-def _script(outline: Outline, lines: Sequence[str]) -> str:
-    """Return gmsh's script of an outline for the built-in kernel."""
-    plan = outline.plan
-    solid = [k for k, of in enumerate(outline.face_body) if of >= 0]
-    used = {abs(e) - 1 for k in solid for loop in plan.faces[k].loops for e in loop}
-    used |= {e for k in solid for e in plan.faces[k].inside}
-    text, loops = list[str](), 0
-    for point in sorted({int(p) for e in used for p in plan.edges[e]}):
-        x, y = (repr(float(value)) for value in plan.points[point])
-        text.append(f"Point({point + 1}) = {{{x}, {y}, 0}};")
-    for edge in sorted(used):
-        a, b = plan.edges[edge] + 1
-        text.append(f"Line({edge + 1}) = {{{a}, {b}}};")
-    for k in solid:
-        own = []
-        for loop in plan.faces[k].loops:
-            loops += 1
-            own.append(str(loops))
-            text.append(f"Curve Loop({loops}) = {{{', '.join(map(str, loop))}}};")
-        text.append(f"Plane Surface({k + 1}) = {{{', '.join(own)}}};")
-    for k in solid:
-        if plan.faces[k].inside:
-            inside = ", ".join(str(e + 1) for e in plan.faces[k].inside)
-            text.append(f"Curve {{{inside}}} In Surface {{{k + 1}}};")
-    for number, name in enumerate(outline.names):
-        own = [str(k + 1) for k in solid if outline.face_body[k] == number]
-        text.append(f'Physical Surface("{name}") = {{{", ".join(own)}}};')
-    named = {side: edges for side, edges in outline.sides.items() if side not in lines}
-    named |= outline.openings
-    for number, line in enumerate(lines):
-        on = np.flatnonzero(plan.owners[:, outline.first_line + number])
-        named[line] = [int(e) for e in on if outline.body[e, 0] != outline.body[e, 1]]
-    for name, edges in named.items():
-        if edges:
-            curves = ", ".join(str(edge + 1) for edge in edges)
-            text.append(f'Physical Curve("{name}") = {{{curves}}};')
-    return "\n".join(text) + "\n"
+    Raises:
+        InputError: Naming the crack and the place.
+    """
+    plan, body = outline.plan, outline.body
+    place = place_of(plan.points[plan.edges[edges]].mean(axis=1)[0])
+    if (body[edges] < 0).any():
+        raise InputError(
+            f"the crack '{name}' is on the boundary of the ground at {place}; draw it inside a"
+            " region, or between two."
+        )
+    if (body[edges, 0] != body[edges, 1]).any():
+        return
+    own = int(body[edges[0], 0])
+    here = np.unique(plan.edges[edges])
+    around = np.isin(plan.edges, here)
+    others = ((body >= 0) & (body != own)).any(axis=1)
+    wrong = np.flatnonzero(np.any(around, axis=1) & others)
+    if len(wrong):
+        at = place_of(plan.points[np.intersect1d(plan.edges[wrong[0]], here)[0]])
+        bodies = {*body[wrong].ravel().tolist(), own} - {-1}
+        names = sorted(outline.names[k] for k in bodies)
+        raise InputError(
+            f"the crack '{name}' meets the boundary between {' and '.join(map(repr, names))} at"
+            f" {at}; let it end before, or draw it between two regions."
+        )

@@ -11,6 +11,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.geometry.face_labels import hex_of, word_of
 from perfplast_fenicsx.geometry.free_faces import FaceSet, FreeFace, round_of, shape_of
 from perfplast_fenicsx.geometry.joints import Seam
+from perfplast_fenicsx.geometry.part_names import cracks_among
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.survey import Body, Face, Joint, NamedFaces
 from perfplast_fenicsx.rounding import ROUNDING
@@ -161,10 +162,18 @@ def measured_sets(
     """
     found, remarks = [], list[str]()
     free = {one.name: one for one in sets}
+    cracks = {name for pair in cracks_among(of_file) for name in pair} if dim == 2 else set[str]()
     for name in dict.fromkeys([*free, *of_file]):
         one = free.get(name, FaceSet(0, name, (), ""))
         tags = [faces[k].tag for k in one.faces]
         sides = _sides_of_seams(seams, of_file.get(name, frozenset()))
+        if not tags and not sides and name in cracks:
+            along = sorted(of_file[name])
+            gmsh.model.addPhysicalGroup(dim - 1, along, name=name)
+            area = sum(mesh_measure(dim - 1, tag) for tag in along)
+            why = "a side of an open crack"
+            found.append(NamedFaces(0, name, (), why, area, cad_measure(dim - 1, along)))
+            continue
         if not tags and not sides:
             remarks.append(f"the physical group '{name}' bounds no body and is left out")
             continue

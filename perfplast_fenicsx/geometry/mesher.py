@@ -43,6 +43,7 @@ from perfplast_fenicsx.geometry.measured import (
     qualities,
 )
 from perfplast_fenicsx.geometry.meshing_options import AXES, MeshingOptions
+from perfplast_fenicsx.geometry.part_names import cracks_among
 from perfplast_fenicsx.geometry.parts import Drawing, Part, read_parts
 from perfplast_fenicsx.geometry.survey import Face, Joint, Survey
 from perfplast_fenicsx.mesh.split_bodies import write_split
@@ -413,7 +414,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     measured = measured_faces(dim, parts, faces, names, extent)
     named, left_out = measured_sets(dim, parts, faces, sets, seams, of_file)
     np.savez(target.with_suffix(".npz"), **skin_of(dim, parts, faces, measured, seams))
-    write_split(target)
+    write_split(target, cracks_among(of_file) if dim == 2 else ())
     remarks += left_out + [
         f"the worst element of '{body.name}' has quality {body.worst:.1e}: it is nearly flat; a"
         " smaller size, or a geometry without tiny faces, gives a better one"

@@ -2,7 +2,11 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from collections.abc import Set as AbstractSet
+
+LEFT, RIGHT = "_left", "_right"
+"""Ends of the names of the sides of an open crack inside a body."""
 
 
 def plain_name(name: str) -> str:
@@ -26,3 +30,15 @@ def unique_names(wanted: Iterable[str]) -> list[str]:
         used.add(one)
         names.append(one)
     return names
+
+
+def cracks_among(curves: Mapping[str, AbstractSet[int]]) -> list[tuple[str, str]]:
+    """Return the names of both sides of each open crack inside a body, the left one first.
+
+    Args:
+        curves: Curves by their names. The sides of a crack have the same ones.
+    """
+    pairs = [(name, f"{name.removesuffix(LEFT)}{RIGHT}") for name in curves if name.endswith(LEFT)]
+    return [
+        (left, right) for left, right in pairs if curves[left] and curves[left] == curves.get(right)
+    ]

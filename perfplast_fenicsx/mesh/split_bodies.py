@@ -5,15 +5,23 @@ of their interfaces. :func:`write_split` numbers the nodes of each body separate
 an interface then have the same nodes twice, for any geometry, and contact pairs match exactly.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import gmsh
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
+
+Tags = npt.NDArray[np.uint64]
+
+TRIANGLES = {2: ((0, 1), (1, 2), (2, 0)), 9: ((0, 1, 3), (1, 2, 4), (2, 0, 5))}
+"""Nodes of the edges of gmsh's triangles of both orders, by the type of element."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +41,7 @@ class _Part:
     elements: list[tuple[int, npt.NDArray[np.uint64]]]
 
 
-def write_split(path: str | Path) -> None:
+def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> None:
     """Write gmsh's current mesh as a .msh file (version 4.1) whose bodies share no node.
 
     Each physical volume of the model is a body (in a plane model each physical surface). Parts of
@@ -44,8 +52,13 @@ def write_split(path: str | Path) -> None:
     function supports first and second order and any kind of element. It is not collective and runs
     on one process.
 
+    Open cracks are curves inside plane bodies. Their nodes are doubled, but for tips inside the
+    body.
+
     Args:
         path: The file to write.
+        cracks: Names of both sides of each open crack, which have the same curves: the side on the
+            left of the curves' direction first.
 
     Raises:
         InputError: If the model has no physical volumes, if a volume is in none of them or in two,
@@ -55,7 +68,7 @@ def write_split(path: str | Path) -> None:
     bodies = _groups(dim)
     if not bodies:
         raise InputError("the gmsh model has no physical volume; name each body before splitting")
-    parts = []
+    parts, slits = [], list[_Part]()
     for entity in _entities(dim):
         own = bodies.get(entity, ())
         if len(own) != 1:
@@ -64,6 +77,9 @@ def write_split(path: str | Path) -> None:
         parts.append(_Part(dim, own[0], (_name(dim, own[0]),), _elements(dim, entity)))
     for entity, groups in _groups(dim - 1).items():
         names = [_name(dim - 1, group) for group in groups]
+        if both := [crack for crack in cracks if {*crack} <= {*names}]:
+            slits.append(_Part(1, 0, both[0], _elements(1, entity)))
+            continue
         adjacent = gmsh.model.getAdjacencies(dim - 1, entity)[0]
         sides = sorted({bodies[int(volume)][0] for volume in adjacent})
         if not sides:
@@ -74,7 +90,10 @@ def write_split(path: str | Path) -> None:
             parts.append(_Part(dim - 1, tag, side, _elements(dim - 1, entity)))
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(tags)
-    _write(path, dim, parts, tags[order], coordinates.reshape(-1, 3)[order])
+    tags, coordinates = tags[order], coordinates.reshape(-1, 3)[order]
+    if slits:
+        parts, tags, coordinates = _opened(parts, slits, tags, coordinates)
+    _write(path, dim, parts, tags, coordinates)
 
 
 def on_plane(dim: int, axis: int, value: float) -> list[int]:
@@ -114,11 +133,138 @@ def _elements(dim: int, entity: int) -> list[tuple[int, npt.NDArray[np.uint64]]]
     ]
 
 
+def _opened(
+    parts: list[_Part], slits: list[_Part], tags: Tags, coordinates: Floats
+) -> tuple[list[_Part], Tags, Floats]:
+    """Return parts, node tags and coordinates after doubling the nodes of cracks.
+
+    Args:
+        parts: Bodies, and pieces of their boundary.
+        slits: Curves of cracks, with the names of their sides, the left one first.
+        tags: Tags of the nodes, sorted.
+        coordinates: Coordinates of the nodes, shape (num_nodes, 3).
+
+    Raises:
+        InputError: If the bodies have other elements than triangles of one order.
+    """
+    kinds = {kind for part in parts if part.dim == 2 for kind, _ in part.elements}
+    if len(kinds) != 1 or not kinds <= TRIANGLES.keys():
+        raise InputError("open cracks inside a body need a mesh of triangles of one order.")
+    local = np.array(TRIANGLES[kinds.pop()])
+    found = list[_Part]()
+    for body in sorted({part.body for part in parts}):
+        solids = [part for part in parts if part.body == body and part.dim == 2]
+        rest = [part for part in parts if part.body == body and part.dim == 1]
+        cells = np.concatenate([nodes for part in solids for _, nodes in part.elements])
+        keys = _keys(cells[:, local].reshape(-1, len(local[0])))
+        own = [it for it in slits if np.isin(_keys(it.elements[0][1]), keys).any()]
+        if not own:
+            found += [*solids, *rest]
+            continue
+        cut = np.concatenate([nodes for it in own for _, nodes in it.elements])
+        opened, copied = _doubled(cells, local, cut, int(tags[-1]) + 1)
+        places = coordinates[np.searchsorted(tags, cells)][..., :2]
+        beside = _Beside(cells, opened, places, local)
+        found.append(_Part(2, body, solids[0].names, [(solids[0].elements[0][0], opened)]))
+        for part in rest:
+            moved = [(kind, beside.of(nodes)[0]) for kind, nodes in part.elements]
+            found.append(replace(part, elements=moved))
+        for it in own:
+            on = [(kind, beside.of(nodes)) for kind, nodes in it.elements]
+            for side, name in enumerate(it.names):
+                some = [(kind, both[side]) for kind, both in on]
+                found.append(_Part(1, body, (name,), some))
+        coordinates = np.concatenate([coordinates, coordinates[np.searchsorted(tags, copied)]])
+        more = int(tags[-1]) + 1 + np.arange(len(copied))
+        tags = np.concatenate([tags, more.astype(tags.dtype)])
+    return found, tags, coordinates
+
+
+def _doubled(cells: Tags, local: Longs, cut: Tags, first: int) -> tuple[Tags, Tags]:
+    """Return cells with copies of the nodes of a crack, and the node of each copy.
+
+    Cells around a node that are connected across edges other than those of the crack have the node
+    in common. Each further group of cells around it has a copy.
+
+    Args:
+        cells: Nodes of the triangles, shape (num_cells, k).
+        local: Local nodes of their edges, ends first, shape (3, e).
+        cut: Nodes of the crack's edges, shape (num_edges, e).
+        first: Number of the first copy.
+    """
+    size = local.shape[1]
+    corners = np.arange(cells.size).reshape(cells.shape)[:, local].reshape(-1, size)
+    keys = _keys(cells[:, local].reshape(-1, size))
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    met = (keys[1:] == keys[:-1]) & ~np.isin(keys[1:], _keys(cut))
+    one, other = corners[order[:-1]][met], corners[order[1:]][met]
+    nodes = cells.ravel()
+    turned = nodes[one[:, 0]] != nodes[other[:, 0]]
+    other[turned, :2] = other[turned][:, [1, 0]]
+    links = coo_array((np.ones(one.size), (one.ravel(), other.ravel())), shape=(cells.size,) * 2)
+    _, group = connected_components(links, directed=False)
+    pairs = np.column_stack([nodes.astype(np.int64), np.where(np.isin(nodes, cut), group, -1)])
+    kinds, number = np.unique(pairs, axis=0, return_inverse=True)
+    again = np.append(False, kinds[1:, 0] == kinds[:-1, 0])
+    new = kinds[:, 0].astype(cells.dtype)
+    new[again] = first + np.arange(again.sum())
+    return new[number.ravel()].reshape(cells.shape), kinds[again, 0].astype(cells.dtype)
+
+
+class _Beside:
+    """Finds the cells on both sides of edges, and their nodes."""
+
+    def __init__(self, cells: Tags, opened: Tags, places: Floats, local: Longs) -> None:
+        """Sort the edges of the cells.
+
+        Args:
+            cells: Nodes of the triangles, shape (num_cells, k).
+            opened: The same with copies.
+            places: Coordinates of the nodes, shape (num_cells, k, 2).
+            local: Local nodes of the edges, ends first, shape (3, e).
+        """
+        size = local.shape[1]
+        self._edges, self._opened = (it[:, local].reshape(-1, size) for it in (cells, opened))
+        keys = _keys(self._edges)
+        self._order = np.argsort(keys, kind="stable")
+        self._keys = keys[self._order]
+        self._ends = places[:, local[:, :2]].reshape(-1, 2, 2)
+        self._middles = np.repeat(places[:, :3].mean(axis=1), len(local), axis=0)
+
+    def of(self, edges: Tags) -> tuple[Tags, Tags]:
+        """Return the nodes of edges in the cells on the left and on the right of them.
+
+        Args:
+            edges: Nodes, shape (n, e); an edge of the boundary has the same cell on both sides.
+        """
+        keys = _keys(edges)
+        at = [
+            self._order[np.searchsorted(self._keys, keys)],
+            self._order[np.searchsorted(self._keys, keys, "right") - 1],
+        ]
+        forward = [self._edges[k][:, 0] == edges[:, 0] for k in at]
+        ends = np.where(forward[0][:, None, None], self._ends[at[0]], self._ends[at[0]][:, ::-1])
+        along, over = ends[:, 1] - ends[:, 0], self._middles[at[0]] - ends[:, 0]
+        is_left = (along[:, 0] * over[:, 1] - along[:, 1] * over[:, 0] > 0)[:, None]
+        one, other = (
+            np.column_stack([np.where(f[:, None], new[:, :2], new[:, 1::-1]), new[:, 2:]])
+            for f, new in zip(forward, (self._opened[k] for k in at), strict=True)
+        )
+        return np.where(is_left, one, other), np.where(is_left, other, one)
+
+
+def _keys(edges: Tags) -> Longs:
+    """Return a number for each edge by its ends, in either direction."""
+    ends = np.sort(edges[:, :2].astype(np.int64), axis=1)
+    return np.asarray(ends[:, 0] * (1 << 31) + ends[:, 1])
+
+
 def _write(
     path: str | Path,
     dim: int,
     parts: list[_Part],
-    tags: npt.NDArray[np.uint64],
+    tags: Tags,
     coordinates: Floats,
 ) -> None:
     """Write the parts as discrete entities of a new model."""

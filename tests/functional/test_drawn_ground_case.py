@@ -141,6 +141,7 @@ points = [[54, 31], [54, 35]]
 """
 WATER_IN_IT = 'crack = true\nwater = 35\n[units]\nsystem = "m-kN-kPa"\n'
 OF_TWO = {"a": (40.0, 10.0), "b": (40.0, 10.0)}
+SIDES_OF_IT = ("left", "right")
 
 
 @pytest.mark.mpi2
@@ -177,11 +178,83 @@ def test_cracks_that_cannot_be(tmp_path: Path, more: str, words: str) -> None:
         case(tmp_path, f"{CRACKED}{more}\n", **OF_TWO)
 
 
+IN_ONE = """
+[[region]]
+name = "a"
+points = [[20, 20], [70, 20], [70, 35], [50, 35], [30, 25], [20, 25]]
+
+[[line]]
+name = "crack"
+points = [[54, 35], [54, 33], [53, 31]]
+"""
+OF_ONE = {"a": (40.0, 10.0)}
+
+
+@pytest.mark.mpi2
+def test_a_crack_inside_one_region(shared_tmp_path: Path) -> None:
+    """On one mesh it opens the mechanisms, and water pushes on its sides, left and right."""
+    whole, dry, wet = (
+        bounds_at_one(read := case(shared_tmp_path, IN_ONE + more, **OF_ONE))
+        for more in ("", "crack = true\n", WATER_IN_IT)
+    )
+    assert dry[0] < whole[0] and dry[1] < whole[1] * (1 + 1e-6)
+    assert wet[0] < wet[1] < whole[1]
+    problem = read.problem(MPI.COMM_WORLD)
+    long = 2 + float(np.hypot(1, 2))
+    found = {f"crack_{side}": area_of(problem.tagged_mesh, f"crack_{side}") for side in SIDES_OF_IT}
+    assert found == pytest.approx({"crack_left": long, "crack_right": long})
+    assert not problem.given.ties and not problem.given.contacts
+    water = 9.81 * np.array([8.0, 3.0])  # 4 m deep; the lower part leans by 1 m
+    forces = {it.on: it.force for it in load_resultants(problem) if it.on.startswith("crack")}
+    assert forces["crack_left"] == pytest.approx([water[0], -water[1]])
+    assert forces["crack_right"] == pytest.approx([-water[0], water[1]])
+
+
 @pytest.mark.serial
+<<<<<<< HEAD
 def test_a_crack_inside_of_one_region_is_refused(tmp_path: Path) -> None:
     inside = CRACKED.replace("[54, 31], [54, 35]", "[60, 31], [60, 35]") + "crack = true\n"
     with pytest.raises(InputError, match="is not between two regions; divide"):
         case(tmp_path, inside, **OF_TWO)
+=======
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("points", ["[60, 24], [62, 30]", "[50, 35], [50, 20]"])
+def test_a_crack_parts_nodes_but_those_of_its_tips(tmp_path: Path, points: str, order: int) -> None:
+    """Inside the ground both tips hold it together; from side to side it parts the body."""
+    mesh = {}
+    for crack in ("", "crack = true\n"):
+        drawn = IN_ONE[: IN_ONE.index("points = [[54")] + f"points = [{points}]\n{crack}"
+        text = case(tmp_path, drawn, **OF_ONE).text
+        sized = text.replace("geometry.size = 4.0", f"geometry = {{ size = 4.0, order = {order} }}")
+        (tmp_path / "slope.toml").write_text(sized, encoding="utf-8")
+        mesh[crack] = read_case(tmp_path / "slope.toml").tagged_mesh(MPI.COMM_SELF)
+    whole, open_ = mesh.values()
+    edges = len(open_.facets("crack_left"))
+    assert edges == len(open_.facets("crack_right")) > 1
+    copies = open_.mesh.geometry.x.shape[0] - whole.mesh.geometry.x.shape[0]
+    tips = 2 if points.startswith("[60") else 0
+    assert copies == edges * order + 1 - tips
+    assert lengths(open_)["crack_left"] == pytest.approx(lengths(open_)["crack_right"])
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("drawn", "words"),
+    [
+        (CRACKED.replace("[54, 31], [54, 35]", "[54, 30], [60, 31]"), "'a' and 'b' at (54, 30)"),
+        (CRACKED.replace("[54, 31], [54, 35]", "[50, 30], [60, 30]"), "'a' and 'b' at (54, 30)"),
+        (CRACKED.replace("[54, 31], [54, 35]", "[55, 35], [60, 35]"), "boundary of the ground at"),
+        (
+            IN_ONE + "crack = true\n[[line]]\nname = 'crack_left'\npoints = [[20, 20], [70, 20]]\n",
+            "has a side 'crack_left'",
+        ),
+    ],
+)
+def test_cracks_in_a_region_that_are_refused(tmp_path: Path, drawn: str, words: str) -> None:
+    drawn = drawn if "crack = true" in drawn else drawn + "crack = true\n"
+    with pytest.raises(InputError, match=re.escape(words)):
+        case(tmp_path, drawn, **(OF_TWO if '"b"' in drawn else OF_ONE))
+>>>>>>> 1a533b68 (Open cracks inside one region of drawn ground)
 
 
 @pytest.mark.serial
