@@ -211,12 +211,6 @@ def test_a_crack_inside_one_region(shared_tmp_path: Path) -> None:
 
 
 @pytest.mark.serial
-<<<<<<< HEAD
-def test_a_crack_inside_of_one_region_is_refused(tmp_path: Path) -> None:
-    inside = CRACKED.replace("[54, 31], [54, 35]", "[60, 31], [60, 35]") + "crack = true\n"
-    with pytest.raises(InputError, match="is not between two regions; divide"):
-        case(tmp_path, inside, **OF_TWO)
-=======
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("points", ["[60, 24], [62, 30]", "[50, 35], [50, 20]"])
 def test_a_crack_parts_nodes_but_those_of_its_tips(tmp_path: Path, points: str, order: int) -> None:
@@ -254,7 +248,6 @@ def test_cracks_in_a_region_that_are_refused(tmp_path: Path, drawn: str, words: 
     drawn = drawn if "crack = true" in drawn else drawn + "crack = true\n"
     with pytest.raises(InputError, match=re.escape(words)):
         case(tmp_path, drawn, **(OF_TWO if '"b"' in drawn else OF_ONE))
->>>>>>> 1a533b68 (Open cracks inside one region of drawn ground)
 
 
 @pytest.mark.serial
