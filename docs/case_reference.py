@@ -20,9 +20,9 @@ from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region, Stratum
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions, NamedFace
 from perfplast_fenicsx.io.case import support_tables, tables
 from perfplast_fenicsx.io.case.combinations import Combination, DesignTable
-from perfplast_fenicsx.io.case.geometry_table import GeometryFile
 from perfplast_fenicsx.io.case.gravity_table import EarthquakeTable, GravityTable
 from perfplast_fenicsx.io.case.load_table import load_table
+from perfplast_fenicsx.io.case.mesh_table import GeometryFile
 from perfplast_fenicsx.io.case.schema import described, shown
 from perfplast_fenicsx.io.case.water_table import WaterTable
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation

@@ -9,19 +9,19 @@ from typing import Any
 from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.cli.combined_run import run_combined
 from perfplast_fenicsx.cli.json_answer import Answer
 from perfplast_fenicsx.cli.mesh_command import (
+    address_of,
     common_materials,
+    is_model,
     library,
     mesh,
+    mesh_model,
     meshing_options,
+    open_page,
     surveyed,
 )
-from perfplast_fenicsx.cli.mesh_folder import address_of, open_page
-from perfplast_fenicsx.cli.model_command import is_model, mesh_model
 from perfplast_fenicsx.cli.parser import SOLVED, set_petsc_options
-from perfplast_fenicsx.cli.refined_run import run_refined
 from perfplast_fenicsx.cli.result_commands import (
     claim,
     draw,
@@ -32,10 +32,9 @@ from perfplast_fenicsx.cli.result_commands import (
     results_in,
 )
 from perfplast_fenicsx.cli.run import Flags, admitted_solver, on_bodies, run, warn_of
-from perfplast_fenicsx.cli.run_log import coded_warnings, logged_to_console
+from perfplast_fenicsx.cli.run_log import coded_warnings, logged_to_console, surroundings, versions
+from perfplast_fenicsx.cli.several_runs import run_combined, run_refined, sweep
 from perfplast_fenicsx.cli.signals import leave_pipes_to_python
-from perfplast_fenicsx.cli.sweep_command import sweep
-from perfplast_fenicsx.cli.system_info import surroundings, versions
 from perfplast_fenicsx.cli.terminal import Terminal, describe
 from perfplast_fenicsx.cli.understood import PICTURE, draw_case, understood
 from perfplast_fenicsx.errors import InputError, on_all_ranks, on_rank0, visible
@@ -45,7 +44,7 @@ from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.io.case.code_templates import TEMPLATES, templates_in_words
-from perfplast_fenicsx.io.case.load_words import meaning
+from perfplast_fenicsx.io.case.load_table import meaning
 from perfplast_fenicsx.report.report_file import Reporting
 
 Fields = dict[str, Any]

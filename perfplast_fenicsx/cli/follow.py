@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from perfplast_fenicsx.cli.remaining import next_level, remaining
-from perfplast_fenicsx.cli.terminal import Terminal
+from perfplast_fenicsx.cli.terminal import Terminal, next_level, remaining
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.run_lock import ENDED, INTERRUPTED, is_held
 from perfplast_fenicsx.outcome_words import MeshEstimate, PathBracket

@@ -1,9 +1,12 @@
-"""Implement ``perfplast mesh``: turn a geometry file into a folder with mesh and first case."""
+"""Implement ``perfplast mesh``: turn a geometry or another program's model into a first case."""
 
 import argparse
+import json
 import logging
 import os
+import sys
 import tempfile
+import webbrowser
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,17 +14,9 @@ from typing import Any
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.cli.mesh_folder import (
-    CASE,
-    MESH,
-    PAGE,
-    PICTURE,
-    SCHEMA_LINE,
-    check_free,
-    files_in,
-    fill,
-    written,
-)
+import numpy as np
+
+from perfplast_fenicsx.atomic_files import replace as replace_file
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
 from perfplast_fenicsx.geometry.first_case import Glued, first_case
@@ -30,12 +25,106 @@ from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Face, Survey, listed
 from perfplast_fenicsx.io.case.case_schema import case_schema
 from perfplast_fenicsx.materials.common import MATERIALS, SOILS, find
+from perfplast_fenicsx.models.bdf_file import read_bdf
+from perfplast_fenicsx.models.foreign_model import ForeignModel, told_of_shared_nodes, with_material
+from perfplast_fenicsx.models.inp_file import read_inp
+from perfplast_fenicsx.models.med_file import read_med
+from perfplast_fenicsx.models.model_case import case_of, skin_of_model, survey_of
+from perfplast_fenicsx.models.msh_file import write_msh
+from perfplast_fenicsx.models.outer_facets import OuterFacets, with_flat_ends
+from perfplast_fenicsx.models.unv_file import read_unv
+from perfplast_fenicsx.models.vtu_file import read_vtu
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
 from perfplast_fenicsx.problem.contact_check import refused_contact
 from perfplast_fenicsx.report.setup_page import FaceRow, setup_page
 from perfplast_fenicsx.units import SYSTEMS, Name
 
 log = logging.getLogger(__name__)
+
+
+CASE, MESH, PICTURE, PAGE = "case.toml", "case.msh", "bodies.png", "setup.html"
+"""Files of the folder."""
+
+SCHEMA = "case.schema.json"
+"""Schema file next to the case, with which editors complete its keys and mark faults."""
+
+SCHEMA_LINE = f"#:schema ./{SCHEMA}\n"
+"""First line of the case, for editors."""
+
+
+def check_free(output: Path, force: bool) -> None:
+    """Refuse a folder that already has a mesh or a case.
+
+    Raises:
+        InputError: If it has one and ``force`` is False.
+    """
+    existing = [name for name in (CASE, MESH) if (output / name).exists()]
+    if existing and not force:
+        raise InputError(
+            f"'{output}' already has a {existing[0]}; give --force to replace it, or another -o."
+        )
+
+
+def fill(output: Path, made: Path, case: str) -> None:
+    """Write the folder.
+
+    Args:
+        output: The folder.
+        made: Folder with the files made: mesh, picture and page, as far as they exist.
+        case: The text of the case.
+
+    Raises:
+        InputError: If the folder cannot be written.
+    """
+    schema = json.dumps(case_schema(), indent=1, ensure_ascii=False)
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        for name in (MESH, PICTURE, PAGE):
+            if (made / name).exists():
+                replace_file(output / name, (made / name).read_bytes())
+        replace_file(output / CASE, (SCHEMA_LINE + case).encode())
+        replace_file(output / SCHEMA, f"{schema}\n".encode())
+    except OSError as error:
+        raise InputError(f"'{output}' cannot be written: {error.strerror or error}.") from error
+
+
+def written(output: Path) -> str:
+    """Return the files of the folder in words."""
+    return ", ".join(name for name in (MESH, PICTURE, PAGE, CASE) if (output / name).exists())
+
+
+def files_in(folder: Path) -> list[str]:
+    """Return the names of the files in a folder."""
+    return sorted(path.name for path in folder.iterdir() if path.is_file())
+
+
+def address_of(folder: str) -> str:
+    """Return the address of the page that sets up a case."""
+    return (Path(folder) / PAGE).resolve().as_uri()
+
+
+def open_page(folder: str) -> str:
+    """Open the page that sets up a case in a browser, where there is a screen.
+
+    Args:
+        folder: The folder that ``perfplast mesh`` has written.
+
+    Returns:
+        The outcome in a sentence, with the address of the page.
+
+    Raises:
+        InputError: If the folder has no such page.
+    """
+    page = Path(folder) / PAGE
+    if not page.is_file():
+        raise InputError(
+            f"the folder '{folder}' has no {PAGE}; perfplast mesh DRAWING -o {folder} writes it."
+        )
+    address = address_of(folder)
+    screen = sys.platform == "darwin" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+    if screen and webbrowser.open(address):
+        return f"Opened {address}"
+    return f"Open this page in a browser: {address}"
 
 
 def mesh(
@@ -333,3 +422,96 @@ def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
         + "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
         for row in rows
     ]
+
+
+MODELS = {
+    **{".inp": read_inp, ".med": read_med, ".unv": read_unv},
+    **dict.fromkeys((".bdf", ".nas", ".fem"), read_bdf),
+    **dict.fromkeys((".vtu", ".vtk"), read_vtu),
+}
+"""The reader of a model, by the suffix of its file."""
+
+
+def is_model(path: str) -> bool:
+    """Return whether a file name is that of a model with its own mesh."""
+    return Path(path).suffix.lower() in MODELS
+
+
+def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> Survey | None:
+    """Read a model, print its contents, and write mesh and first case. Collective.
+
+    Args:
+        comm: The ranks; rank 0 does the work.
+        chosen: The arguments of ``perfplast mesh``.
+
+    Returns:
+        The survey, on rank 0.
+
+    Raises:
+        InputError: If the file cannot be used, if the folder already has a case, or for options
+            that do not apply to a model with a mesh.
+    """
+    if meshing_options(chosen) != MeshingOptions() or chosen.tied or chosen.bolted:
+        raise InputError(
+            f"'{chosen.geometry}' already has a mesh, but options for meshing and gluing "
+            "apply only to geometry files; remove them."
+        )
+    terminal, output = Terminal(comm), Path(chosen.output)
+
+    def made() -> tuple[Survey, bool]:
+        terminal.status(f"reading {chosen.geometry}")
+        try:
+            return _made(Path(chosen.geometry), output, chosen.material, chosen.force)
+        finally:
+            terminal.clear()
+
+    found = on_rank0(comm, made)
+    if found is None:
+        return None
+    survey, complete = found
+    terminal.say(describe(survey))
+    fill = "" if complete else f" fill in the lines marked with <- in {CASE};"
+    terminal.say(
+        f"\nWritten to {output}: {written(output)}. Next:{fill} perfplast run"
+        f" {output / CASE} -o {output / 'results'}"
+    )
+    return survey
+
+
+def _made(source: Path, output: Path, material: str | None, force: bool) -> tuple[Survey, bool]:
+    """Write the folder; return the survey and whether the case is complete."""
+    check_free(output, force)
+    model = MODELS[source.suffix.lower()](source)
+    model.remarks.extend(told_of_shared_nodes(model))
+    stress = ""
+    if material is not None:
+        model, stress = with_material(model, material)
+    if not (model.held and model.pushed):
+        model = with_flat_ends(model)
+    survey = survey_of(model)
+    case = case_of(model, source.stem, source.name, MESH, stress)
+    with tempfile.TemporaryDirectory() as scratch:
+        made = Path(scratch)
+        try:
+            write_msh(model, made / MESH)
+            _draw(model, survey, made)
+        except OSError as error:
+            raise InputError(f"the mesh cannot be written: {error.strerror or error}.") from error
+        fill(output, made, case)
+    return survey, "<-" not in case
+
+
+def _draw(model: ForeignModel, survey: Survey, made: Path) -> None:
+    """Draw the bodies; without a graphics system the mesh is written all the same."""
+    shown, body, face = model.cells, model.body, np.zeros(len(model.cells), dtype=np.int64)
+    if model.dim == 3:
+        outer = OuterFacets(model.cells, len(model.points))
+        shown, body = outer.outwards(model.points, model.cells), model.body[outer.cells]
+        at = outer.find(model.facets)
+        face = np.zeros(len(shown), dtype=np.int64)
+        face[at[at >= 0]] = model.surface[at >= 0] + 1
+    np.savez(made / "skin.npz", **skin_of_model(model, survey, shown, body, face))
+    try:
+        draw_parts(made / "skin.npz", made / PICTURE)
+    except InputError as error:
+        log.warning("%s", error)

@@ -9,7 +9,7 @@ from typing import Any
 from mpi4py import MPI
 
 from perfplast_fenicsx.cli.follow import Follower
-from perfplast_fenicsx.cli.mesh_folder import files_in
+from perfplast_fenicsx.cli.mesh_command import files_in
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import on_rank0
 from perfplast_fenicsx.export.exported_files import export

@@ -12,9 +12,8 @@ from mpi4py import MPI
 import numpy as np
 
 from perfplast_fenicsx._version import __version__
-from perfplast_fenicsx.cli.force_table import bolt_lines
 from perfplast_fenicsx.cli.parser import NO_SOLUTION, SOLVED
-from perfplast_fenicsx.cli.recorder import Recorder, RunContext
+from perfplast_fenicsx.cli.recorder import Recorder, RunContext, bolt_lines
 from perfplast_fenicsx.cli.run_log import RunLog, kept_warnings
 from perfplast_fenicsx.cli.signals import Interrupted, Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal, describe
@@ -23,7 +22,7 @@ from perfplast_fenicsx.controls.control import Run
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import read_case
-from perfplast_fenicsx.io.case.load_words import meaning
+from perfplast_fenicsx.io.case.load_table import meaning
 from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.case.units_table import odd_magnitudes
 from perfplast_fenicsx.io.results.checkpoint_header import check_case

@@ -13,7 +13,6 @@ from typing import TextIO
 
 from mpi4py import MPI
 
-from perfplast_fenicsx.cli.remaining import clock, next_level
 from perfplast_fenicsx.errors import visible
 from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
@@ -31,6 +30,54 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.linear.linear_solver import chosen_solver
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions
 from perfplast_fenicsx.units import Units
+
+
+def remaining(planned: int | None, seconds: Sequence[float]) -> str:
+    """Return the remaining levels and their approximate time, in words.
+
+    Args:
+        planned: Number of levels of the whole run; None if it chooses them itself.
+        seconds: Time of each level so far (s).
+
+    Returns:
+        Such as ``2 levels left, about 1:40``; without a time before the end of the first level, and
+        empty if nothing is known or left.
+    """
+    left = 0 if planned is None else planned - len(seconds)
+    if left < 1:
+        return ""
+    time = _time_left(left, seconds)
+    return f"{left} level{'s' if left > 1 else ''} left" + (f", about {time}" if time else "")
+
+
+def next_level(planned: int | None, seconds: Sequence[float]) -> str:
+    """Return the level in progress, such as ``level 3/5, 1:40 left``.
+
+    Args:
+        planned: Number of levels of the whole run; None if it chooses them itself.
+        seconds: Time of each level so far (s).
+    """
+    number = len(seconds) + 1
+    if planned is None or planned < number:
+        return f"level {number}"
+    time = _time_left(planned - len(seconds), seconds)
+    return f"level {number}/{planned}" + (f", {time} left" if time else "")
+
+
+def _time_left(levels: int, seconds: Sequence[float]) -> str:
+    # Number of last levels from which the next times are estimated: levels near collapse take
+    # longer than the first.
+    most_recent = 3
+    recent = seconds[-most_recent:]
+    return clock(levels * sum(recent) / len(recent)) if recent else ""
+
+
+def clock(seconds: float) -> str:
+    """Return a time as minutes and seconds, with hours if needed."""
+    minutes, rest = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+
 
 COLUMNS = (
     *(("step", 4), ("zeta", 11), ("alpha", 12), ("Newton", 6), ("active set", 10)),

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
-from perfplast_fenicsx.io.case.load_words import load_in_words
+from perfplast_fenicsx.io.case.load_table import load_in_words
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
     divided_strengths,
     kept_strengths,

@@ -13,8 +13,7 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.follow import Follower
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
-from perfplast_fenicsx.cli.remaining import next_level, remaining
-from perfplast_fenicsx.cli.terminal import Terminal
+from perfplast_fenicsx.cli.terminal import Terminal, next_level, remaining
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.run_lock import hold, is_held
 from tests.cli import growing_folder

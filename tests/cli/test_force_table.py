@@ -2,7 +2,7 @@
 
 import pytest
 
-from perfplast_fenicsx.cli.force_table import force_lines
+from perfplast_fenicsx.cli.recorder import force_lines
 
 pytestmark = pytest.mark.serial
 

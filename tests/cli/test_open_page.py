@@ -7,7 +7,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli import mesh_folder
+from perfplast_fenicsx.cli import mesh_command
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 
 
@@ -21,8 +21,8 @@ def test_the_page(
     screen: bool,
 ) -> None:
     opened: list[str] = []
-    monkeypatch.setattr(mesh_folder.sys, "platform", "linux")
-    monkeypatch.setattr(mesh_folder.webbrowser, "open", lambda url: not opened.append(url))
+    monkeypatch.setattr(mesh_command.sys, "platform", "linux")
+    monkeypatch.setattr(mesh_command.webbrowser, "open", lambda url: not opened.append(url))
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setenv("DISPLAY", ":0" if screen else "")
     if comm.rank == 0:

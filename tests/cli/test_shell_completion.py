@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from perfplast_fenicsx.cli.parser import make_parser
-from perfplast_fenicsx.cli.shell_completion import complete
+from perfplast_fenicsx.cli.parser import complete, make_parser
 
 pytestmark = pytest.mark.serial
 
@@ -46,7 +45,7 @@ LINES = {
 ASK = """
 import io, json, os, sys
 from perfplast_fenicsx.cli.parser import make_parser
-from perfplast_fenicsx.cli.shell_completion import complete
+from perfplast_fenicsx.cli.parser import complete
 
 class Ended(Exception):
     pass

@@ -27,7 +27,7 @@ from perfplast_fenicsx.cli.understood import (
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import case_of
-from perfplast_fenicsx.io.case.toml_reader import parse
+from perfplast_fenicsx.io.case.schema import parse
 from perfplast_fenicsx.problem.problem import Problem
 
 Points = npt.NDArray[np.float64]

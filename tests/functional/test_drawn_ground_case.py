@@ -15,7 +15,7 @@ from perfplast_fenicsx.cli.understood import understood
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import read_case
-from perfplast_fenicsx.io.case.geometry_table import GroundInCase
+from perfplast_fenicsx.io.case.mesh_table import GroundInCase
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.spread_forces import area_of

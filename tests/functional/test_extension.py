@@ -54,7 +54,7 @@ def test_a_law_of_a_package_is_known_to_the_command_line(tmp_path: Path) -> None
 FORMAT = """
 import numpy as np
 
-from perfplast_fenicsx.cli.model_command import MODELS
+from perfplast_fenicsx.cli.mesh_command import MODELS
 from perfplast_fenicsx.models.element_types import Block
 from perfplast_fenicsx.models.element_types import TETRAHEDRON, ElementType
 from perfplast_fenicsx.models.grouped_model import GroupedMesh

@@ -11,7 +11,7 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.formulas import SHOWN, check
-from perfplast_fenicsx.io.case.toml_reader import parse, read_text
+from perfplast_fenicsx.io.case.schema import parse, read_text
 from tests.mesh.damaged_meshes import blocks
 
 pytestmark = pytest.mark.usefixtures("undrawn")

@@ -26,7 +26,7 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.errors import LONGEST_MESSAGE, InputError
 from perfplast_fenicsx.io.case.case_reader import read_case
-from perfplast_fenicsx.io.case.toml_reader import LARGEST_FILE, parse
+from perfplast_fenicsx.io.case.schema import LARGEST_FILE, parse
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import read_gmsh
 from perfplast_fenicsx.solvers.load_stepping import load_path

@@ -175,7 +175,7 @@ def test_mesh_and_setup(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("perfplast_fenicsx.cli.model_command.draw_parts", lambda *of: None)
+    monkeypatch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
     found = answer(capsys, "mesh", place / "model.unv", "-o", tmp_path / "case")
     assert found["bodies"][0]["elements"] > 0
     assert {"case.msh", "case.toml"} <= set(found["files"])

@@ -10,7 +10,7 @@ import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
-from perfplast_fenicsx.cli.refined_run import compared
+from perfplast_fenicsx.cli.several_runs import compared
 from tests.functional.test_command_line import one_line
 
 CASE = """

@@ -15,7 +15,7 @@ import pytest
 
 from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.mesh_folder import PICTURE
+from perfplast_fenicsx.cli.mesh_command import PICTURE
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey, generated_mesh, mesher
 from perfplast_fenicsx.geometry.first_case import Glued, first_case

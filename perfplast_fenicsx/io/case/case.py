@@ -20,8 +20,7 @@ from perfplast_fenicsx.contact.declared.contact import Contact, Tie
 from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.controls.control import Control, Given
 from perfplast_fenicsx.io.case.combinations import Combination, weakened
-from perfplast_fenicsx.io.case.geometry_table import GeometryFile, GroundInCase
-from perfplast_fenicsx.io.case.mesh_table import CaseMesh, load_mesh
+from perfplast_fenicsx.io.case.mesh_table import CaseMesh, GeometryFile, GroundInCase, load_mesh
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.io.case.schema import Table, at
 from perfplast_fenicsx.io.case.seepage_table import with_flow

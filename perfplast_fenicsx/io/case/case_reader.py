@@ -16,13 +16,16 @@ from perfplast_fenicsx.io.case.combinations import (
     read_combinations,
     reduced,
 )
-from perfplast_fenicsx.io.case.geometry_table import read_ground
 from perfplast_fenicsx.io.case.gravity_table import GravityTable, earthquake_loads
 from perfplast_fenicsx.io.case.load_table import read_load
-from perfplast_fenicsx.io.case.loading_table import read_loading, remembering
-from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_mesh
-from perfplast_fenicsx.io.case.method_table import read_conic, read_method
-from perfplast_fenicsx.io.case.schema import Table, at, choose, convert, shown
+from perfplast_fenicsx.io.case.loading_table import (
+    read_conic,
+    read_loading,
+    read_method,
+    remembering,
+)
+from perfplast_fenicsx.io.case.mesh_table import read_adaptation, read_ground, read_mesh
+from perfplast_fenicsx.io.case.schema import Table, at, choose, convert, parse, read_text, shown
 from perfplast_fenicsx.io.case.seepage_table import drawdowns, read_seepage, water_loads
 from perfplast_fenicsx.io.case.support_tables import (
     RigidSurfaceTable,
@@ -36,7 +39,6 @@ from perfplast_fenicsx.io.case.tables import (
     OutputOptions,
     ReportHead,
 )
-from perfplast_fenicsx.io.case.toml_reader import parse, read_text
 from perfplast_fenicsx.io.case.units_table import read_units
 from perfplast_fenicsx.io.case.water_table import read_water, water_in_cracks
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import USUAL

@@ -1,17 +1,22 @@
-"""Read the loading: ``[loading]``, or ``[[stage]]`` with bodies that remember plastic flow."""
+"""Read the loading (``[loading]`` or ``[[stage]]``) and the algorithm (``[solve]``)."""
 
 from collections.abc import Mapping
+from typing import Any
 
 from perfplast_fenicsx.controls.control import Control
 from perfplast_fenicsx.controls.controls import CONTROLS
 from perfplast_fenicsx.controls.stage_control import StageControl
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.case.schema import choose, convert
+from perfplast_fenicsx.io.case.schema import Table, choose, convert
 from perfplast_fenicsx.io.case.tables import Document
+from perfplast_fenicsx.limit_analysis.conic.conic_solver import SOLVERS, USUAL
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitMethod
+from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.materials.law import carries_any_load
 from perfplast_fenicsx.materials.laws import Material
 from perfplast_fenicsx.materials.plastic_flow import with_memory
 from perfplast_fenicsx.problem.declared.stage import Stage
+from perfplast_fenicsx.solvers.methods import METHODS
 
 
 def read_loading(top: Document, name: str) -> Control:
@@ -65,3 +70,72 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
             " values of the load factor, or law = 'von-mises'."
         )
     return found
+
+
+def read_conic(table: Table, loading: Control, place: str) -> tuple[str, Table]:
+    """Return the solver of conic programs, and the table without its key.
+
+    Args:
+        table: The table.
+        loading: The loading that the case asks for.
+        place: Place in the input, which messages name.
+
+    Raises:
+        InputError: If the solver does not exist, or if the loading has no conic program.
+    """
+    if "conic" not in table:
+        return USUAL, table
+    conic, _, rest = choose(table, "conic", SOLVERS, place)
+    if loading.limit_tolerance is None:
+        raise InputError(
+            f"{place}: conic = '{conic}' solves limit loads and bounds, but this loading "
+            "needs neither; remove it, or give control = 'bounds'."
+        )
+    if rest or loading.limit_method == LimitMethod.PATH:
+        raise InputError(
+            f"{place}: conic = '{conic}' applies to the interior point method, but a path "
+            "is requested; remove conic, or all keys about the path."
+        )
+    return conic, rest
+
+
+def read_method(
+    table: Table, loading: Control, place: str, coulomb: bool = False
+) -> tuple[str, Any]:
+    """Return method and options; by default ALG1 for loads and ALG3 for works.
+
+    Args:
+        table: The table.
+        loading: The loading that the case asks for.
+        place: Place in the input, which messages name.
+        coulomb: Whether there is Coulomb's friction.
+
+    Raises:
+        InputError: If the method does not fit the loading, or if its options are wrong.
+    """
+    if table and loading.limit_method == LimitMethod.INTERIOR_POINT:
+        raise InputError(
+            f"{place}: the interior point method has no levels to solve; remove this "
+            "table, or follow a path with control = 'work', until = 'limit' and "
+            "limit_method = 'path'."
+        )
+    wanted = loading.prescribes
+    fitting = [name for name, entry in METHODS.items() if entry.solver.prescribes is wanted]
+    method, algorithm, rest = choose(table, "method", METHODS, place, default=fitting[0])
+    if method not in fitting and loading.in_turn():
+        raise InputError(
+            f"{place}: method = '{method}' prescribes the work, but stages prescribe loads; use"
+            f" method = {' or '.join(map(repr, fitting))}."
+        )
+    if method not in fitting:
+        control = {schema.prescribes: name for name, schema in reversed(CONTROLS.items())}
+        other = control[algorithm.solver.prescribes]
+        chosen = next(name for name, schema in CONTROLS.items() if isinstance(loading, schema))
+        raise InputError(
+            f"{place}: method = '{method}' prescribes the {other}, but [loading] has control ="
+            f" '{chosen}'; use method = {' or '.join(map(repr, fitting))}, or"
+            f" control = '{other}'."
+        )
+    if loading.limit_tolerance is not None:
+        rest = limit_options(loading.limit_tolerance, coulomb) | rest
+    return method, convert(rest, algorithm.options, place)

@@ -1,26 +1,209 @@
 """Read ``[mesh]``, ``[geometry]`` or drawn ground, and how the mesh is adapted."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mpi4py import MPI
 
 from perfplast_fenicsx.contact.declared.contact import Contact
 from perfplast_fenicsx.controls.control import Control
-from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.geometry.drawn_ground import DrawnGround
-from perfplast_fenicsx.io.case.geometry_table import (
-    GeometryFile,
-    GroundInCase,
-    read_geometry,
-)
-from perfplast_fenicsx.io.case.schema import Table, at, convert
-from perfplast_fenicsx.io.case.tables import MeshBuilder, MeshFile
+from perfplast_fenicsx.errors import InputError, on_rank0
+from perfplast_fenicsx.geometry.drawn_ground import DrawnGround, DrawnLine, Region, Stratum
+from perfplast_fenicsx.geometry.dxf_file import DxfDrawing, read_dxf
+from perfplast_fenicsx.geometry.kept_mesh import drawn_in, glued_in, keep_mesh
+from perfplast_fenicsx.geometry.meshing_options import MeshingOptions, NamedFace
+from perfplast_fenicsx.io.case.schema import T, Table, at, convert
+from perfplast_fenicsx.io.case.tables import Document, MeshBuilder, MeshFile
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.mesh.overlapping_bodies import check_bodies
 from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
+
+
+def _kept(comm: MPI.Intracomm, mesh: Path, keep: Callable[[], object]) -> TaggedMesh:
+    """Return a mesh that rank 0 makes unless it is there, and what it says of it. Collective.
+
+    That is, which surfaces are glued, and their areas in the drawing.
+    """
+    on_rank0(comm, keep)
+    glued, drawn = comm.bcast(on_rank0(comm, lambda: (glued_in(mesh), drawn_in(mesh))))
+    return replace(read_gmsh(comm, mesh), glued=tuple(glued), drawn=drawn)
+
+
+@dataclass(frozen=True)
+class GeometryFile:
+    """A STEP, BREP or IGES file, or gmsh's ``.geo``, whose bodies are meshed for the run.
+
+    A ``.geo`` is a script that may run any command: it is run with ``--trust`` alone. A ``.dxf``
+    file draws ground in the plane: its closed lines are as ``[[region]]``, other lines as
+    ``[[line]]``, with the names of their layers.
+
+    The mesh is stored next to the case file, as ``case.msh`` for ``case.toml``. It is made again
+    after the geometry file or this table changes. ``perfplast mesh`` writes a first case file with
+    the names of all bodies and faces.
+
+    Args:
+        file: Its path, relative to the folder of the case file.
+        options: The other keys.
+        adapt: See :class:`~perfplast_fenicsx.io.case.tables.MeshFile`.
+    """
+
+    file: str
+    options: MeshingOptions
+    adapt: Table | None = None
+
+    def mesh(self, comm: MPI.Intracomm, case: Path, trust: bool = False) -> TaggedMesh:
+        """Return the mesh of a case; rank 0 makes it unless it exists. Collective.
+
+        Args:
+            comm: The ranks of the run.
+            case: The case file.
+            trust: Whether to run a script.
+
+        Raises:
+            InputError: If the file cannot be read or meshed, or if it is a script without
+                ``trust``.
+        """
+        source, mesh = case.parent / self.file, case.with_suffix(".msh")
+        return _kept(comm, mesh, lambda: keep_mesh(source, mesh, self.options, trust))
+
+
+@dataclass(frozen=True)
+class GroundInCase:
+    """Ground that a case draws by ``[[region]]``, ``[[stratum]]``, ``[[line]]`` or a DXF file.
+
+    The mesh is stored next to the case file, as for a geometry file.
+
+    Args:
+        ground: The drawn ground.
+        options: Mesh options.
+        adapt: See :class:`~perfplast_fenicsx.io.case.tables.MeshFile`.
+    """
+
+    ground: DrawnGround
+    options: MeshingOptions
+    adapt: Table | None = None
+
+    def mesh(self, comm: MPI.Intracomm, case: Path, trust: bool = False) -> TaggedMesh:
+        """Return the mesh of a case; rank 0 makes it unless it exists. Collective.
+
+        Args:
+            comm: The ranks of the run.
+            case: The case file.
+            trust: Not used: the script is the program's own.
+
+        Raises:
+            InputError: If the ground cannot be meshed.
+        """
+        mesh = case.with_suffix(".msh")
+        found = _kept(comm, mesh, lambda: self._keep(case, mesh))
+        return replace(found, remarks=(*found.remarks, *self.ground.remarks()))
+
+    def _keep(self, case: Path, mesh: Path) -> None:
+        """Make the mesh unless it exists. Not collective."""
+        with tempfile.TemporaryDirectory() as folder:
+            script = Path(folder) / "ground.geo"
+            script.write_text(self.ground.script(), encoding="utf-8")
+            try:
+                keep_mesh(script, mesh, self.options, trust=True)
+            except InputError as error:
+                raise InputError(str(error).replace(str(script), case.name)) from error
+
+
+def is_dxf(table: Table) -> bool:
+    """Return whether ``[geometry]`` names a DXF file, whose lines are ground in the plane."""
+    file = table.get("file")
+    return isinstance(file, str) and file.lower().endswith(".dxf")
+
+
+def read_ground(top: Document, case: Path) -> DrawnGround | None:
+    """Return the ground that a case draws; None if it draws none.
+
+    Args:
+        top: The case.
+        case: The case file, beside which a DXF file is.
+
+    Raises:
+        InputError: If keys are wrong, a DXF file cannot be read, or the ground cannot be what is
+            drawn.
+    """
+    name, geometry = case.name, top.geometry or {}
+    regions, strata, lines = top.region, top.stratum, top.line
+    of_file = DxfDrawing([], [])
+    if is_dxf(geometry):
+        with at(f"{name}, [geometry]"):
+            of_file = read_dxf(case.parent / geometry["file"])
+    if not (regions or strata or lines or of_file.regions or of_file.lines):
+        return None
+    if not (regions or strata or of_file.regions):
+        raise InputError(
+            f"{name}, [[line]]: lines name boundaries of a [[region]] or [[stratum]], but "
+            "there is neither; draw the ground, or name faces of a file by "
+            "[[geometry.face]]."
+        )
+
+    def read(key: str, kind: type[T], tables: Sequence[Table]) -> list[T]:
+        places = (f"{name}, [[{key}]] number {number}" for number in range(1, len(tables) + 1))
+        return [convert(table, kind, place) for table, place in zip(tables, places, strict=True)]
+
+    drawn = [*of_file.regions, *read("region", Region, regions)]
+    layers, named = read("stratum", Stratum, strata), read("line", DrawnLine, lines)
+    with at(name):
+        return DrawnGround(drawn, layers, [*of_file.lines, *named], notes=of_file.remarks)
+
+
+def read_geometry(
+    table: Table, mesh: Table, place: str, ground: DrawnGround | None = None
+) -> GeometryFile | GroundInCase:
+    """Return the geometry.
+
+    Args:
+        table: ``[geometry]``.
+        mesh: Table ``[mesh]``, which may contain only ``adapt``.
+        place: Place of the table in the input, which messages name.
+        ground: The ground that the case draws, if any.
+
+    Raises:
+        InputError: If there is a mesh as well, or if keys are wrong.
+    """
+    other_file = "file" in table and not is_dxf(table)
+    if ground is not None and (mesh.keys() - {"adapt"} or other_file):
+        other = "[geometry] file" if other_file else "[mesh] file or builder"
+        raise InputError(
+            f"{place}: the case draws its ground by [[region]] or [[stratum]], but there "
+            f"is also a {other}; remove one of them."
+        )
+    if mesh.keys() - {"adapt"}:
+        raise InputError(
+            f"{place}: there is also a [mesh]; remove one of them, since the bodies are "
+            "meshed from the geometry file."
+        )
+    named = {key: table[key] for key in ("file", "face") if key in table}
+    file = {} if ground is None else {"file": ""}
+    top = convert(named | mesh | file, _Named, place)
+    of_face = f"{place.removesuffix('[geometry]')}[[geometry.face]] number"
+    faces = [
+        convert(face, NamedFace, f"{of_face} {number}")
+        for number, face in enumerate(top.face, start=1)
+    ]
+    rest = {key: value for key, value in table.items() if key not in named}
+    options = convert(rest, MeshingOptions, place)
+    options = replace(options, face=faces)
+    if ground is not None:
+        return GroundInCase(ground, options, top.adapt)
+    return GeometryFile(top.file, options, top.adapt)
+
+
+@dataclass(frozen=True)
+class _Named:
+    """Keys that are not passed to the mesher."""
+
+    file: str
+    face: list[Table] = field(default_factory=list)
+    adapt: Table | None = None
+
 
 CaseMesh = MeshFile | MeshBuilder | GeometryFile | GroundInCase
 """The mesh of a case, or the data from which it is made."""

@@ -10,7 +10,7 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case_reader import read_case
-from perfplast_fenicsx.io.case.load_words import load_in_words, meaning
+from perfplast_fenicsx.io.case.load_table import load_in_words, meaning
 from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
