@@ -50,7 +50,7 @@ NO_COHESION = 2.5 * math.tan(math.radians(32.0))
 COARSE = Adaptation(0.5, 300)
 
 SLOPES = {
-    "Griffiths and Lane, first": ({"size": 0.05}, 20.0, 0.05, 0.018, 1.3978),
+    "Griffiths and Lane, first": ({"size": 0.05}, 20.0, 0.05, 0.012, 1.3978),
     "Griffiths and Lane, second": ({"depth": 0.5, "size": 0.07}, 20.0, 0.05, 0.018, 1.3682),
     "ACADS 1(a)": ({"depth": 0.5, "size": 0.07}, 19.6, 0.015, 0.03, 0.9845),
     "1:1": ({"run": 1.0, "depth": 1.0, "size": 0.07}, 45.0, 0.03, 0.025, 1.5291),
