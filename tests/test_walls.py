@@ -64,7 +64,7 @@ BELOW: dict[str, set[str]] = {
         *("contact", "materials", "mesh", "problem", "solvers.linear"),
         *("limit_analysis.blocks", "limit_analysis.conic", "limit_analysis.discrete"),
         *("limit_analysis.facets", "limit_analysis.statements", "limit_analysis.stress"),
-        "limit_analysis.velocity",
+        *("limit_analysis.velocity", "proof"),
     },
     "limit_analysis": {
         *("problem", "solvers", "limit_analysis.discrete", "limit_analysis.path"),

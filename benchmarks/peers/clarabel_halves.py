@@ -23,9 +23,10 @@ import numpy as np
 
 from demos.two_blocks import blocks
 from perfplast_fenicsx.io import ResultFolder
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import admitted, mechanism_bound
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.stress.static_bound import form_that_fits, strict_lower_bound
 from perfplast_fenicsx.proof.body import Body
 from tests.proof.conic_oracle import Floats, Rows, best_load, least_power, posed

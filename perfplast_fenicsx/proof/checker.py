@@ -38,6 +38,9 @@ DRUCKER = (
 )
 """The note on two halves with different friction."""
 
+TOO_LARGE = "it is too large for this machine"
+"""Why a proof may not be checked."""
+
 
 @dataclass(frozen=True)
 class _Half:
@@ -93,31 +96,52 @@ def check(path: str | Path) -> dict[str, Checked]:
     Raises:
         ProofError: If the file cannot be read, or is not a proof.
     """
-    checks: dict[str, Callable[[Mapping[str, npt.NDArray], _Half | None], _Half]]
-    checks = {"lower": _lower, "upper": _upper}
-    before: _Half | None = None
-    halves: dict[str, _Half] = {}
     try:
-        with stored_file(path) as file, np.errstate(all="ignore"):
-            for kind, judge in checks.items():
-                if kind in file:
-                    before = halves[kind] = judge(stored_arrays(file, kind), before)
-            if len(halves) == 2:
-                faults, words = _together(halves["lower"], halves["upper"])
+        with stored_file(path) as file:
+            halves = {kind: stored_arrays(file, kind) for kind in JUDGES if kind in file}
+        return check_halves(halves)
     except MemoryError as fault:
-        raise ProofError(
-            f"'{path}' is not a proof of bounds: it is too large for this machine."
-        ) from fault
+        raise ProofError(f"'{path}' is not a proof of bounds: {TOO_LARGE}.") from fault
     except (OSError, KeyError, AttributeError, TypeError, ValueError, RuntimeError) as fault:
         raise ProofError(f"'{path}' is not a proof of bounds: {fault}") from fault
+
+
+def check_halves(halves: Mapping[str, Mapping[str, npt.NDArray]]) -> dict[str, Checked]:
+    """Check the bounds of arrays, as a file has them.
+
+    Args:
+        halves: Arrays and numbers by name, of "lower", "upper" or both.
+
+    Returns:
+        What is proven, by the same.
+
+    Raises:
+        ProofError: If the arrays do not fit together.
+    """
     if not halves:
-        raise ProofError(f"'{path}' has neither a lower nor an upper bound.")
-    found = {kind: half.checked for kind, half in halves.items()}
-    if len(halves) == 2:
-        found["lower"] = replace(found["lower"], words=(*found["lower"].words, words))
-        if faults:
-            found = {kind: _with(half, faults) for kind, half in found.items()}
-    return found
+        raise ProofError("there is neither a lower nor an upper bound.")
+    try:
+        with np.errstate(all="ignore"):
+            return _check_halves(halves)
+    except MemoryError as fault:
+        raise ProofError(f"{TOO_LARGE}.") from fault
+    except (KeyError, AttributeError, TypeError, ValueError, RuntimeError) as fault:
+        raise ProofError(str(fault)) from fault
+
+
+def _check_halves(halves: Mapping[str, Mapping[str, npt.NDArray]]) -> dict[str, Checked]:
+    """Check the bounds of arrays; errors of unsuitable arrays are of any type."""
+    judged: dict[str, _Half] = {}
+    before: _Half | None = None
+    for kind, judge in JUDGES.items():
+        if kind in halves:
+            before = judged[kind] = judge(halves[kind], before)
+    found = {kind: half.checked for kind, half in judged.items()}
+    if len(judged) < 2:
+        return found
+    faults, words = _together(judged["lower"], judged["upper"])
+    found["lower"] = replace(found["lower"], words=(*found["lower"].words, words))
+    return {kind: _with(half, faults) for kind, half in found.items()} if faults else found
 
 
 def check_pair(
@@ -407,3 +431,10 @@ def _reasons(overlaps: int, reason: str | None) -> list[str]:
     """Return the reasons that prevent a verdict."""
     words = f"cells overlap ({overlaps} points of cells are also in others)"
     return [words] * (overlaps > 0) + ([] if reason is None else [reason])
+
+
+JUDGES: Mapping[str, Callable[[Mapping[str, npt.NDArray], _Half | None], _Half]] = {
+    "lower": _lower,
+    "upper": _upper,
+}
+"""Judges of each half, beside the one before it."""

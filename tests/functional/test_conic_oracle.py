@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import ResultFolder, read_gmsh
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
 from perfplast_fenicsx.proof.body import Body
 from tests.proof.conic_oracle import best_load, least_power

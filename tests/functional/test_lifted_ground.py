@@ -7,9 +7,10 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx.io.case.case_reader import read_case
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.proof import check
 
 CASES = Path(__file__).parents[2] / "demos" / "verification" / "drawn_ground"

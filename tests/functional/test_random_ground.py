@@ -28,9 +28,10 @@ from perfplast_fenicsx import (
     factor_of_safety,
     stacked_blocks,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.proof import check
 from tests.models import Read

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import InputError, ResultFolder, limit_bounds
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.proof import check
 from tests.random_statements import random_case

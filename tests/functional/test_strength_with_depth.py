@@ -27,9 +27,10 @@ from scipy.optimize import fsolve
 from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx import Contact, Elastic, Pressure, Problem, ResultFolder, Support
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import adaptive_bounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.materials import Material, Tresca
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.spatial_fields import Formula

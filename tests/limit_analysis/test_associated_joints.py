@@ -21,7 +21,8 @@ from perfplast_fenicsx import (
     VonMises,
     limit_bounds,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.proof import check
 from tests.checks import assert_refused
 from tests.contact.blocks_apart import blocks_apart

@@ -30,8 +30,9 @@ from perfplast_fenicsx import (
     read_gmsh,
     stacked_blocks,
 )
-from perfplast_fenicsx.io.results.proof_file import judge, proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import judge, write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds, limit_load
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
 from perfplast_fenicsx.proof import check
 from tests.models import Read

@@ -20,8 +20,9 @@ from perfplast_fenicsx import (
     limit_bounds,
     read_gmsh,
 )
-from perfplast_fenicsx.io.results.proof_file import StressProof, VelocityProof, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import StressProof, VelocityProof
 from perfplast_fenicsx.limit_analysis.facets.entering import (
     enclosing_cones,
     entering_between_nodes,

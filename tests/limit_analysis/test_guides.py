@@ -19,7 +19,7 @@ from perfplast_fenicsx import (
     Support,
     VonMises,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import (
     Adaptation,
     BodyBounds,
@@ -27,6 +27,7 @@ from perfplast_fenicsx.limit_analysis import (
     limit_bounds,
     limit_load,
 )
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.proof import check
 from tests.checks import assert_refused, assert_solved
 from tests.symmetric_bodies import cube, square_tube

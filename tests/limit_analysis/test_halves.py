@@ -20,9 +20,10 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.recorder import Recorder
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis.body import halves
 from perfplast_fenicsx.limit_analysis.body.halves import halves_at_once
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, StopSearch
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question

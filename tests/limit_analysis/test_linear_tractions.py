@@ -24,8 +24,9 @@ from perfplast_fenicsx import (
     Traction,
     VonMises,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.proof import check
 from tests.limit_analysis.test_static_bound import rectangle

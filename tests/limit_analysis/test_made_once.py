@@ -11,7 +11,8 @@ import pytest
 from dolfinx.mesh import Mesh
 
 from perfplast_fenicsx import Problem, ResultFolder, limit_bounds
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.discrete import body_cones, discrete_limit
 from perfplast_fenicsx.limit_analysis.facets import bound_body, contact_facets
 from perfplast_fenicsx.limit_analysis.stress import static_form

@@ -19,8 +19,8 @@ from perfplast_fenicsx import (
     limit_bounds,
     stacked_blocks,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs
 from perfplast_fenicsx.limit_analysis.body.one_bound import lower_bound, upper_bound
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from tests.models import Read
 
 STEEL = VonMises(1e3, 0.3, 0.3)

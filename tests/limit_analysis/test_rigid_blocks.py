@@ -25,8 +25,9 @@ from perfplast_fenicsx import (
     factor_of_safety,
     limit_bounds,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.strength_search import check_curve
 from perfplast_fenicsx.problem.variant import variant

@@ -21,8 +21,9 @@ from perfplast_fenicsx import (
     VonMises,
     stacked_blocks,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.proof import check
 from tests.contact.blocks_apart import blocks_apart
 from tests.limit_analysis.test_linear_tractions import ENDS, cube

@@ -21,8 +21,9 @@ from perfplast_fenicsx import (
     VonMises,
     stacked_blocks,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.problem.assembled.declared_loads import linear_tractions
 from perfplast_fenicsx.problem.declared.loads import CosinePressure, Load
 from perfplast_fenicsx.problem.judged.resultants import load_resultants

@@ -22,8 +22,9 @@ from perfplast_fenicsx import (
     VonMises,
     read_gmsh,
 )
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.proof import ProofError, check
 from perfplast_fenicsx.proof.plain_arrays import NUMBERS
 from tests.random_bodies import Stack, write_stack

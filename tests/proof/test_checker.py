@@ -23,12 +23,13 @@ from perfplast_fenicsx import (
     VonMises,
     stacked_blocks,
 )
-from perfplast_fenicsx.io.results.proof_file import StressProof, VelocityProof, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import (
     interior_point,
     strict_upper_bound,
     without_entering,
 )
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import StressProof, VelocityProof
 from perfplast_fenicsx.mesh.alfeld_split import alfeld_split
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.proof import Checked, ProofError, check

@@ -13,8 +13,9 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx import ResultFolder, read_gmsh
-from perfplast_fenicsx.io.results.proof_file import proofs, write_proof
+from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.proof import check
 from tests.random_bodies import problem_of, stack, write_stack
 

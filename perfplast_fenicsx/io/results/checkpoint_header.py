@@ -19,9 +19,9 @@ import numpy as np
 from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.io.case.schema import Table
 from perfplast_fenicsx.io.results.fingerprint import first_difference
-from perfplast_fenicsx.io.results.parallel_hdf5 import Block
 from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.mesh.global_ordering import Block
 from perfplast_fenicsx.proof.stored_file import stored_file
 
 SCHEMA = 2

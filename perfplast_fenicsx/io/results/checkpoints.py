@@ -30,17 +30,17 @@ from perfplast_fenicsx.io.results.checkpoint_header import (
     read_header,
 )
 from perfplast_fenicsx.io.results.fingerprint import case_hash, mesh_hash
-from perfplast_fenicsx.io.results.global_ordering import Ordering, cell_ordering, node_ordering
-from perfplast_fenicsx.io.results.parallel_hdf5 import (
-    Block,
-    block,
-    checksum,
-    read_rows,
-    write_arrays,
-)
+from perfplast_fenicsx.io.results.parallel_hdf5 import checksum, read_rows, write_arrays
 from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
+from perfplast_fenicsx.mesh.global_ordering import (
+    Block,
+    Ordering,
+    block,
+    cell_ordering,
+    node_ordering,
+)
 from perfplast_fenicsx.problem.assembled.spaces import space_at_points
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.judged.certificate import contact_forces

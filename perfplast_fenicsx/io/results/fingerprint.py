@@ -14,8 +14,8 @@ import numpy as np
 
 from perfplast_fenicsx.compat import entity_nodes, geometry_dofmap
 from perfplast_fenicsx.io.case.schema import Table, shown
-from perfplast_fenicsx.io.results.global_ordering import Ordering, node_ordering, with_ghosts
-from perfplast_fenicsx.io.results.parallel_hdf5 import block, checksum, set_checksum
+from perfplast_fenicsx.io.results.parallel_hdf5 import checksum, set_checksum
+from perfplast_fenicsx.mesh.global_ordering import Ordering, block, node_ordering, with_ghosts
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.spatial_fields import PointValues, varying
 

@@ -8,7 +8,6 @@ detected before a file changes. Every error comes from the system, and all ranks
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from mpi4py import MPI
@@ -19,40 +18,14 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Longs
 from perfplast_fenicsx.atomic_files import put
-from perfplast_fenicsx.io.results.global_ordering import Ordering
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.mesh.global_ordering import Block, Ordering
 from perfplast_fenicsx.proof.stored_file import stored_file
 
 LAYOUT = 1 << 16
 """Largest size of the HDF5 data besides the arrays (bytes)."""
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-
-
-@dataclass(frozen=True)
-class Block:
-    """This rank's rows of an array.
-
-    Attributes:
-        values: The rows, shape (count, ...), with the same other dimensions on every rank.
-        first: Number of the first row.
-        total: Number of rows on all ranks.
-    """
-
-    values: npt.NDArray
-    first: int
-    total: int
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Return the shape of the whole array."""
-        return (self.total, *self.values.shape[1:])
-
-
-def block(ordering: Ordering, values: npt.NDArray) -> Block:
-    """Return values of owned entities as this rank's block of the whole array. Collective."""
-    values = np.ascontiguousarray(ordering.to_blocks(values))
-    return Block(values, ordering.first, ordering.total)
 
 
 def write_arrays(

@@ -16,8 +16,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.io.results.global_ordering import cell_ordering
-from perfplast_fenicsx.io.results.parallel_hdf5 import Block, write_arrays
+from perfplast_fenicsx.io.results.parallel_hdf5 import write_arrays
 from perfplast_fenicsx.io.results.result_files import (
     BODY,
     CONNECTIVITY,
@@ -28,6 +27,7 @@ from perfplast_fenicsx.io.results.result_files import (
 )
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.vtkhdf import add_counts, add_facts, make_grid
+from perfplast_fenicsx.mesh.global_ordering import Block, cell_ordering
 from perfplast_fenicsx.problem.assembled.spaces import by_cell
 from perfplast_fenicsx.problem.problem import Problem
 

@@ -21,12 +21,7 @@ from dolfinx.io.utils import cell_perm_vtk
 
 from perfplast_fenicsx.arrays import Ints, Longs
 from perfplast_fenicsx.compat import coordinate_map, entity_nodes, geometry_dofmap
-from perfplast_fenicsx.io.results.global_ordering import (
-    cell_ordering,
-    node_ordering,
-    with_ghosts,
-)
-from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block, write_arrays
+from perfplast_fenicsx.io.results.parallel_hdf5 import write_arrays
 from perfplast_fenicsx.io.results.result_files import (
     BODY,
     CELL_DATA,
@@ -41,6 +36,13 @@ from perfplast_fenicsx.io.results.result_files import (
     TYPES,
 )
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.mesh.global_ordering import (
+    Block,
+    block,
+    cell_ordering,
+    node_ordering,
+    with_ghosts,
+)
 from perfplast_fenicsx.problem.problem import Problem
 
 COUNTS = ("NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds")

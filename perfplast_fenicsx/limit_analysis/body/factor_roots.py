@@ -121,8 +121,7 @@ class FactorRoots:
             kind: "lower" or "upper".
             known_elsewhere: A factor on the safe side that another mesh has proven.
             other_side: A factor on the unsafe side, from a bound of the other kind. No root lies
-                beyond it. It counts if rounding left only a part of a stress, whose load does not
-                determine the root.
+                beyond it.
         """
         sign, found = 1 if kind == "lower" else -1, self.found[kind]
         first, last = (max, min) if kind == "lower" else (min, max)
@@ -136,22 +135,19 @@ class FactorRoots:
             safe = [*self.shown(kind), *([known_elsewhere] if known_elsewhere else [])]
             best = first(safe) if safe else None
             room = self.tolerance * _steepness(known, self.steepness)
-            in_part = best in known and _is_part(found[best], kind)
-            if best in known and abs(known[best]) <= room and not in_part:
+            if best in known and abs(known[best]) <= room:
                 break
             near = [it for it, times in known.items() if 0 <= sign * times <= 2 * aim * room]
             if near and not strict & set(near):  # further from the root a bound may be strict
                 aim *= 4
             beyond = [it for it in found if it not in known or sign * known[it] < 0]
-            beyond += [other_side] if in_part and other_side else []
             if best is not None:
                 beyond = [it for it in beyond if sign * (it - best) > 0]
             other = last(beyond) if beyond else None
             if best is not None and other is not None:
                 if abs(math.log(other / best)) <= self.tolerance or failures >= most_failures:
                     break
-                steers = known and not in_part
-                aimed = _next(known, sign * aim * room, self.steepness) if steers else other
+                aimed = _next(known, sign * aim * room, self.steepness) if known else other
                 factor = _within(aimed, best, other, self.tolerance / 2)
             elif known:
                 factor = _next(known, sign * aim * room, self.steepness)
@@ -260,11 +256,6 @@ def _known(found: dict[float, BodyBounds], kind: str) -> tuple[dict[float, float
             if bound.strict:
                 strict.add(factor)
     return known, strict
-
-
-def _is_part(bounds: BodyBounds, kind: str) -> bool:
-    """Return whether a bound belongs only to the part of a stress that rounding left."""
-    return kind == "lower" and bounds.static is not None and bounds.static.is_part
 
 
 def _steepness(known: dict[float, float], guess: float) -> float:

@@ -79,7 +79,7 @@ def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = No
         return value is None or value < 0
     below, _ = weaker_and_stronger(turned)
     found = strict_lower_bound(below, roughly, steps).bound
-    return found.value is None or found.value < 0
+    return not found.strict or found.value is None or found.value < 0
 
 
 def check_turns(loads: Sequence[Load]) -> None:

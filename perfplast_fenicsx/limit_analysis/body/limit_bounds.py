@@ -22,6 +22,7 @@ from perfplast_fenicsx.limit_analysis.body.flow_problem import (
 )
 from perfplast_fenicsx.limit_analysis.body.halves import halves_at_once, pays
 from perfplast_fenicsx.limit_analysis.body.parts_of_cells import of_parents, on_parts
+from perfplast_fenicsx.limit_analysis.body.proven_bounds import proven
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.body.ring_results import of_displacements
 from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED
@@ -36,14 +37,12 @@ from perfplast_fenicsx.limit_analysis.discrete.point_strains import forces_of_pa
 from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import check_profiles
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
-from perfplast_fenicsx.limit_analysis.facets.body_interfaces import any_loose
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import without_pores
 from perfplast_fenicsx.limit_analysis.statements.bound import (
     CONFINED,
     NO_MECHANISM,
     Bound,
     Scope,
-    measure_of,
 )
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
@@ -57,8 +56,6 @@ from perfplast_fenicsx.limit_analysis.stress.static_bound import (
     check_straight,
     form_that_fits,
 )
-from perfplast_fenicsx.limit_analysis.stress.static_certificate import beside_mechanism
-from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound
 from perfplast_fenicsx.limit_analysis.velocity.gap_shares import gap_shares
 from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
     MechanismRates,
@@ -81,7 +78,9 @@ def limit_bounds(
     The mechanism of the upper bound preserves the volume everywhere; for this purpose tetrahedra
     are split from their centres. In dilating bodies its dilatancy suffices everywhere, since the
     laws are imposed at the vertices. It does not penetrate other bodies between the nodes. Corner
-    cells of plane bodies that could carry nothing are divided first (:mod:`lone_corners`).
+    cells of plane bodies that could carry nothing are divided first (:mod:`lone_corners`). At the
+    end the checker of proofs (:mod:`proof.checker`) judges both bounds: a bound is strict only as
+    far as the checker proves it.
 
     Args:
         problem: The bodies and their loads; use quadratic elements, because linear ones lock.
@@ -97,9 +96,10 @@ def limit_bounds(
     """
     problem = admitted(problem, rtol)
     if are_blocks(problem):
-        return replace(block_bounds(problem, rtol), taken=taken_as(problem))
-    bounds = _bounds(*weaker_and_stronger(problem), rtol, monitor)
-    return replace(bounds, taken=taken_as(problem))
+        bounds = block_bounds(problem, rtol)
+    else:
+        bounds = _bounds(*weaker_and_stronger(problem), rtol, monitor)
+    return replace(proven(bounds), taken=taken_as(problem))
 
 
 def check_bounds(problem: Problem, rtol: float = 1e-4) -> None:
@@ -169,7 +169,7 @@ def _bounds(
         static = at_once.static
         if bounds.question is not at_once.question:
             static = bound_by_stress(below, rtol, monitor, bounds.question, None)
-    lower, certificates = judged(static, bounds)
+    certificates = {} if static.certificate is None else vars(static.certificate)
     problem, stress, shares = bounds.problem, None, None
     # without a split, the parts of a tetrahedron are not cells of any mesh
     if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
@@ -180,7 +180,7 @@ def _bounds(
     bounds = with_displacements(above, bounds)
     return replace(
         bounds,
-        lower=lower,
+        lower=static.bound,
         static=static,
         stress=stress,
         shares=shares,
@@ -230,28 +230,6 @@ def with_displacements(given: Problem, bounds: BodyBounds) -> BodyBounds:
     return replace(bounds, problem=given, mechanism=velocity, mesh=mesh, by_flux=flow)
 
 
-def judged(static: StaticBound, bounds: BodyBounds) -> tuple[Bound, dict[str, float]]:
-    """Return a lower bound checked by a mechanism, and its certificate. Collective.
-
-    Args:
-        static: The lower bound.
-        bounds: Bounds with the mechanism, if there is one, and the question. If all loads are
-            permanent, the question is whether they are carried once.
-    """
-    if static.certificate is None:
-        return static.bound, {}
-    certificates, value = vars(static.certificate), bounds.upper.value
-    if value is None:
-        return static.bound, certificates
-    flow, mechanism = bounds.flow.problem, bounds.flow.velocity
-    _, dead, _ = bounds.question.of(0.0, flow.loads.dead_work(mechanism.x.petsc_vec))
-    loose = body_cones(flow).loose or any_loose(flow)
-    power = measure_of(value + dead, value, loose)
-    enough = 1.0 if bounds.question is Question.STANDS else np.inf
-    told = (static.certificate, power, mechanism, enough)
-    return beside_mechanism(static.bound, *told), certificates
-
-
 def _with_forces_of_pairs(problem: Problem, limit: LimitLoad) -> LimitLoad:
     """Return a limit load with contact forces of pairs instead of coefficients; None if unknown.
 
@@ -278,7 +256,7 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
         problem: The bodies and their loads.
         limit: Limit load of the interior point method.
     """
-    return _of_mesh(problem, limit)[0]
+    return proven(_of_mesh(problem, limit)[0])
 
 
 def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismRates | None]:

@@ -8,11 +8,11 @@ from perfplast_fenicsx.limit_analysis.body.bound_words import taken_as
 from perfplast_fenicsx.limit_analysis.body.flow_problem import split_of
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import (
     admitted,
-    judged,
     mechanism_bound,
     with_displacements,
 )
 from perfplast_fenicsx.limit_analysis.body.parts_of_cells import on_parts
+from perfplast_fenicsx.limit_analysis.body.proven_bounds import proven
 from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
@@ -41,7 +41,7 @@ def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None
     problem = admitted(problem, rtol)
     _, above = weaker_and_stronger(problem)
     bounds = with_displacements(above, mechanism_bound(above, rtol, steps)[0])
-    return replace(bounds, lower=_other("lower"), taken=taken_as(problem))
+    return proven(replace(bounds, lower=_other("lower"), taken=taken_as(problem)))
 
 
 def lower_bound(
@@ -62,7 +62,6 @@ def lower_bound(
     problem = admitted(problem, rtol)
     below, _ = weaker_and_stronger(problem)
     static = strict_lower_bound(below, rtol, steps, beside.question)
-    lower, certificates = judged(static, beside)
     on, stress = below, static.stress if static.bound.value is not None else None
     split = split_of(problem)
     if split is not None:
@@ -70,20 +69,21 @@ def lower_bound(
         stress = stress if stress is None else on_parts(stress, split)
     elif problem.bodies.gdim == 3:  # without a split, parts of cells are not cells of any mesh
         stress = None
-    return replace(
+    found = replace(
         beside,
         problem=on,
-        lower=lower,
+        lower=static.bound,
         upper=_other("upper"),
         static=static,
         stress=stress,
         shares=None,
-        certificates=certificates,
+        certificates={} if static.certificate is None else vars(static.certificate),
         steps=len(static.steps),
         factorisations=static.factorisations,
         weaker=None,
         taken=taken_as(problem),
     )
+    return proven(found)
 
 
 def _other(kind: str) -> Bound:

@@ -1,6 +1,6 @@
 """Define one bound of a limit load: its value, its scope, and why it is not strict."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
@@ -47,6 +47,7 @@ class Bound:
             finite elements.
         why_not: Reasons why it does not hold for the body; empty if it does.
         of_rounding: Share of an upper bound that may be rounding, in bodies that hardly strain.
+        doubts: Reasons why it may not hold, until the proof checker has judged it.
     """
 
     value: float | None
@@ -54,11 +55,27 @@ class Bound:
     of: Scope
     why_not: tuple[str, ...] = ()
     of_rounding: float = 0.0
+    doubts: tuple[str, ...] = ()
 
     @property
     def strict(self) -> bool:
         """Whether it holds for the body, up to rounding."""
+        return self.can_be_strict and not self.doubts
+
+    @property
+    def can_be_strict(self) -> bool:
+        """Whether the proof checker has to judge it."""
         return self.value is not None and self.of is Scope.BODY
+
+    def proven(self, value: float | None = None) -> "Bound":
+        """Return it as the checker has proven it, with another value if that is what it proves."""
+        return replace(self, value=self.value if value is None else value, doubts=())
+
+    def refused(self, why: str) -> "Bound":
+        """Return it as one of the mesh; without a value where a stress balances too little."""
+        value = None if self.doubts and self.kind == "lower" else self.value
+        reasons = (*self.why_not, *self.doubts, why)
+        return replace(self, value=value, of=Scope.MESH, why_not=reasons, doubts=())
 
     @property
     def shown(self) -> str:
@@ -86,5 +103,6 @@ class Bound:
 
     def __repr__(self) -> str:
         value = self.shown
-        told = f"; not strict: {', '.join(self.why_not)}" if self.why_not else ""
+        reasons = (*self.why_not, *self.doubts)
+        told = f"; not strict: {', '.join(reasons)}" if reasons else ""
         return f"Bound({self.kind} {value} of the {self.of}{told})"

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, Verdict
+from perfplast_fenicsx.limit_analysis.statements.bound import Scope
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.static_bound import StaticBound, strict_lower_bound
 from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm
@@ -32,13 +33,14 @@ def bound_by_stress(
         form: Form of the problem, if it has been made.
     """
     static = strict_lower_bound(problem, rtol, monitor, question, form)
-    if static.bound.value is not None or question is Question.STANDS:
+    doubted = static.bound.value is None or static.bound.doubts
+    if not doubted or question is Question.STANDS:
         return static
     if not problem.loads.has_dead() or static.verdict is not Verdict.STALLED:
         return static
     stands = strict_lower_bound(problem, rtol, monitor, Question.STANDS, form)
     times = stands.bound.value
-    if times is None or times >= 1:
+    if times is None or stands.bound.doubts or times >= 1:
         return static
     why = (
         f"stresses that are linear in the cells carry the constant loads {rounded_down(times)}"
@@ -46,7 +48,7 @@ def bound_by_stress(
     )
     return replace(
         static,
-        bound=replace(static.bound, why_not=(why,)),
+        bound=replace(static.bound, value=None, of=Scope.MESH, why_not=(why,), doubts=()),
         reason=why,
         dissipation=stands.dissipation,
         steps=static.steps + stands.steps,

@@ -35,10 +35,7 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.balanced_stress import BalancedStress
 from perfplast_fenicsx.limit_analysis.stress.static_balance import StaticIteration
-from perfplast_fenicsx.limit_analysis.stress.static_certificate import (
-    StaticCertificate,
-    certify_stress,
-)
+from perfplast_fenicsx.limit_analysis.stress.static_certificate import certify_stress
 from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm, static_form
 from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram, static_program
 from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound, no_stress
@@ -118,7 +115,10 @@ def strict_lower_bound(
 
 def _together(before: StaticBound, after: StaticBound) -> StaticBound:
     """Return the better one of two searches, with the iterations of both."""
-    values = [-np.inf if it.bound.value is None else it.bound.value for it in (before, after)]
+    values = [
+        (it.bound.strict, -np.inf if it.bound.value is None else it.bound.value)
+        for it in (before, after)
+    ]
     return replace(
         after if values[1] >= values[0] or after.reason == UNLIMITED else before,
         steps=before.steps + after.steps,
@@ -175,7 +175,7 @@ def _search(
         certificate = found.certificate
         ended = verdict is Verdict.FOUND or (verdict is Verdict.STALLED and then is None)
         if program.keeps and ended and certificate is not None:
-            if certificate.in_equilibrium and not certificate.holds:
+            if certificate.is_balanced and certificate.is_doubted:
                 reached.append(stress)
                 then = start.with_more_in_reserve(certificate.overstress)
         return found, then
@@ -250,33 +250,18 @@ def _result(
     pressure, deviator = scale * pressure, scale * deviator
     shrunk = scale / program.stress_unit
     value, aside = shrunk * now.load * program.load_unit, shrunk * now.aside
-    whole, share = BalancedStress(pressure, deviator, value, aside), 1.0
-    if not program.keeps:
-        left = static.unbalanced((pressure, deviator), value, aside)
-        # Unbalanced force, relative to the strengths at its row, that rounding may leave. The
-        # certificate, which decides, has found up to half as much. Mean stresses of 1e6 times the
-        # strengths leave more; then the load factor and the stress, which stay in equilibrium, are
-        # reduced to this value.
-        left_over = 2e-10
-        share = min(1.0, left_over / max(left, left_over))
-    told = whole.part(share)
+    told = BalancedStress(pressure, deviator, value, aside)
     if program.keeps:
         told = told.with_some_of(reached, static)
-    told, certificate, part = _certified(static, told)
-    share *= part
-    if share < 1 and told.load < 1 <= whole.load and not problem.loads.grows():
-        if (once := _once(static, whole)) is not None:
-            told, certificate, share = *once, once[0].load / whole.load
     pressure, deviator, value, aside = told.pressure, told.deviator, told.load, told.aside
+    certificate = certify_stress(static, pressure, deviator, value, aside)
+    doubts = (UNREACHED, *weak_bodies(problem)) if certificate.is_doubted else ()
     scope = Scope.MESH if why_not else Scope.BODY
-    bound = Bound(value, "lower", scope, why_not)
-    if not certificate.holds:
-        bound = Bound(None, "lower", Scope.MESH, (UNREACHED, *weak_bodies(problem)))
-        reason += f"; {UNREACHED}"
-    elif share < 1:
-        verdict = Verdict.STALLED
-        kept = f"the bound keeps {share:.2g} of this load, since rounding disturbs the equilibrium"
-        reason = "; ".join([reason, kept, *weak_bodies(problem)])
+    bound = Bound(value, "lower", scope, why_not, doubts=doubts)
+    if doubts and (why_not or not np.isfinite(value)):
+        bound = Bound(None, "lower", Scope.MESH, (*why_not, *doubts))
+    if doubts:
+        reason = "; ".join([reason, *doubts])
     count = strains.num_cells
     plastic, unit = program.plastic[: strains.count], program.stress_unit
     radii = np.where(plastic, strains.radii, 0.0) / unit
@@ -304,49 +289,5 @@ def _result(
         certificate=certificate,
         steps=steps,
         factorisations=static.factorisations,
-        is_part=share < 1,
     )
     return bounded, told
-
-
-def _once(
-    static: StaticProgram, whole: BalancedStress
-) -> tuple[BalancedStress, StaticCertificate] | None:
-    """Return the share of a stress that carries permanent loads once, if its certificate holds.
-
-    Collective.
-
-    Residuals of its equilibrium may do work on a mechanism that is small compared with what it
-    carries above a factor of 1.
-    """
-    for enough in (1 + 1e-2, 1 + 1e-5):
-        once = whole.part(min(1.0, enough / whole.load))
-        judged = certify_stress(static, once.pressure, once.deviator, once.load, once.aside)
-        if judged.holds:
-            return once, judged
-    return None
-
-
-def _certified(
-    static: StaticProgram, stress: BalancedStress
-) -> tuple[BalancedStress, StaticCertificate, float]:
-    """Return a stress with its certificate, reduced as far as rounding requires. Collective.
-
-    A share of a stress is in equilibrium with the same share of the loads. Its residuals relative
-    to strengths have that share as well.
-
-    Returns:
-        The stress, its certificate, and its share of the given stress.
-    """
-    share = 1.0
-    most_reductions = 3  # rounding is not completely proportional
-    for number in range(most_reductions + 1):
-        pressure, deviator = stress.pressure, stress.deviator
-        load, aside = stress.load, stress.aside
-        certificate = certify_stress(static, pressure, deviator, load, aside)
-        if static.program.keeps or certificate.excess <= 1 or number == most_reductions:
-            break
-        less = 0.9 / certificate.excess
-        share *= less
-        stress = stress.part(less)
-    return stress, certificate, share

@@ -21,7 +21,6 @@ from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetVelociti
 from perfplast_fenicsx.limit_analysis.facets.lone_corners import bare_vertices
 from perfplast_fenicsx.limit_analysis.stress.condensed_stiffness import CondensedStiffness
 from perfplast_fenicsx.limit_analysis.stress.multiplier_strains import MultiplierStrains
-from perfplast_fenicsx.limit_analysis.stress.piece_balance import Pieces
 from perfplast_fenicsx.limit_analysis.stress.stress_form import StressForm
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -47,7 +46,6 @@ class StaticForm:
             the axis, where there is no pressure.
         slips: Flags of tangential unknowns on contact surfaces without friction.
         places: Places of slip.
-        pieces: Cells that facets join.
     """
 
     comm: MPI.Intracomm
@@ -65,7 +63,6 @@ class StaticForm:
     pressed: npt.NDArray[np.bool_]
     slips: npt.NDArray[np.bool_]
     places: SlipPlaces
-    pieces: Pieces
 
     def destroy(self) -> None:
         """Free PETSc's memory. Collective."""
@@ -149,7 +146,6 @@ def static_form(problem: Problem) -> StaticForm:
         pressed=pressed.ravel(),
         slips=slips.ravel() & ~held.ravel(),
         places=places,
-        pieces=Pieces.of(mesh, at.numbers),
     )
 
 

@@ -32,7 +32,6 @@ class StaticBound:
         certificate: Residuals of the stress; None if there are none.
         steps: Steps of the iteration.
         factorisations: Number of factorisations of a stiffness.
-        is_part: Whether the stress is a share of the one that was found, because of rounding.
     """
 
     bound: Bound
@@ -44,7 +43,6 @@ class StaticBound:
     certificate: StaticCertificate | None
     steps: list[InteriorStep]
     factorisations: int
-    is_part: bool = False
 
     def __repr__(self) -> str:
         return f"StaticBound({self.bound!r}; {len(self.steps)} steps; {self.reason})"

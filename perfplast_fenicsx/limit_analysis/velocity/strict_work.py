@@ -25,7 +25,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import any_loose
 from perfplast_fenicsx.limit_analysis.facets.bound_body import TWICE, FacetLoads, bound_body
-from perfplast_fenicsx.limit_analysis.facets.entering import entering_between_nodes
+from perfplast_fenicsx.limit_analysis.facets.entering import ENTERS, entering_between_nodes
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope, measure_of
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_loads
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
@@ -125,17 +125,30 @@ def strict_upper_bound(
     work -= np.copysign(mean_stresses * cost.lost * at_one, excess)
     if not work > 0:
         return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
-    why_not = [] if provable else ["volume changes of the mechanism are more than rounding"]
-    why_not += slip.why_not
-    if has_curved_cells(problem.tagged_mesh.mesh):
-        why_not.append("cells are curved")
-    why_not += entering_between_nodes(problem, mechanism)
-    unknown = body.prevents
-    if unknown is not None and unknown not in (TWICE, *why_not):
-        why_not.append(unknown)
+    doubts = [] if provable else ["volume changes of the mechanism are more than rounding"]
+    why_not, doubts = _reasons(problem, mechanism, [*doubts, *slip.why_not])
     of = Scope.MESH if why_not else Scope.BODY
     share = float(cost.allowed / dissipation) if dissipation > 0 else 0.0
-    return Bound(float(excess / work), "upper", of, tuple(why_not), share)
+    return Bound(float(excess / work), "upper", of, tuple(why_not), share, tuple(doubts))
+
+
+def _reasons(
+    problem: Problem, mechanism: fem.Function, doubts: list[str]
+) -> tuple[list[str], list[str]]:
+    """Return why a bound does not hold for the body, and why it may not. Collective.
+
+    Args:
+        problem: The bodies.
+        mechanism: The velocity.
+        doubts: Other reasons why it may not hold.
+    """
+    why_not = ["cells are curved"] if has_curved_cells(problem.tagged_mesh.mesh) else []
+    for why in entering_between_nodes(problem, mechanism):
+        (doubts if why == ENTERS else why_not).append(why)
+    unknown = bound_body(problem).prevents
+    if unknown is not None and unknown not in (TWICE, *why_not, *doubts):
+        why_not.append(unknown)
+    return ([*doubts, *why_not], []) if why_not else ([], doubts)
 
 
 class _Flow:

@@ -7,14 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.io.results.global_ordering import Ordering
-from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import (
     Side,
     profiles_of_cells,
     steepness_of_cells,
 )
+from perfplast_fenicsx.mesh.global_ordering import Block, Ordering, block
 from perfplast_fenicsx.problem.problem import Problem
 
 

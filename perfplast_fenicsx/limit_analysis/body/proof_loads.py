@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perfplast_fenicsx.io.results.global_ordering import Ordering
-from perfplast_fenicsx.io.results.parallel_hdf5 import Block, block
-from perfplast_fenicsx.io.results.proof_cones import table_of
+from perfplast_fenicsx.limit_analysis.body.proof_cones import table_of
 from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody, FacetLoads
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
+from perfplast_fenicsx.mesh.global_ordering import Block, Ordering, block
 from perfplast_fenicsx.problem.problem import Problem
 
 

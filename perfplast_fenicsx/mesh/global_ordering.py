@@ -6,6 +6,8 @@ other run. Each rank stores a block of consecutive numbers. All-to-all communica
 between this block and the owners of the cells and nodes.
 """
 
+from dataclasses import dataclass
+
 from mpi4py import MPI
 
 import numpy as np
@@ -72,6 +74,32 @@ class Ordering:
     def _to_keepers(self, values: npt.NDArray) -> npt.NDArray:
         """Return rows of owned entities on the ranks that store their keys. Collective."""
         return exchange_rows(self._comm, values[self._by_keeper], self._owned, self._kept)
+
+
+@dataclass(frozen=True)
+class Block:
+    """This rank's rows of an array.
+
+    Attributes:
+        values: Shape (count, ...), with the same other dimensions on every rank.
+        first: Number of the first row.
+        total: Rows on all ranks.
+    """
+
+    values: npt.NDArray
+    first: int
+    total: int
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Return the shape of the whole array."""
+        return (self.total, *self.values.shape[1:])
+
+
+def block(ordering: Ordering, values: npt.NDArray) -> Block:
+    """Return values of owned entities as this rank's block of the whole array. Collective."""
+    values = np.ascontiguousarray(ordering.to_blocks(values))
+    return Block(values, ordering.first, ordering.total)
 
 
 def cell_ordering(mesh: Mesh) -> Ordering:
