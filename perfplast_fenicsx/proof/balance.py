@@ -504,8 +504,8 @@ def weights_of(body: Body, facets: Longs, most: Floats) -> Floats:
     """
     cells = body.outer // (body.dim + 1)
     radii = body.yield_radius[cells][facets]
-    plastic = radii[np.isfinite(radii)]
-    radii = np.where(np.isfinite(radii), radii, plastic.max(initial=0.0) or 1.0)
+    bears = np.isfinite(radii) & (radii > 0)  # 0 without cohesion
+    radii = np.where(bears, radii, radii[bears].max(initial=0.0) or 1.0)
     return np.minimum(radii * body.areas[facets], most)
 
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from perfplast_fenicsx.proof.blocks import Factors, JointForces, carried_by
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.halves import differences, pair_of_drucker, pair_of_radenkovic
-from perfplast_fenicsx.proof.lower import is_counted, measure_stress, overstress
+from perfplast_fenicsx.proof.lower import measure_stress, overstress
 from perfplast_fenicsx.proof.overlap import overlapping
 from perfplast_fenicsx.proof.plain_arrays import (
     ProofError,
@@ -249,6 +249,8 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
     )
     if found.counted and proven is not None:
         sums += f" They and rounding reduce the bound by {max(factor - proven, 0.0):.2g}."
+    elif found.words:
+        sums += f" {found.words}"
     words = (taken_as_written(body), *reduction_words(body, arrays), sums)
     shown = None if faults else proven
     checked_half = Checked("lower", claimed, shown, found.measured, faults, words, reached=proven)
@@ -267,6 +269,7 @@ class _Found:
         forces: The sum of unbalanced forces.
         loads: The sum of the loads' magnitudes.
         counted: Whether the residual reduced the factor.
+        words: A sentence on a residual that did not.
     """
 
     factor: float | None
@@ -276,6 +279,7 @@ class _Found:
     forces: float
     loads: float
     counted: bool
+    words: str = ""
 
 
 def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) -> _Found:
@@ -286,20 +290,20 @@ def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) 
     every = (body.sought, body.constant, body.others)
     left = measure_stress(body, stress, [by * of for by, of in zip(factors, every, strict=True)])
     reasons, rows = [] if left.reason is None else [left.reason], faults_of(left.measured)
-    counted = is_counted(body)
+    found = overstress(body, stress, list(zip(factors, every, strict=True)))
+    counted = found.lacks <= 0 and (found.factor <= 1 or not body.constant) or not body.loose
     if counted:
-        over, why = overstress(body, stress, list(zip(factors, every, strict=True)))
+        over, words = found.factor, ""
         exact = left.measured["asymmetry"] == 0 and left.measured.get("axis", 0.0) == 0
-        reasons += [] if why is None else [why]
-    else:
-        over, exact = max(left.measured.get(name, 0.0) for name in RATIOS), not rows
-    if (
-        body.constant or body.loose
-    ) and not over <= 1:  # without the residual such a stress cannot be scaled down
+        reasons += [] if found.reason is None else [found.reason]
+    else:  # c = 0: residuals have limits, and without τ the stress cannot be scaled
+        over, words = max(left.measured.get(name, 0.0) for name in RATIOS), found.words()
+        exact = not rows
+    if (body.constant or not counted) and not over <= 1:
         reasons.append(f"stresses are {over:.17g} times as large as they may be")
     factor = None if reasons or not exact else _divided(factors[0], over)
     told = left.measured, left.forces, left.loads
-    return _Found(factor, tuple(reasons), tuple(rows), *told, counted=counted)
+    return _Found(factor, tuple(reasons), tuple(rows), *told, counted=counted, words=words)
 
 
 def _of_blocks(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) -> _Found:

@@ -196,6 +196,31 @@ class Cones:
         rounding = 1e-12  # relative error of singular values
         return np.asarray(found * (1 + rounding))
 
+    @cached_property
+    def growth(self) -> Floats:
+        """Return the most that a stress of size 1 adds to :meth:`excess`."""
+        values = np.linalg.svd(self.matrix, compute_uv=False)[:, 0]
+        rounding = 1e-12  # relative error of singular values
+        return np.asarray((values + np.linalg.norm(self.slope, axis=1)) * (1 + rounding))
+
+    @cached_property
+    def relief(self) -> Floats:
+        """Return by how much a pressure of 1 reduces :meth:`excess` at least, 0 if it may not."""
+        normals = {3: 2, 4: 3, 6: 3}[self.slope.shape[1]]
+        along = self.slope[:, :normals].sum(axis=1)
+        across = np.linalg.norm(self.matrix[:, :, :normals].sum(axis=2), axis=1)
+        return np.asarray(np.maximum(along - across, 0.0))
+
+    def excess(self, at: Longs, stress: Floats) -> Floats:
+        """Return ‖Mσ‖ + q·σ, at most c in a cone that does not bound principal stresses.
+
+        Args:
+            at: Cone of each cell, shape (num_cells,).
+            stress: Vectors at some points of each cell, shape (num_cells, points, m).
+        """
+        sizes = np.linalg.norm(np.einsum("cij,cvj->cvi", self.matrix[at], stress), axis=2)
+        return np.asarray(sizes + np.einsum("ci,cvi->cv", self.slope[at], stress))
+
     def own_radius(self, at: Longs, stress: Floats) -> Floats:
         """Return the radius of each cell; for c = 0 from the stress itself, with −q·σ instead of c.
 

@@ -10,8 +10,9 @@ shear ‖τ‖ ≤ c + μq. At each vertex ‖Mσ‖ ≤ c − q·σ with the co
 everywhere, since these stresses form a convex set. With a pore pressure u, the cones bound
 effective stresses σ′, and σ = σ′ − uI. Where c varies it is linear in the cell, so that vertices
 are enough. Another stress balances the residual of equilibrium, and its size reduces the bound
-(:mod:`balance`). No such stress is known for cones without a bound. For these, residuals are
-relative to the capacity of the weakest cell, for each row and in total. For bodies of revolution
+(:mod:`balance`). For cones with c = 0 the stress must lie inside of them by this size at each
+vertex. Otherwise residuals are relative to the capacity of the weakest cell, for each row and in
+total, and the checker prints the c that is missing. For bodies of revolution
 the same conditions apply to S = rσ, which is quadratic (:mod:`rings`, :mod:`ring_balance`), divided
 by 2π.
 """
@@ -137,26 +138,47 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     return Left(measured, forces, loaded, outer.reason)
 
 
-def is_counted(body: Body) -> bool:
-    """Return whether the residual of equilibrium enters the bound."""
-    return bool(body.plastic.any()) and not body.loose
+@dataclass(frozen=True)
+class Overstress:
+    """By how much an equilibrated stress near a given one may exceed its limits.
+
+    Attributes:
+        factor: The largest (f(σ) + f(τ))/c of cones with c > 0. Divided by it, σ + τ lies in them;
+            ∞ if no τ is known.
+        lacks: The largest f(σ) + f(τ) of cones with c = 0, a stress. If it is at most zero, σ + τ
+            lies in these cones; otherwise it lies in cones with this c. −∞ without such cones.
+        pressure: The pressure on all surfaces that does the same as c = ``lacks``.
+        reason: Why no τ is known, or None.
+    """
+
+    factor: float
+    lacks: float
+    pressure: float
+    reason: str | None
+
+    def words(self) -> str:
+        """Return a sentence on the exact equilibrium of bodies that need a cohesion for it."""
+        if not np.isfinite(max(self.factor, self.lacks)):
+            return f"The cost of the unbalanced forces is unknown: {self.reason}."
+        if self.factor > 1:
+            return f"Exact equilibrium needs strengths {self.factor:.17g} times as large."
+        return (
+            f"Exact equilibrium needs c = {self.lacks:.2g} where c is 0, or a pressure of "
+            f"{self.pressure:.2g} on all surfaces."
+        )
 
 
 def overstress(
     body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]]
-) -> tuple[float, str | None]:
-    """Return the factor by which an equilibrated stress near a given one exceeds its limit.
+) -> Overstress:
+    """Return by how much an equilibrated stress near a given one may exceed its limits.
 
-    The factor at each vertex is (f(σ) + f(τ))/c, with a stress τ that balances the residual of σ.
-    Divided by the largest factor, σ + τ lies in the cones.
+    A stress τ balances the residual of σ. f(σ + τ) is at most f(σ) + f(τ), at each vertex.
 
     Args:
         body: The bodies.
         stress: As for :func:`measure_stress`.
         kinds: Loads of each kind, and their factors.
-
-    Returns:
-        ∞ and the reason if no τ is known.
     """
     shapes, plastic = shapes_of(body), body.plastic
     cones, at = body.cones, body.cone[plastic]
@@ -171,10 +193,21 @@ def overstress(
         cost = cost_of(body, remainder_of(body, stress, kinds, shapes), shapes, kinds)
         bounded, off = vectors(stress[plastic]), np.zeros(len(stress))
     rounding = 128 * U * np.linalg.norm(bounded, axis=2) + off[plastic, None]
-    more = (cost.size[plastic, None] + rounding) * cones.weakness[at, None]
-    shares = cones.ratios(at, bounded) + more
-    over = float((shares / body.cell_strength[plastic] if body.varies else shares).max())
-    return (over if np.isfinite(over) else np.inf), cost.reason
+    size = cost.size[plastic, None] + rounding
+    firm = cones.bound[at] > 0
+    shares = cones.ratios(at[firm], bounded[firm]) + size[firm] * cones.weakness[at[firm], None]
+    shares = shares / body.cell_strength[plastic][firm] if body.varies else shares
+    over = float(shares.max(initial=0.0))
+    bare = at[~firm]
+    lacks = cones.excess(bare, bounded[~firm]) + size[~firm] * cones.growth[bare, None]
+    relief = cones.relief[bare, None]
+    pressures = np.divide(lacks, relief, out=np.full_like(lacks, np.inf), where=relief > 0)
+    return Overstress(
+        over if np.isfinite(over) else np.inf,
+        float(lacks.max(initial=-np.inf)),
+        float(pressures.max(initial=0.0)),
+        cost.reason,
+    )
 
 
 def _largest(values: Floats) -> float:

@@ -33,6 +33,7 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import strong_b
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.proof import check
 from tests.models import Read
+from tests.proof.forging import copied, write, written
 
 COMM = MPI.COMM_WORLD
 SURCHARGE = {20.0: 6.399394, 30.0: 18.401122}
@@ -146,6 +147,40 @@ def test_forged_stresses_are_refused(read: Read, tmp_path: Path, forge, words: s
         file["lower/stress"][...] = forge(file["lower/stress"][...])
     said = "; ".join(check(tmp_path / "bounds.h5")["lower"].faults)
     assert any(word in said for word in words.split("|")), said
+
+
+@pytest.mark.serial
+def test_ground_under_pressure_has_no_limits_of_residuals(read: Read, tmp_path: Path) -> None:
+    """Residuals beyond the limits are balanced within the reserve that each vertex has."""
+    found = limit_bounds(under_surcharge(read, 20.0))
+    halves = written(tmp_path, found)
+    noise = np.random.default_rng(51).normal(size=halves["lower"]["stress"].shape)
+    for size, proven in ((1e-9, True), (1e-3, False)):
+        them = copied(halves)
+        them["lower"]["stress"] = them["lower"]["stress"] + size * (noise + noise.swapaxes(2, 3))
+        lower = check(write(tmp_path / "noisy.h5", them))["lower"]
+        assert max(lower.measured[of] for of in ("equilibrium", "inner_tractions")) > 1e-10
+        assert (lower.proven is not None) == proven, lower.faults
+        assert proven or any("Exact equilibrium needs" in words for words in lower.words)
+
+
+@pytest.mark.serial
+def test_the_cohesion_that_a_free_surface_needs(read: Read, tmp_path: Path) -> None:
+    """With so much of it, the same stress proves the same bound without limits."""
+    found = limit_bounds(on_heavy_sand(read, "rough"))
+    halves = written(tmp_path, found)
+    lower = check(tmp_path / "bounds.h5")["lower"]
+    words = next(words for words in lower.words if "Exact equilibrium needs" in words)
+    missing = float(words.split("c = ")[1].split()[0])
+    pressure = float(words.split("pressure of ")[1].split()[0])
+    assert 0 < missing < pressure < 1e-11
+    for share, enough in ((1.1, True), (0.5, False)):
+        them = copied(halves)
+        for half in them.values():
+            half["cone_bound"] = np.maximum(half["cone_bound"], share * missing)
+        found_so = check(write(tmp_path / "cohesion.h5", them))["lower"]
+        assert any("reduce the bound by" in words for words in found_so.words) == enough
+        assert (found_so.proven is not None) == enough
 
 
 @pytest.mark.serial

@@ -103,7 +103,8 @@ function roundCone(c, q, M, m) {
     alert: grows ? alert : 0, radius: c / Math.sqrt(most),
     weak: ((Math.sqrt(most) + norm(q)) / c) * UP,
     steep: c * (grows ? alert : (size * (1 + norm(r))) / rest) * UP * (1 + digits),
-    steepest: Math.sqrt(most),
+    steepest: Math.sqrt(most), growth: (Math.sqrt(most) + norm(q)) * UP,
+    excess: (v) => norm(times(M, v)) + dots(q, v),
     ratio: (v) => { // of c = 0 the share of what the stress itself lets the cone bear
       if (c > 0) return (norm(times(M, v)) + dots(q, v)) / c;
       return dots(q, v) < 0 ? norm(times(M, v)) / -dots(q, v) : v.some((y) => y) ? Infinity : 0;

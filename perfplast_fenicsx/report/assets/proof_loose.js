@@ -1,5 +1,5 @@
-// Beside cones without a bound (c = 0) nothing balances what a stress leaves, as such cones have no
-// room at their apex. There residuals have limits (docs/proof.md, limits of residuals).
+// A stress at the apex of a cone with c = 0 has no room for another one that balances what it leaves.
+// There residuals have limits (docs/proof.md, limits of residuals).
 
 /** Residuals relative to the least strength that they touch, and forces without balance in all. */
 class Limits {

@@ -71,9 +71,18 @@ class Left {
   }
 }
 
-/** The lower bound that a stress proves. */
+/** The lower bound that forces on joints or a stress prove. */
 function lowerBound(body, half) {
   if (body.blocks) return blockBound(body, half);
+  if (!body.cone.some((c) => c >= 0 && !body.cones[c].c)) return stressBound(body, half, null);
+  try { return stressBound(body, half, null); } catch (error) { // c = 0, and no room at some vertex
+    if (!(error instanceof Refused)) throw error;
+  }
+  return stressBound(body, half, new Limits(body, half.stress, half.factors));
+}
+
+/** The lower bound that a stress proves; `limits` of its residuals, or null if they reduce it. */
+function stressBound(body, half, limits) {
   const { stress, factors } = half;
   const { d, w, n, f, N, D, X, across, facets, cells, revolved } = body, [factor] = factors;
   if (!stress.every(Number.isFinite)) refuse("the stress is not finite");
@@ -83,7 +92,6 @@ function lowerBound(body, half) {
   if (revolved && range(n).some((c) => body.timesRadius(c, [1, 1, 1]).some((rho, k) => rho === 0
     && largest(stress.subarray((c * 6 + k) * 4,
       (c * 6 + k + 1) * 4))))) refuse("the stress is not zero on the axis");
-  const limits = body.cone.some((c) => c >= 0 && !body.cones[c].c) ? new Limits(body, stress, factors) : null;
   const load = (name, size) =>
     combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
   const [force, traction, pores] =
@@ -181,7 +189,12 @@ function lowerBound(body, half) {
       if (!(rho[k] > 0)) continue;
       const at = (c * body.values + k) * d * d;
       const v = vector(stress.subarray(at, at + d * d), d, theta[k]).map((y) => y / rho[k]);
-      const ratio = cone.ratio(v) + (limits ? 0 : (tau + 256 * U * (norm(v) + most)) * cone.weak);
+      const size = limits ? 0 : tau + 256 * U * (norm(v) + most);
+      if (!cone.c && !limits) { // no scale helps at c = 0
+        if (!(cone.excess(v) + size * cone.growth <= 0)) refuse("there is no room where c is 0");
+        continue;
+      }
+      const ratio = cone.ratio(v) + (size && size * cone.weak);
       over = Math.max(over, ratio / body.strength[c * w + (k < w ? k : 0)]);
       if (!(over < Infinity)) refuse("what the stress leaves cannot be balanced");
     }
@@ -388,8 +401,8 @@ function reactions(body, anchors, left) {
   const weight = anchors.map((of) => {
     if (of.weight !== undefined) return of.weight;
     const radius = body.radius(cellOf(of.i));
-    return Math.min(of.most,
-      norm(body.area[body.outer[of.i]]) * (Number.isFinite(radius) ? radius : Math.max(...radii)));
+    return Math.min(of.most, norm(body.area[body.outer[of.i]]) * (radius > 0 && radius < Infinity ? radius
+      : Math.max(...radii) || 1)); // c = 0 has no radius
   });
   for (const of of anchors) if (of.way) { // an exact direction, and one of size 1
     const along = of.way.map((y) => num(y, 0));
