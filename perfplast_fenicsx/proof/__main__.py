@@ -1,25 +1,31 @@
 """Check files: ``python3 -m perfplast_fenicsx.proof FILE ...``; status 1 if a file fails.
 
 ``--pair stands.h5 falls.h5`` checks both files of a factor of safety, and that their bodies are the
-same.
+same. ``--sha256 FILE ...`` prints only the SHA-256 of the numbers of each file, as reports show it.
 """
 
 import sys
 from collections.abc import Sequence
 
-from perfplast_fenicsx.proof.checker import check, check_pair
+from perfplast_fenicsx.proof.checker import check, check_pair, numbers_digest
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 
 PAIR = "--pair"
 """Option before the two files of a factor of safety."""
 
+DIGEST = "--sha256"
+"""Option before files whose numbers are not checked, but hashed."""
+
 
 def main(arguments: Sequence[str]) -> int:
     """Check files, and print what they prove and which data are taken as written."""
     status = 0
-    paths = [path for path in arguments if path != PAIR]
+    paths = [path for path in arguments if path not in (PAIR, DIGEST)]
     found = []
     try:
+        if DIGEST in arguments:
+            print(*(f"{numbers_digest(path)}  {path}" for path in paths), sep="\n")
+            return 0
         for path in paths:
             found.append(check(path))
             for checked in found[-1].values():

@@ -8,6 +8,7 @@ checker runs on one process.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,7 @@ from perfplast_fenicsx.proof.plain_arrays import (
     ProofError,
     bound_of,
     checked,
+    digest_of,
     number_of,
     stored_arrays,
 )
@@ -30,6 +32,8 @@ from perfplast_fenicsx.proof.stored_file import stored_file
 from perfplast_fenicsx.proof.taken_as_written import taken_as_written
 from perfplast_fenicsx.proof.upper import check_nodes, measure_velocity
 from perfplast_fenicsx.proof.verdict import RATIOS, ROUNDED, Checked, faults_of, rounding_of
+
+Told = TypeVar("Told")
 
 DRUCKER = (
     "Drucker's pair: with less friction from below, and with associated friction from "
@@ -96,10 +100,24 @@ def check(path: str | Path) -> dict[str, Checked]:
     Raises:
         ProofError: If the file cannot be read, or is not a proof.
     """
+    return _of_file(path, check_halves)
+
+
+def numbers_digest(path: str | Path) -> str:
+    """Return the SHA-256 of the numbers of a file (:func:`plain_arrays.digest_of`).
+
+    Raises:
+        ProofError: If the file cannot be read, or is not a proof.
+    """
+    return _of_file(path, digest_of)
+
+
+def _of_file(path: str | Path, of: Callable[[dict[str, dict[str, npt.NDArray]]], Told]) -> Told:
+    """Return a function of the arrays and numbers of a file, by half."""
     try:
         with stored_file(path) as file:
             halves = {kind: stored_arrays(file, kind) for kind in JUDGES if kind in file}
-        return check_halves(halves)
+        return of(halves)
     except MemoryError as fault:
         raise ProofError(f"'{path}' is not a proof of bounds: {TOO_LARGE}.") from fault
     except (OSError, KeyError, AttributeError, TypeError, ValueError, RuntimeError) as fault:
@@ -291,7 +309,7 @@ def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) 
     left = measure_stress(body, stress, [by * of for by, of in zip(factors, every, strict=True)])
     reasons, rows = [] if left.reason is None else [left.reason], faults_of(left.measured)
     found = overstress(body, stress, list(zip(factors, every, strict=True)))
-    counted = found.lacks <= 0 and (found.factor <= 1 or not body.constant) or not body.loose
+    counted = (found.lacks <= 0 and (found.factor <= 1 or not body.constant)) or not body.loose
     if counted:
         over, words = found.factor, ""
         exact = left.measured["asymmetry"] == 0 and left.measured.get("axis", 0.0) == 0

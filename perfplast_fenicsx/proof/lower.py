@@ -168,9 +168,7 @@ class Overstress:
         )
 
 
-def overstress(
-    body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]]
-) -> Overstress:
+def overstress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]]) -> Overstress:
     """Return by how much an equilibrated stress near a given one may exceed its limits.
 
     A stress τ balances the residual of σ. f(σ + τ) is at most f(σ) + f(τ), at each vertex.

@@ -1,5 +1,6 @@
 """Read arrays of numbers from a file or a caller, and check them before use."""
 
+import hashlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -155,3 +156,27 @@ def checked(arrays: Mapping[str, npt.NDArray], names: tuple[str, ...]) -> dict[s
     if missing:
         raise ProofError(f"{', '.join(missing)} is missing.")
     return {name: plain(name, arrays[name]) for name in names}
+
+
+def digest_of(halves: Mapping[str, Mapping[str, npt.NDArray]]) -> str:
+    """Return the SHA-256 of the numbers of a proof, whatever types and order the file has.
+
+    It is that of, for each half and name in alphabetical order, the line "half/name shape" and the
+    numbers as doubles, the lowest byte first.
+
+    Args:
+        halves: Arrays and numbers by name, of "lower", "upper" or both.
+
+    Raises:
+        ProofError: If an array or a number is not plain.
+    """
+    found = hashlib.sha256()
+    for kind in sorted(halves):
+        for name in sorted(halves[kind]):
+            of = halves[kind][name]
+            values = number_of(name, of) if name in NUMBERS else plain(name, of)
+            numbers = np.asarray(values, dtype="<f8")
+            numbers = np.where(np.isnan(numbers), np.nan, numbers)
+            found.update(f"{kind}/{name} {','.join(map(str, numbers.shape))}\n".encode("ascii"))
+            found.update(numbers.astype("<f8").tobytes())
+    return found.hexdigest()

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.proof.checker import numbers_digest
 from perfplast_fenicsx.proof.plain_arrays import (
     NUMBERS,
     ProofError,
@@ -39,6 +40,10 @@ CHECKER = (
 """Files of the checker, in the order in which they are read."""
 
 
+DIGEST_COMMAND = "python3 -m perfplast_fenicsx.proof --sha256 FILE"
+"""Command for the SHA-256 of the numbers of a proof file."""
+
+
 def checker_source() -> str:
     """Return the source of the checker."""
     return "\n".join(asset(f"proof_{name}.js") for name in CHECKER)
@@ -53,7 +58,7 @@ def prove_again(paths: Sequence[Path], room: int) -> str:
             page says so.
     """
     packed: dict[str, dict[str, Packed]] = {}
-    large = []
+    large, digests = [], []
     for path in paths:
         found = packed_proof(path)
         size = size_of(found)
@@ -61,6 +66,7 @@ def prove_again(paths: Sequence[Path], room: int) -> str:
             large.append(path.name)
             continue
         packed[path.name], room = found, room - size
+        digests.append(f"{path.name} {numbers_digest(path)}")
     words = "".join(
         f"<p>{escape(name)} is too large for this page; the checker above proves it.</p>"
         for name in large
@@ -69,7 +75,10 @@ def prove_again(paths: Sequence[Path], room: int) -> str:
         return words
     return (
         "<p>This page has these numbers, and another checker of them, which shares no line with"
-        " the first. It proves the bounds again here, without any network.</p>"
+        " the first. It proves the bounds again here, without any network, and prints the SHA-256"
+        " of the numbers that it has read. The page cannot prove that they are those of the file;"
+        f" <code>{DIGEST_COMMAND}</code> prints the SHA-256 of a file's numbers. When this page was"
+        f" made, it was: {escape(', '.join(digests))}.</p>"
         '<p><button type="button" id="prove">Prove the bounds in this browser</button></p>'
         f'<div id="proven" role="status"></div>{words}'
         f"{data_of('proof-numbers', packed)}"

@@ -9,16 +9,19 @@ import pytest
 
 from perfplast_fenicsx import MohrCoulomb, Pressure, Problem, Support, limit_bounds
 from perfplast_fenicsx.proof import ProofError, check
-from perfplast_fenicsx.proof.checker import check_pair
+from perfplast_fenicsx.proof.__main__ import main
+from perfplast_fenicsx.proof.checker import check_pair, numbers_digest
 from perfplast_fenicsx.report.frame import asset
 from perfplast_fenicsx.report.proof_again import checker_source, packed_proof, prove_again
 from tests.functional.browser_page import Page, alone
+from tests.functional.test_random_statements import HINGED
 from tests.limit_analysis.test_rigid_blocks import pushed
 from tests.limit_analysis.test_static_bound import rectangle
 from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write, written
 from tests.proof.test_blocks import in_space
 from tests.proof.test_forged_halves import finer
 from tests.proof.test_random_edits import KINDS, OF_BODIES, OF_PROOFS, edit
+from tests.random_statements import random_case
 
 pytestmark = [pytest.mark.serial, alone]
 
@@ -136,6 +139,7 @@ def test_the_page_proves_the_bounds_again(honest: Halves, tmp_path: Path, browse
     shown = words.split("between ")[1].split(". ")[0].split(" (")[0].rstrip(".").split(" and ")
     assert 0 <= low - float(shown[0]) <= 1e-5 * low
     assert 0 <= float(shown[1]) - high <= 1e-5 * high
+    assert f"SHA-256 of the numbers: {numbers_digest(path)}." in words
     large = prove_again([path], 100)
     assert "bounds.h5 is too large for this page" in large and "<script" not in large
 
@@ -170,7 +174,8 @@ def test_both_files_of_a_factor_of_safety(honest: Halves, tmp_path: Path, browse
 def test_both_checkers_agree(honest: Halves, tmp_path: Path, checker: Checker) -> None:
     """On an honest file, and on what somebody edited."""
     path = write(tmp_path / "bounds.h5", honest)
-    assert bounds_of(checker(path)) == pytest.approx(first_bounds(path), rel=AGREE)
+    found = checker(path)
+    assert bounds_of(found) == pytest.approx(first_bounds(path), rel=AGREE)
     edits: list[tuple[str, Callable[[Arrays], None]]] = []
     edits += [("lower", edit) for edit in LOWER] + [("upper", edit) for edit in UPPER]
     for kind, change in edits:
@@ -183,6 +188,23 @@ def test_both_checkers_agree(honest: Halves, tmp_path: Path, checker: Checker) -
         except ProofError:
             refused = True
         assert refused and "fault" in found[kind], (kind, change, found)
+
+
+def test_the_numbers_that_are_checked_are_hashed(
+    honest: Halves, tmp_path: Path, checker: Checker, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The last bit of one number changes the SHA-256, types and order of a file do not."""
+    path = write(tmp_path / "bounds.h5", honest)
+    assert checker(path)["digest"] == numbers_digest(path)
+    other = copied(honest)
+    other["upper"]["cells"] = other["upper"]["cells"].astype(np.int32)
+    assert numbers_digest(write(tmp_path / "types.h5", other)) == numbers_digest(path)
+    other["upper"]["velocity"].flat[0] = np.nextafter(other["upper"]["velocity"].flat[0], 1.0)
+    edited = write(tmp_path / "edited.h5", other)
+    assert checker(edited)["digest"] == numbers_digest(edited) != numbers_digest(path)
+    assert main(["--sha256", str(path)]) == 0
+    assert capsys.readouterr().out == f"{numbers_digest(path)}  {path}\n"
+    assert main(["--sha256", str(tmp_path)]) == 2
 
 
 def test_halves_on_two_meshes(honest: Halves, tmp_path: Path, checker: Checker) -> None:
@@ -223,6 +245,10 @@ OTHERS: dict[str, tuple[Callable[[Path], Halves], tuple[Callable[[Arrays], None]
     ),
     "sand": (lambda path: written(path, limit_bounds(sand())), (more_of_stress, claim)),
     "stones in space": (lambda path: written(path, limit_bounds(in_space())), (claim,)),
+    "an elastic body on a hinge": (
+        lambda path: written(path, limit_bounds(random_case(HINGED).problem, 1e-3)),
+        (claim,),
+    ),
 }
 
 

@@ -61,7 +61,7 @@ function blockBound(body, { best, inner }) {
     spots.map((spot) => ({ pressure: Math.max(-dots(at(force, spot.a, spot.j), spot.unit), 0),
     shear: across(spot, at(force, spot.a, spot.j)), adhesion: across(spot, at(traction, spot.a, spot.j)) }));
   const [one, two] = [best, inner ?? best].map(partsOf),
-    axes = range(d).map((i) => range(d).map((k) => (i === k ? 1n : 0n)));
+    axes = axesOf(d);
   const mixed = (a, b, share) => a.map((y, k) => (1 - share) * y + share * b[k]);
   /** Parts within their limits, and the room that they leave. */
   const within = ({ pressure, shear, adhesion }, { units, mu, c }) => {
@@ -75,8 +75,7 @@ function blockBound(body, { best, inner }) {
   const inside = spots.map((spot, k) => within(two[k], spot));
   const attempt = (share) => {
     const factors = mixed(best.factors, (inner ?? best).factors, share);
-    const load = (name, size) =>
-      combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
+    const load = loadsAt(body, factors);
     const [force, traction] = [load("body_force", n * d), load("traction", f * d * d)];
     const top = Math.floor(Math.log2(Math.max(largest(best.force), largest(best.traction)) || 1)) - 160;
     const es = Math.min(top - body.e * (d - 1), force.e + body.e, traction.e),

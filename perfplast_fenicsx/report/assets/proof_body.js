@@ -176,7 +176,7 @@ function shape(body) {
 /** Find the other side of each side, and the side of each outer facet. */
 function glue(body) {
   const { d, w, n, f, x, cells, facets, N } = body, sides = new Map();
-  const pairs = range(w).flatMap((a) => range(w).slice(a + 1).map((b) => [a, b]));
+  const pairs = pairsOf(w);
   // Numbers of coefficients of what is quadratic in a cell: vertices, and then edges
   body.number = range(w).map((a) => range(w).map((b) => (a === b ? a
     : w + pairs.findIndex(([i, j]) => i === Math.min(a, b) && j === Math.max(a, b)))));

@@ -55,6 +55,10 @@ function combined(kinds, count) {
   return { v, e };
 }
 
+/** A function that returns a kind of load by name, all factors counted: { v, e }. */
+const loadsAt = (body, factors) => (name, size) =>
+  combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
+
 /** The same numbers with a smaller exponent. */
 function finer(of, e) {
   const shift = BigInt(of.e - e);
@@ -77,6 +81,8 @@ const dots = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0); // of doubles
 const row = (values, size, k) => [...values.subarray(k * size, (k + 1) * size)];
 const norm = (a) => Math.hypot(...a);
 const count = (n) => Array.from({ length: n }, (_, i) => i), few = [];
+const axesOf = (d) => range(d).map((i) => range(d).map((k) => (i === k ? 1n : 0n)));
+const pairsOf = (d) => range(d).flatMap((i) => range(d).slice(i + 1).map((j) => [i, j]));
 const range = (n) => (n < 16 ? (few[n] ??= Object.freeze(count(n))) : count(n));
 
 /** Eigenvalues of a symmetric matrix, and vectors in columns, by Jacobi's rotations. */

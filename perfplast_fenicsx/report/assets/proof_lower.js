@@ -92,8 +92,7 @@ function stressBound(body, half, limits) {
   if (revolved && range(n).some((c) => body.timesRadius(c, [1, 1, 1]).some((rho, k) => rho === 0
     && largest(stress.subarray((c * 6 + k) * 4,
       (c * 6 + k + 1) * 4))))) refuse("the stress is not zero on the axis");
-  const load = (name, size) =>
-    combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
+  const load = loadsAt(body, factors);
   const [force, traction, pores] =
     [load("body_force", n * d), load("traction", f * d * d), load("pore_pressure", n * w)];
   const ring = revolved ? 1 : 0, es = Math.min(Math.floor(Math.log2(largest(stress) || 1)) - 160,
@@ -210,8 +209,7 @@ function stressBound(body, half, limits) {
  * besides: { i, j, o, p, way, e, most } at a value j of facet i, and opposite at p of o, along way 2^e.
  */
 function exerted(body, rest, e) {
-  const { d, w, f } = body, s = d - 1, anchors = [],
-    axes = range(d).map((i) => range(d).map((k) => (i === k ? 1n : 0n)));
+  const { d, w, f } = body, s = d - 1, anchors = [], axes = axesOf(d);
   const frees = (i) => range(d).map((a) => (body.held[i * d + a] ? 0 : 1));
   const radii = (i, j) => (body.revolved ? body.radiiOn(i)[j] : 1);
   /** What contact presses with: the factor of a direction that leaves least. */
@@ -284,8 +282,7 @@ function exerted(body, rest, e) {
 function plates(body, left, rest, factors, limits) {
   const { d, X } = body, { e, unit } = left, turns = 2 * d - 3, anchors = [],
     high = d + (body.revolved ? 0 : turns);
-  const load = (name, size) =>
-    combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
+  const load = loadsAt(body, factors);
   const [force, moment] =
     [load("rigid_force", d * body.rigid.length), load("rigid_moment", turns * body.rigid.length)];
   /** times y 2^ey in units of 2^to, rounded: less than one is lost. */

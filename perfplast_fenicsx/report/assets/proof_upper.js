@@ -44,8 +44,7 @@ function readVelocity(body, A) {
     : 4n * at(place, i) - at(pairs[place - count][0], i) - at(pairs[place - count][1], i))));
   const facet = range(body.f).map((i) => {
     const c = Math.floor(body.outer[i] / w), own = body.places[i];
-    return [...own.map((a) => [a, a]),
-      ...range(d).flatMap((a) => range(d).slice(a + 1).map((b) => [own[a], own[b]]))]
+    return [...own.map((a) => [a, a]), ...pairsOf(d).map((pair) => pair.map((a) => own[a]))]
       .map(([a, b]) => P[c * wide + number[a][b]]);
   });
   const held = Q.map(() => new Array(d).fill(false)), guides = new Map();
@@ -91,19 +90,23 @@ function sets(body, test) {
  */
 function motionsOf(body, flow, { every, lock = [] }, loose = false) {
   const { d, x, X, revolved } = body, { held, guides, count, pairs } = flow, turns = revolved ? 1 : 2 * d - 3;
-  const mine = every.filter((p) => p < count),
-    supported = loose ? undefined : mine.find((v) => held[v].some((y) => y));
-  const centre = supported ?? mine[0], unit = (m) => range(3).map((i) => (i === m ? 1 : 0));
-  const arm = (v) => range(d).map((i) => x[v * d + i] - (revolved ? 0 : x[centre * d + i]));
+  const mine = every.filter((p) => p < count), unit = (m) => range(3).map((i) => (i === m ? 1 : 0)),
+    fixed = loose ? [] : mine.filter((v) => held[v].some((y) => y)), first = fixed[0] ?? mine[0];
   // Around an axis bodies move along it, with the radius in v = ru
   const turned = (a, m) => (revolved ? [0, a[0]] : d === 2 ? [-a[1], a[0]] : cross(unit(m), a));
-  const free = range(d + turns).map((i) => !(revolved && i < d)), stuck = !loose &&
-    mine.some((v) => guides.has(v));
-  if (!loose) for (const v of mine) {
-    for (let i = 0; i < d; i++) if (held[v][i]) free[i] = false;
-    for (let m = 0; m < turns;
-      m++) if (turned(arm(v), m).some((y, i) => held[v][i] && y !== 0)) free[d + m] = false;
-  }
+  const armOf = (v, about) => range(d).map((i) => x[v * d + i] - (revolved ? 0 : x[about[i] * d + i]));
+  // A hinge, by the vertices that have its coordinates: those held along an axis have others alike
+  const hinges = range(d).map((j) => [first, ...range(d).flatMap((i) => {
+    const there = i === j ? [] : fixed.filter((v) => held[v][i]);
+    return there.length && there.every((v) => X[v * d + j] === X[there[0] * d + j]) ? [there[0]] : [];
+  })]).reduce((places, some) => places.flatMap((of) => some.map((v) => [...of, v])), [[]]);
+  const turnsAbout = (about) => range(turns).map((m) => !fixed.some((v) =>
+    turned(armOf(v, about), m).some((y, i) => held[v][i] && y !== 0)));
+  const countOf = (about) => turnsAbout(about).filter((is) => is).length;
+  const centre = hinges.reduce((best, about) => (countOf(about) > countOf(best) ? about : best));
+  const arm = (v) => armOf(v, centre);
+  const free = [...range(d).map((i) => !revolved && !fixed.some((v) => held[v][i])), ...turnsAbout(centre)],
+    stuck = !loose && mine.some((v) => guides.has(v));
   if (!revolved && lock.some((y) => y)) free.fill(false, d);
   lock.forEach((is, i) => { if (is) free[i] = false; });
   if (stuck) free.fill(false, d);
@@ -113,7 +116,7 @@ function motionsOf(body, flow, { every, lock = [] }, loose = false) {
   const columns = (p) => (p < count ? ofVertex(p) : pairs[p - count].map(ofVertex).reduce(
     (one, other) => one.map((row, i) => row.map((y, k) => (y + other[i][k]) / 2))));
   const at = (v, shift, turn) => {
-    const a = range(d).map((i) => X[v * d + i] - X[centre * d + i]), [t] = turn;
+    const a = range(d).map((i) => X[v * d + i] - X[centre[i] * d + i]), [t] = turn;
     const moved = revolved ? [0n, t * X[v * d]] : d === 2 ? [-t * a[1], t * a[0]] : cross(turn, a);
     return shift.map((y, i) => y + moved[i]);
   };
@@ -150,7 +153,7 @@ function bent(body, flow, rows, resting) {
   const Q = flow.Q.map((q, p) => q.map((y, i) => (held[p][i] ? 0n : y))),
     unitOf = new Array(Q.length).fill(-1);
   const moveAcross = (q, fixed, directions) => { // without what it has along directions
-    const axes = range(d).filter((i) => fixed[i]).map((i) => range(d).map((k) => (k === i ? 1n : 0n)));
+    const axes = axesOf(d).filter((_, i) => fixed[i]);
     const ways = [];
     for (const g of directions) {
       if (!g.some((y, i) => y !== 0n && !fixed[i])) continue;
@@ -203,7 +206,7 @@ function bent(body, flow, rows, resting) {
       Q[p] = Q[a].map((y, i) => (y + Q[b][i]) / 2n);
     }
   });
-  const edges = range(d).flatMap((i) => range(d).slice(i + 1).map((j) => [i, j]));
+  const edges = pairsOf(d);
   const opposite = (order, k) => (k < d ? order[k] : d + edges.findIndex(
     (pair) => edges[k - d].every((i) => pair.includes(order[i]))));
   const jumps = rows.flatMap(({ a, b, order, normal, e, c, mu }) => facet[a].map((p, k) => {
@@ -515,8 +518,7 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
   }
   found += num(sum, b.e + ev + e * d) / (factorial * wide);
   sum = 0n;
-  const edges = range(d).flatMap((i) => range(d).slice(i + 1).map((j) => [i, j])),
-    groups = [...range(d).map((i) => [i, i]), ...edges];
+  const groups = [...range(d).map((i) => [i, i]), ...pairsOf(d)];
   for (let i = 0; i < f; i++) {
     const force = range(d).map((j) => range(d).map((k) => t.v[(i * d + j) * d + k]));
     if (!force.flat().some((y) => y)) continue;
@@ -547,13 +549,13 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
   found += num(sum, u.e + eg) / (factorial * w * (w + 1));
   if (body.rigid.length) {
     const F = exact(loads.rigid_force), M = exact(loads.rigid_moment), turns = 2 * d - 3;
-    plateUnit.forEach(({ mine, centre, turn }, g) => {
-      const force = range(d).map((k) => F.v[g * d + k]), p = range(d).map((k) => body.X[centre * d + k]);
+    plateUnit.forEach(({ mine, turn }, g) => {
+      const force = range(d).map((k) => F.v[g * d + k]), p = range(d).map((k) => body.X[mine[0] * d + k]);
       const v = mine.find((k) => body.X[k * d] !== 0n); // around an axis v = ru
       let part;
       if (body.revolved) part = num(force[1] * (Q[v][1] / body.X[v * d]), F.e + ev - e) / (2 * Math.PI);
       else {
-        const parts = [[dot(force, Q[centre]), F.e + ev], [-dot(cross(p, force), turn), F.e + ev],
+        const parts = [[dot(force, Q[mine[0]]), F.e + ev], [-dot(cross(p, force), turn), F.e + ev],
           [dot(range(turns).map((m) => M.v[g * turns + m]), turn), M.e + ev - e]];
         const grid = Math.min(...parts.map((of) => of[1]));
         part = num(parts.reduce((y, [z, ez]) => y + (z << BigInt(ez - grid)), 0n), grid);

@@ -16,6 +16,29 @@ async function unpacked({ shape, type, data }) {
   return { shape, data: values };
 }
 
+/** Names of arrays that are not of the bodies, so that no half has them from the other. */
+const OF_ONE_HALF = ["stress", "velocity", "nodes", "joint_force", "joint_traction", "inner_force",
+  "inner_traction"];
+
+/** The SHA-256 of the numbers of all halves (docs/proof.md), or null where a browser has none. */
+async function digestOf(arrays) {
+  if (!globalThis.crypto?.subtle) return null;
+  const parts = [];
+  for (const kind of Object.keys(arrays).sort()) {
+    const { numbers, ...rest } = arrays[kind];
+    const every = { ...rest, ...Object.fromEntries(Object.entries(numbers).map(
+      ([name, y]) => [name, { shape: [], data: [y] }])) };
+    for (const name of Object.keys(every).sort()) {
+      const { shape, data } = every[name], view = new DataView(new ArrayBuffer(8 * data.length));
+      data.forEach((y, i) => view.setFloat64(8 * i, y, true));
+      parts.push(new TextEncoder().encode(`${kind}/${name} ${shape.join()}\n`), view.buffer);
+    }
+  }
+  const bytes = await new Blob(parts).arrayBuffer();
+  const found = new Uint8Array(await globalThis.crypto.subtle.digest("SHA-256", bytes));
+  return [...found].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+}
+
 /** A number with six digits, down or up. */
 function shown(x, up) {
   if (x === 0) return "0";
@@ -72,8 +95,11 @@ async function verdictOn(halves) {
     }
   };
   for (const kind of kinds) {
-    arrays[kind] = { ...(halves[kind].same ? arrays.lower : {}), ...await arraysOf(halves[kind]) };
+    const shared = Object.entries(halves[kind].same ? arrays.lower : {});
+    arrays[kind] = { ...Object.fromEntries(shared.filter(([name]) => !OF_ONE_HALF.includes(name))),
+      ...await arraysOf(halves[kind]) };
   }
+  found.digest = await digestOf(arrays);
   const read = { lower: readStress, upper: readVelocity }, ready = {};
   caught(kinds, () => { // data that are of no body make the whole file no proof
     for (const kind of kinds) {

@@ -36,9 +36,11 @@
       line.textContent = `${name}: the browser computes …`;
       const began = performance.now();
       try {
-        const { sentence } = found[name] = await proved(halves);
+        const { sentence, digest } = found[name] = await proved(halves);
         const time = ((performance.now() - began) / 1000).toFixed(1);
-        line.textContent = `${name}: ${sentence} (${time} s)`;
+        const hashed = of.pair ? "" : digest ? ` SHA-256 of the numbers: ${digest}.`
+          : " This browser computes no SHA-256 here.";
+        line.textContent = `${name}: ${sentence} (${time} s)${hashed}`;
       } catch (error) {
         line.textContent = `${name}: nothing is proven here (${error.message}).`;
       }
