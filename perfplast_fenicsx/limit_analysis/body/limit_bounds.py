@@ -34,7 +34,11 @@ from perfplast_fenicsx.limit_analysis.discrete.cohesion import check_cohesion
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, resisted
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import forces_of_pairs
-from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import NOTICED, strong_bodies
+from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import (
+    NOTICED,
+    held_bodies,
+    strong_bodies,
+)
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import check_profiles
 from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import without_pores
@@ -271,6 +275,7 @@ def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismR
         why = CONFINED if dilates else NO_MECHANISM
         why = UNLIMITED if limit.reason.startswith(UNLIMITED) else why
         upper = Bound(None, "upper", Scope.MESH, (why,))
+        advice = held_bodies(problem)
     else:
         let_rest(problem, limit.mechanism)
         keep_apart(problem, limit.mechanism)

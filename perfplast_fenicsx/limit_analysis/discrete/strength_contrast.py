@@ -1,6 +1,7 @@
-"""Give advice on bodies that are far stronger, or weaker, than those that bear the loads."""
+"""Give advice on bodies that are far stronger, or weaker, or held against their loads."""
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 
@@ -51,10 +52,49 @@ def weak_bodies(problem: Problem) -> tuple[str, ...]:
     )
 
 
-def _radii(problem: Problem) -> dict[str, float]:
-    """Return the least yield radius of each body that has a positive one. Collective.
+def held_bodies(problem: Problem) -> tuple[str, ...]:
+    """Return advice for bodies that cannot deform, if supports hold them against their loads.
 
-    Cohesionless sand is not included, as its strength depends on the pressure.
+    Such a body carries any load, for example a stiff wall whose toe shares nodes with held ground.
+    Collective.
+    """
+    V, comm = problem.V, problem.comm
+    gdim, owned = problem.bodies.gdim, V.dofmap.index_map.size_local
+    live = problem.loads.live.array_r.reshape(owned, gdim)
+    stiff = sorted(problem.tagged_mesh.volumes.keys() - _radii(problem, least=0.0).keys())
+    told = []
+    for name in stiff:
+        inside = problem.create_vector()
+        with inside.localForm() as local:
+            local.set(0.0)
+            nodes = np.unique(V.dofmap.list[problem.tagged_mesh.cells(name)])
+            local.array.reshape(-1, gdim)[nodes] = 1.0
+        inside.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+        mine = inside.array_r.reshape(owned, gdim)[:, 0] > 0
+        inside.destroy()
+        sums = np.stack([live[mine].sum(axis=0), np.abs(live[mine]).sum(axis=0)])
+        force, size = comm.allreduce(sums)
+        held = comm.allreduce(problem.fixed[:owned][mine].sum(axis=0)) > 0
+        rounding = 1e-9
+        against = held & (np.abs(force) > rounding * size.sum())
+        axes = [axis for axis, is_so in zip("xyz", against, strict=False) if is_so]
+        if axes:
+            told.append(
+                f"supports hold nodes of '{name}', which does not yield, along {', '.join(axes)}"
+                " against its loads; separate it from what they hold by a contact, or end the"
+                " supports before its nodes"
+            )
+    return tuple(told)
+
+
+def _radii(problem: Problem, least: float = np.finfo(float).tiny) -> dict[str, float]:
+    """Return the least yield radius of each body that can yield. Collective.
+
+    Cohesionless sand has a radius of 0, as its strength depends on the pressure.
+
+    Args:
+        problem: The bodies.
+        least: Smallest radius of a body that counts.
     """
     found, (of_cells, *_) = {}, body_cones(problem).at_cells()
     profile = profiles_of_cells(problem, "below")
@@ -64,7 +104,7 @@ def _radii(problem: Problem) -> dict[str, float]:
         cells = problem.tagged_mesh.cells(name)
         mine = float(of_cells[cells[cells < len(of_cells)]].min(initial=np.inf))
         radius = problem.comm.allreduce(mine, MPI.MIN)
-        if np.isfinite(radius) and radius > 0:
+        if np.isfinite(radius) and radius >= least:
             found[name] = radius
     return found
 
