@@ -13,6 +13,7 @@ from meshes.vertical_cut import write_vertical_cut
 from perfplast_fenicsx import (
     Adaptation,
     BodyForce,
+    Contact,
     Pressure,
     Problem,
     ResultFolder,
@@ -32,6 +33,7 @@ from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.proof import Checked, check
 from perfplast_fenicsx.proof.checker import check_lower, check_upper
 from perfplast_fenicsx.proof.plain_arrays import stored_arrays
+from tests.contact.blocks_apart import blocks_apart
 from tests.limit_analysis.test_static_bound import rectangle
 from tests.models import Read, touching_blocks
 
@@ -274,3 +276,24 @@ def test_forged_loads_of_any_factor(shared_tmp_path: Path) -> None:
     assert check_lower({**lower, "any_factor": lower["any_factor"] + 1e-6}).faults
     with pytest.raises(ValueError, match="any_factor is not finite"):
         check_lower({**lower, "any_factor": np.nan})
+
+
+def test_water_on_both_sides_of_a_contact() -> None:
+    """It lifts the upper block by its weight. No load strains a body before that."""
+    block = VonMises(1e4, 0.3, 10.0)
+    problem = Problem(
+        blocks_apart(MPI.COMM_WORLD, (2, 2), (2, 2), moved_by=0.0),
+        {"lower": block, "upper": block},
+        [Support("bottom")],
+        [
+            BodyForce("upper", [0.0, -1.0], constant=True),
+            Pressure("lower_top", 1.0),
+            Pressure("upper_bottom", 1.0),
+        ],
+        [Contact("lower_top", "upper_bottom")],
+        degree=2,
+    )
+    bounds = limit_bounds(problem, 1e-4)
+    assert bounds.strict
+    assert bounds.lower.value == pytest.approx(1.0, rel=1e-4)
+    assert bounds.upper.value == pytest.approx(1.0, rel=1e-4)

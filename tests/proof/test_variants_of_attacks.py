@@ -104,7 +104,7 @@ LAYOUTS: dict[str, Callable[[int], Callable[[Floats], Floats]]] = {
     "turned about one place": lambda k: lambda x: (x - 0.5) @ turned(0.01 * k),
     "each half as large": lambda k: lambda x: x * 2.0 ** -(k % 50),
     "each larger by a thousandth": lambda k: lambda x: x * 1.001**k,
-    "along a line": lambda k: lambda x: x + [1e-3 * k, 0.0],
+    "along a line": lambda k: lambda x: np.add(x, [1e-3 * k, 0.0]),
     "along a diagonal": lambda k: lambda x: x + 1e-3 * k,
     "small ones in a large one": lambda k: lambda x: x if k == 0 else 1e-3 * x + 0.3 + 1e-6 * k,
     "needles across each other": lambda k: lambda x: x * ([1.0, 1e-3] if k % 2 else [1e-3, 1.0]),

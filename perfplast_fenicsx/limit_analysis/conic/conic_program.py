@@ -122,6 +122,11 @@ class Start:
         return replace(self, reserve=min(more, most))
 
 
+NO_STRAIN = 1e-4
+"""Share of the work of constant loads below which the dissipation of a flow is next to none. Loads
+on both sides of a contact drive a flow that opens it, and bodies move as rigid ones. The constant
+loads then limit it."""
+
 PRESSED = 10.0
 """Ratio of the strength that friction gives under constant loads to the cohesion, above which
 friction determines the size of a strength."""
@@ -440,7 +445,10 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
             return False
         if program.has_dead:
             _divide_dead(program)
-        unit = _dissipation(program, flow) / program.work(flow) / max(program.degree, 1)
+        power = _dissipation(program, flow)
+        if power <= NO_STRAIN * abs(program.dead_work(flow)):
+            power = abs(program.dead_work(flow))
+        unit = power / program.work(flow) / max(program.degree, 1)
         # initial forces are the square roots of the springs: those at the limit load
         if start.pushed:
             pushes = program.degree * unit * pushes
