@@ -223,7 +223,7 @@ def forces_of_pairs(
 ) -> Floats:
     """Return the contact forces that balance a stress and the loads. Collective.
 
-    See :func:`~perfplast_fenicsx.problem.judged.certificate.contact_forces`for the forces in other
+    See :func:`~perfplast_fenicsx.problem.judged.certificate.contact_forces` for the forces in other
     problems than those with coefficients as points.
     """
     if not has_coefficients(problem):
