@@ -5,7 +5,8 @@
 Each case file beside this script is a problem. A problem without bounds is solved, both of its
 proofs are checked, and a log spiral is compared where one applies. Then each number of
 ``published.csv`` gets a verdict. What was solved stays in DIR, so that a run that was stopped goes
-on where it was. ``--publish`` copies the tables beside this script, and writes docs/tribunal.md.
+on where it was. Problems that ``--only`` does not name keep the bounds of ``bounds.csv``.
+``--publish`` copies the tables beside this script, and writes docs/tribunal.md.
 """
 
 import argparse
@@ -210,7 +211,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     folder: Path = arguments.o.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    solved, failed = known(folder, cases), []
+    stored = known(HERE, cases)  # of problems that are not selected
+    solved = {name: row for name, row in stored.items() if name not in arguments.only}
+    solved |= known(folder, cases)
+    failed = []
     left = [name for name in arguments.only if name not in solved]
     for name in set(arguments.only) - set(left):
         solved[name] = with_spiral(solved[name], cases[name])

@@ -216,6 +216,19 @@ def test_what_was_solved_is_not_solved_again(
     assert words["GEO FEM"] == IMPOSSIBLE and words["RS2"] == POSSIBLE
 
 
+def test_problems_that_are_not_selected_keep_their_stored_bounds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def solve(case: Path, folder: Path) -> Solved:
+        return replace(STORED[case.stem], lower="1.21440")
+
+    monkeypatch.setattr(tribunal, "solve", solve)
+    assert tribunal.main(["-o", str(tmp_path), "--only", "pruska_01"]) == 0
+    rows = {row.problem: row for row in read(Solved, tmp_path / tribunal.BOUNDS)}
+    assert rows.keys() == STORED.keys()
+    assert rows["pruska_01"].lower == "1.21440" and rows["cheng"] == STORED["cheng"]
+
+
 @pytest.mark.long
 def test_a_problem_is_solved_and_its_proofs_are_checked(tmp_path: Path) -> None:
     text = CASES["pruska_01"].read_text(encoding="utf-8")
