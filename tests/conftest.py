@@ -75,8 +75,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have run, check and mesh draw no picture (2 to 4 s each), for tests that look at none."""
     monkeypatch.setattr("perfplast_fenicsx.cli.run.draw", lambda folder: True)
     monkeypatch.setattr("perfplast_fenicsx.cli.commands.draw_case", lambda *of: False)
-    for name in ("mesh_command", "model_command"):
-        monkeypatch.setattr(f"perfplast_fenicsx.cli.{name}.draw_parts", lambda *of: None)
+    monkeypatch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
 
 
 @pytest.fixture
