@@ -223,3 +223,38 @@ def test_no_public_name_is_that_of_a_module() -> None:
             for alias in node.names
         }
         assert not public & modules
+
+
+def test_public_names_exist() -> None:
+    """Each name of a stub is defined or imported in the module that the stub names."""
+    missing = []
+    for stub in sorted((ROOT / PACKAGE).rglob("__init__.pyi")):
+        for node in ast.parse(stub.read_text(encoding="utf-8")).body:
+            if not isinstance(node, ast.ImportFrom):
+                continue
+            path = stub.parent.joinpath(*(node.module or "").split("."))
+            files = [path.with_suffix(".py"), path / "__init__.py"]
+            texts = [file.read_text(encoding="utf-8") for file in files if file.exists()]
+            defined = {
+                name
+                for text in texts
+                for part in ast.walk(ast.parse(text))
+                for name in _names_of(part)
+            }
+            missing += [
+                f"{stub}: {one.name}"
+                for one in node.names
+                if one.name not in defined and "lazy_loader" not in "".join(texts)
+            ]
+    assert not missing
+
+
+def _names_of(node: ast.AST) -> list[str]:
+    """Return the names that a statement defines."""
+    if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        return [node.name]
+    if isinstance(node, ast.ImportFrom | ast.Import):
+        return [alias.asname or alias.name for alias in node.names]
+    targets = node.targets if isinstance(node, ast.Assign) else []
+    targets = [node.target] if isinstance(node, ast.AnnAssign) else targets
+    return [target.id for target in targets if isinstance(target, ast.Name)]

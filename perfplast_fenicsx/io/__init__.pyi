@@ -1,6 +1,5 @@
 from .case.case import Case as Case
 from .case.case_reader import read_case as read_case
-from .case.loading_options import LOADINGS as LOADINGS
 from .case.scene import Scene as Scene
 from .case.scene import write_scene as write_scene
 from .case.schema import described as described

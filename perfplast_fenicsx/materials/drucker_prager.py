@@ -210,8 +210,6 @@ class DruckerPrager:
         InputError: If a number is out of its range.
     """
 
-    law: ClassVar[type[DruckerPragerLaw]] = DruckerPragerLaw
-
     young: float
     poisson: float
     cohesion: Strength
@@ -221,6 +219,11 @@ class DruckerPrager:
     dilatancy_angle: float | None = None
     nonassociated: Stand | None = None
     reduced: bool = True
+
+    @property
+    def law(self) -> type[DruckerPragerLaw]:
+        """Return the class of the law."""
+        return DruckerPragerLaw
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)

@@ -75,11 +75,14 @@ class Elastic:
         InputError: If a number is out of its range.
     """
 
-    law: ClassVar[type[ElasticLaw]] = ElasticLaw
-
     young: float
     poisson: float
     expansion: float = 0.0
+
+    @property
+    def law(self) -> type[ElasticLaw]:
+        """Return the class of the law."""
+        return ElasticLaw
 
     def __post_init__(self) -> None:
         require_positive("young", self.young)
@@ -134,7 +137,10 @@ class ElasticSheetLaw(ElasticLaw):
 class ElasticSheet(Elastic):
     """A linear elastic body in plane stress."""
 
-    law: ClassVar[type[ElasticSheetLaw]] = ElasticSheetLaw
+    @property
+    def law(self) -> type[ElasticSheetLaw]:
+        """Return the class of the law."""
+        return ElasticSheetLaw
 
 
 @dataclass(frozen=True)
@@ -145,7 +151,10 @@ class Rigid:
     deform. Where no body can yield, only the joints limit the load.
     """
 
-    law: ClassVar[type[ElasticLaw]] = ElasticLaw
+    @property
+    def law(self) -> type[ElasticLaw]:
+        """Return the class of the law."""
+        return ElasticLaw
 
     def divided_by(self, factor: float) -> "Rigid":
         """Return the material itself for any factor, since it has no strength."""

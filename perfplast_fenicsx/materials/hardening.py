@@ -161,7 +161,6 @@ class Hardening:
         InputError: If a number is out of its range, or if neither modulus is positive.
     """
 
-    law: ClassVar[type[HardeningLaw]] = HardeningLaw
     flow_law: ClassVar[type[HardeningFlowLaw]] = HardeningFlowLaw
 
     young: float
@@ -170,6 +169,11 @@ class Hardening:
     isotropic: float = 0.0
     kinematic: float = 0.0
     expansion: float = 0.0
+
+    @property
+    def law(self) -> type[HardeningLaw]:
+        """Return the class of the law."""
+        return HardeningLaw
 
     def __post_init__(self) -> None:
         VonMises(self.young, self.poisson, self.yield_stress, self.expansion)

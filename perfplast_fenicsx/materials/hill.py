@@ -12,7 +12,6 @@ is isotropic. With orthonormal coordinates s of deviators along the form's princ
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 import ufl
@@ -197,8 +196,6 @@ class Hill:
             unbounded.
     """
 
-    law: ClassVar[type[HillLaw]] = HillLaw
-
     young: float
     poisson: float
     yield_stress: float
@@ -211,6 +208,11 @@ class Hill:
     angle: float = 0.0
     expansion: float = 0.0
     reduced: bool = True
+
+    @property
+    def law(self) -> type[HillLaw]:
+        """Return the class of the law."""
+        return HillLaw
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)

@@ -15,7 +15,6 @@ zero for stresses and ignored for strains, since the thickness of bodies is free
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import ufl
@@ -216,12 +215,15 @@ class Sheet:
         form: P of (σ_xx, σ_yy, √2σ_xy), positive definite; shape (3, 3).
     """
 
-    law: ClassVar[type[SheetLaw]] = SheetLaw
-
     bulk: float
     shear: float
     strength: Strength
     form: Floats
+
+    @property
+    def law(self) -> type[SheetLaw]:
+        """Return the class of the law."""
+        return SheetLaw
 
     def parameters(self) -> dict[str, Strength]:
         """Return κ, μ, Y and the form of :class:`SheetLaw`."""

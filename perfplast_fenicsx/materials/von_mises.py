@@ -162,13 +162,16 @@ class VonMises:
         InputError: If a number is out of its range.
     """
 
-    law: ClassVar[type[VonMisesLaw]] = VonMisesLaw
-
     young: float
     poisson: float
     yield_stress: Strength
     expansion: float = 0.0
     reduced: bool = True
+
+    @property
+    def law(self) -> type[VonMisesLaw]:
+        """Return the class of the law."""
+        return VonMisesLaw
 
     def __post_init__(self) -> None:
         Elastic(self.young, self.poisson, self.expansion)
