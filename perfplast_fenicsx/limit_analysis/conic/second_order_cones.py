@@ -37,7 +37,7 @@ from perfplast_fenicsx.rounding import TINY
 
 
 def determinant(a: Floats) -> Floats:
-    """Return a₀² − ‖a'‖², shape (num_cones,), at least :data:`TINY`."""
+    """Return a₀² − ‖a'‖², shape (num_cones,), at least ``TINY``."""
     size = np.sqrt(np.einsum("ni,ni->n", a[:, 1:], a[:, 1:]))
     return np.maximum((a[:, 0] - size) * (a[:, 0] + size), TINY)
 
