@@ -60,7 +60,7 @@ def doctor(answer: Answer) -> int:
         answer: The answer as JSON, which gets the tests.
 
     Returns:
-        The exit status: 0 if all that is installed works, 2 otherwise.
+        0 if all that is installed works; otherwise 2.
     """
     print(
         f"perfplast {__version__}, Python {sys.version.split()[0]} ({sys.executable})", flush=True
