@@ -60,9 +60,9 @@ from .problem.declared.stage import Stage as Stage
 from .problem.declared.supports import RigidSurface as RigidSurface
 from .problem.declared.supports import Support as Support
 from .problem.history.loading_history import LoadingHistory as LoadingHistory
-from .problem.judged.state import Iteration as Iteration
+from .problem.judged.report import Iteration as Iteration
+from .problem.judged.report import LevelReport as LevelReport
 from .problem.judged.state import Level as Level
-from .problem.judged.state import LevelReport as LevelReport
 from .problem.judged.state import State as State
 from .problem.problem import Problem as Problem
 from .solvers.augmented_lagrangian import AugmentedLagrangian as AugmentedLagrangian

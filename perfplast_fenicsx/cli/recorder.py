@@ -27,7 +27,8 @@ from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import ShakedownL
 from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.outcome_words import Row, force_rows
-from perfplast_fenicsx.problem.judged.state import Iteration, Level, LevelReport
+from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
+from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.report.report_file import LiveReport
 

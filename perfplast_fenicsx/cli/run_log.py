@@ -34,7 +34,7 @@ from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.problem.judged.state import Iteration, LevelReport
+from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 
 log = logging.getLogger(__name__)
 

@@ -24,7 +24,7 @@ from perfplast_fenicsx.limit_analysis.conic.conic_solver import USUAL
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.outcome_words import NO_PAIR, SAID, MeshEstimate, PathBracket
-from perfplast_fenicsx.problem.judged.state import Iteration, LevelReport
+from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.linear.linear_solver import chosen_solver

@@ -35,7 +35,8 @@ from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.declared.stage import Mover, Stage, follows
 from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
-from perfplast_fenicsx.problem.judged.state import Iteration, Level, State
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.load_stepping import Reached, load_path, rests_first
 

@@ -21,7 +21,7 @@ def level_rows(reader: ResultReader) -> list[Row]:
         reader: The results.
 
     Returns:
-        Rows with the ``level`` (from 1) and the fields of :class:`~state.LevelReport`, without
+        Rows with the ``level`` (from 1) and the fields of :class:`~report.LevelReport`, without
         reactions (:func:`resultant_rows`). With stages there is a column such as ``factor_push``
         for each name.
 

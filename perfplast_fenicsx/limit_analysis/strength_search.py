@@ -19,7 +19,8 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import Weakeni
 from perfplast_fenicsx.limit_analysis.limit_search import limit_options
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.limit_analysis.statements.load_factor import PathPoint, StrengthPath
-from perfplast_fenicsx.problem.judged.state import Iteration, Level, State, check_slip_is_true
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.state import Level, State, check_slip_is_true
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.load_stepping import extrapolate
 from perfplast_fenicsx.solvers.newton import Newton, WorkNewton

@@ -16,7 +16,7 @@ from perfplast_fenicsx.pictures.loading_curve import draw_curve, draw_stroke
 from perfplast_fenicsx.pictures.picture_file import heading
 from perfplast_fenicsx.pictures.renderer import Renderer, acting, compose, panels
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
-from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 
 LENGTH, FRAME, END = 8.0, (0.15, 1.0), 2.0
 """Duration of an animation (s), least and largest duration of a frame (s), and the additional time

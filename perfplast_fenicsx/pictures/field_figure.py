@@ -10,7 +10,7 @@ from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.picture_file import heading, replace_picture
 from perfplast_fenicsx.pictures.renderer import Acting, Renderer, compose, panels
-from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 
 SHOWN_DEFORMATION, SHOWN_MECHANISM = 0.1, 0.04
 """Approximate size of the largest displacement in a picture, relative to the size of the bodies."""

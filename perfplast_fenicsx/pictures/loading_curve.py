@@ -5,7 +5,6 @@ Single-process.
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Protocol
 
@@ -15,11 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.pictures.path_points import between, from_rest
 from perfplast_fenicsx.pictures.picture_file import in_legend, replace_picture
 from perfplast_fenicsx.pictures.result_reader import FAR
-from perfplast_fenicsx.problem.judged.state import LevelReport
-from perfplast_fenicsx.rounding import ROUNDING
+from perfplast_fenicsx.problem.judged.report import LevelReport
 
 
 def draw_history(
@@ -63,31 +61,6 @@ def draw_history(
     axes.set(xlabel=labels[0], ylabel=labels[1])
     axes.axhline(0, color="black", linewidth=0.6)
     axes.grid(alpha=0.3)
-
-
-def from_rest(solved: Sequence[LevelReport]) -> tuple[list[float], list[float]]:
-    """Return works α and load factors ζ of levels, with the start of the curve.
-
-    The curve starts at the unloaded bodies. If the first level has only constant loads (ζ = 0),
-    which have done work already, it starts there.
-    """
-    alphas, zetas = [a.alpha for a in solved], [a.zeta for a in solved]
-    if zetas and abs(zetas[0]) <= ROUNDING * max(map(abs, zetas)):
-        return alphas, zetas
-    return [0.0, *alphas], [0.0, *zetas]
-
-
-def between(x: Sequence[float], y: Sequence[float]) -> tuple[list[float], list[float]]:
-    """Return more points on each straight piece, which is curved on a logarithmic axis of x."""
-    xs, ys = list(x[:1]), list(y[:1])
-    many = 24  # number of points of each piece
-    for (a, b), (low, high) in zip(pairwise(x), pairwise(y), strict=True):
-        t: Floats = np.arange(1, many + 1) / many
-        if a > 0 and b > 0 and a != b:
-            t = np.asarray((np.geomspace(a, b, many + 1)[1:] - a) / (b - a), dtype=np.float64)
-        xs += [a + share * (b - a) for share in t]
-        ys += [low + share * (high - low) for share in t]
-    return xs, ys
 
 
 LINE, ELASTIC, LIMIT = "#3b6ea5", "#707070", "#d62020"

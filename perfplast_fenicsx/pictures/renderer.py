@@ -26,7 +26,7 @@ from perfplast_fenicsx.pictures.annotations import load_arrows, sample_obstacles
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.picture_file import View, draw_axes, drawable, view_of
 from perfplast_fenicsx.problem.declared.loads import Load
-from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.units import Units
 

@@ -42,7 +42,7 @@ from perfplast_fenicsx.io.results.result_files import (
 from perfplast_fenicsx.io.results.run_lock import BEGUN, INTERRUPTED
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
-from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.proof.stored_file import check_regular, stored_file
 
 FAR = 30.0

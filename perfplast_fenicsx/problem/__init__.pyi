@@ -20,8 +20,8 @@ from .history.loading_history import LoadingHistory as LoadingHistory
 from .judged.certificate import Certificate as Certificate
 from .judged.certificate import certify as certify
 from .judged.certificate import friction_forces as friction_forces
-from .judged.state import Iteration as Iteration
+from .judged.report import Iteration as Iteration
+from .judged.report import LevelReport as LevelReport
 from .judged.state import Level as Level
-from .judged.state import LevelReport as LevelReport
 from .judged.state import State as State
 from .problem import Problem as Problem

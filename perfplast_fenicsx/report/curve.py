@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from perfplast_fenicsx.pictures.loading_curve import between, from_rest
+from perfplast_fenicsx.pictures.path_points import between, from_rest
 from perfplast_fenicsx.pictures.result_reader import FAR, StoredLimit
-from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 BOTTOM, EDGE = 46, 14

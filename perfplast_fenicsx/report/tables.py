@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.progress import CREDIBLE
 

@@ -8,7 +8,7 @@ from perfplast_fenicsx.io.results.result_files import DIRECTIONS, FALLS, STANDS
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.outcome_words import NO_PAIR, SAID, MeshEstimate, PathBracket, factor_words
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
-from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 Mark = Literal["proven", "one-sided", "found", "open"]

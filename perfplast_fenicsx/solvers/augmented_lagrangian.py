@@ -30,7 +30,8 @@ from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawO
 from perfplast_fenicsx.problem.assembled.spaces import assemble_force
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.fields.quadrature_fields import strain_norm2, stress_norm2
-from perfplast_fenicsx.problem.judged.state import Iteration, State
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.friction_qp import FrictionSplitting
 from perfplast_fenicsx.solvers.level_solver import LevelSolver

@@ -49,7 +49,7 @@ class ContactSolver(Protocol):
 
 
 def counts(linear: LinearSolver, program: ContactSolver) -> dict[str, Any]:
-    """Return the counts so far, integers by names of :class:`state.LevelReport`."""
+    """Return the counts so far, integers by names of :class:`report.LevelReport`."""
     names = ("linear_solves", "setups", "linear_iterations")
     more = ("contact_programs", "snes_vi_programs", "snes_vi_iterations")
     return dict(zip((*names, *more), (*linear.counts(), *program.counts()), strict=True))

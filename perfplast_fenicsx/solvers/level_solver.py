@@ -17,13 +17,8 @@ from perfplast_fenicsx.errors import InputError, check_finite
 from perfplast_fenicsx.materials.elastic import check_deforms
 from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
-from perfplast_fenicsx.problem.judged.state import (
-    Iteration,
-    Level,
-    State,
-    check_slip_is_true,
-    remember_slip,
-)
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.state import Level, State, check_slip_is_true, remember_slip
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactProgram
 from perfplast_fenicsx.solvers.active_set.friction_qp import FrictionProgram

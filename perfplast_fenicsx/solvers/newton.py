@@ -33,7 +33,8 @@ import numpy as np
 from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
-from perfplast_fenicsx.problem.judged.state import Iteration, Level, State
+from perfplast_fenicsx.problem.judged.report import Iteration
+from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.contact_qp import ContactStep
 from perfplast_fenicsx.solvers.active_set.equality_qp import NOTHING_HELD, Held

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from perfplast_fenicsx.errors import InputError, check_choice, check_end
-from perfplast_fenicsx.problem.judged.state import Iteration
+from perfplast_fenicsx.problem.judged.report import Iteration
 
 Monitor = Callable[[Iteration], None]
 """Function that is called on every rank after each iteration."""

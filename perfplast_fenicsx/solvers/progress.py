@@ -11,7 +11,8 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import PairFlags
 from perfplast_fenicsx.problem.judged.certificate import certify
-from perfplast_fenicsx.problem.judged.state import Iteration, Level, LevelReport
+from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
+from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.solvers.contact_solver import ContactSolver, counts
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearSolver
@@ -100,7 +101,7 @@ class Step:
         beta: Step length.
         rho: Regularisation of the tangent.
         finished: Whether the stopping criterion is satisfied.
-        extra: Values for :attr:`state.Iteration.extra`.
+        extra: Values for :attr:`report.Iteration.extra`.
     """
 
     zeta: float

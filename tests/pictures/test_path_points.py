@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.pictures.loading_curve import between, from_rest
+from perfplast_fenicsx.pictures.path_points import between, from_rest
 from tests.io.results.test_result_folder import report
 
 pytestmark = pytest.mark.serial

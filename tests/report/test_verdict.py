@@ -7,7 +7,7 @@ import pytest
 
 from perfplast_fenicsx.io import Scene
 from perfplast_fenicsx.pictures.result_reader import StoredLimit
-from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.report.verdict import Verdict, verdict_on
 from tests.io.results.test_result_folder import report
 

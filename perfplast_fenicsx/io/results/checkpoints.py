@@ -44,7 +44,8 @@ from perfplast_fenicsx.mesh.global_ordering import (
 from perfplast_fenicsx.problem.assembled.spaces import space_at_points
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.judged.certificate import contact_forces
-from perfplast_fenicsx.problem.judged.state import Level, LevelReport, State
+from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.load_stepping import Reached
 

@@ -30,7 +30,7 @@ from perfplast_fenicsx.io.results.result_files import (
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.vtkhdf import FieldWriter
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
-from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)

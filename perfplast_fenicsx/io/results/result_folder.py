@@ -44,7 +44,7 @@ from perfplast_fenicsx.io.results.result_files import (
 from perfplast_fenicsx.io.results.summary import Summary, to_json
 from perfplast_fenicsx.mesh.tagged_mesh import element_size
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
-from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.tables import csv_table
 

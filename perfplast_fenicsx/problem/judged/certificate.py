@@ -52,7 +52,7 @@ class Rubbed:
 class Certificate:
     """The optimality conditions of (P)_ζ at a state.
 
-    :class:`state.LevelReport` explains the numbers.
+    :class:`report.LevelReport` explains the numbers.
 
     ``forces`` are the contact forces of the pairs hosted by this rank, shape (num_pairs,), positive
     where the bodies push each other.

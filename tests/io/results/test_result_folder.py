@@ -26,7 +26,7 @@ from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.problem.declared.loads import Traction
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.declared.supports import Support
-from perfplast_fenicsx.problem.judged.state import LevelReport
+from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.problem.problem import Problem
 
 SUMMARY_KEYS = [

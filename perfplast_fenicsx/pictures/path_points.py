@@ -1,0 +1,35 @@
+"""Compute the points of a loading curve: its start, its levels, and points between them."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.rounding import ROUNDING
+
+
+def from_rest(solved: Sequence[LevelReport]) -> tuple[list[float], list[float]]:
+    """Return works α and load factors ζ of levels, with the start of the curve.
+
+    The curve starts at the unloaded bodies. If the first level has only constant loads (ζ = 0),
+    which have done work already, it starts there.
+    """
+    alphas, zetas = [a.alpha for a in solved], [a.zeta for a in solved]
+    if zetas and abs(zetas[0]) <= ROUNDING * max(map(abs, zetas)):
+        return alphas, zetas
+    return [0.0, *alphas], [0.0, *zetas]
+
+
+def between(x: Sequence[float], y: Sequence[float]) -> tuple[list[float], list[float]]:
+    """Return more points on each straight piece, which is curved on a logarithmic axis of x."""
+    xs, ys = list(x[:1]), list(y[:1])
+    many = 24  # number of points of each piece
+    for (a, b), (low, high) in zip(pairwise(x), pairwise(y), strict=True):
+        t: Floats = np.arange(1, many + 1) / many
+        if a > 0 and b > 0 and a != b:
+            t = np.asarray((np.geomspace(a, b, many + 1)[1:] - a) / (b - a), dtype=np.float64)
+        xs += [a + share * (b - a) for share in t]
+        ys += [low + share * (high - low) for share in t]
+    return xs, ys
