@@ -22,7 +22,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.load_stepping import Reached, work_path
 from perfplast_fenicsx.solvers.newton import Newton, WorkNewton
-from perfplast_fenicsx.solvers.progress import SLIDES
+from perfplast_fenicsx.solvers.verdicts import SLIDES
 
 SHARES = (0.5, 0.25, 0.75)
 """Position of the next load between one that is carried and one that is refused. The middle comes

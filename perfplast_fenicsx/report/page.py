@@ -34,7 +34,7 @@ from perfplast_fenicsx.report.tables import (
 from perfplast_fenicsx.report.verdict import Verdict, verdict_on
 from perfplast_fenicsx.report.view_data import ROOM, View
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
-from perfplast_fenicsx.solvers.progress import CREDIBLE
+from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
 VIEW = (
     *("decode", "camera", "shaders", "colours", "drawing", "viewer", "sides"),

@@ -10,7 +10,7 @@ from typing import Any
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import ROUNDING
-from perfplast_fenicsx.solvers.progress import CREDIBLE
+from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
 TIGHT = 1e-6
 """Certificate up to which a condition counts as satisfied for engineering purposes."""

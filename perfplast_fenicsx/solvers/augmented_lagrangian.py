@@ -35,7 +35,8 @@ from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.active_set.friction_qp import FrictionSplitting
 from perfplast_fenicsx.solvers.level_solver import LevelSolver
-from perfplast_fenicsx.solvers.progress import BEYOND, Step, above_limit
+from perfplast_fenicsx.solvers.progress import Step
+from perfplast_fenicsx.solvers.verdicts import BEYOND, above_limit
 
 Strains = Floats
 

@@ -27,8 +27,9 @@ from perfplast_fenicsx.solvers.coulomb import solve_coulomb
 from perfplast_fenicsx.solvers.iterate import Iterate
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 from perfplast_fenicsx.solvers.newton_options import Monitor, Subdivision
-from perfplast_fenicsx.solvers.progress import Progress, Step, no_convergence
+from perfplast_fenicsx.solvers.progress import Progress, Step
 from perfplast_fenicsx.solvers.tightening import tighten
+from perfplast_fenicsx.solvers.verdicts import no_convergence
 
 MOST_DOUBTS = 60
 """How often a level continues after small steps at a state that is not a solution."""

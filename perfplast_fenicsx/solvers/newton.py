@@ -47,7 +47,8 @@ from perfplast_fenicsx.solvers.newton_options import (
     most_sets,
     regularisation,
 )
-from perfplast_fenicsx.solvers.progress import BEYOND, Step, above_limit
+from perfplast_fenicsx.solvers.progress import Step
+from perfplast_fenicsx.solvers.verdicts import BEYOND, above_limit
 
 
 class Newton(LevelSolver):

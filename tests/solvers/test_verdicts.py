@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from perfplast_fenicsx import Iteration
-from perfplast_fenicsx.solvers.progress import above_limit, no_convergence
+from perfplast_fenicsx.solvers.verdicts import above_limit, no_convergence
 
 pytestmark = pytest.mark.serial
 
