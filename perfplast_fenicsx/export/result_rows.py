@@ -67,7 +67,7 @@ def resultant_rows(reader: ResultReader) -> list[Row]:
         reader: The results.
 
     Returns:
-        Rows with these columns:
+        The rows, with these columns.
 
         - ``state``: "level", "given" at ζ = 1, "lower" and "upper" bound of the bodies, or "limit"
           load of the mesh;

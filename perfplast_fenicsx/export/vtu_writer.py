@@ -36,8 +36,8 @@ def vtu_of(path: Path) -> bytes:
         path: A VTKHDF file of :class:`vtkhdf.FieldWriter`; its mesh file is in the same folder.
 
     Returns:
-        Content of the file: numbers of the same type in base64, tensors with nine components, texts
-        in UTF-8.
+        Content of the file, with numbers of the same type in base64, tensors with nine components,
+        texts in UTF-8.
 
     Raises:
         OSError, KeyError, ValueError: If the file is damaged, or arrays are missing.

@@ -30,7 +30,7 @@ def save_sweep(
         path: The PNG file.
 
     Returns:
-        Whether a picture was drawn: this needs numbers as values of the first key.
+        Whether a picture was drawn, which needs numbers as values of the first key.
 
     Raises:
         OSError: If the file cannot be written.

@@ -22,7 +22,7 @@ class Prescribed(Enum):
     """The quantity that an algorithm prescribes; the algorithm computes the other one.
 
     Results use the values as names: an attribute of :class:`state.State` and
-    :class:`state.LevelReport`, a column of ``path.csv``, ``prescribed`` in ``summary.json``.
+    :class:`report.LevelReport`, a column of ``path.csv``, ``prescribed`` in ``summary.json``.
     """
 
     LOAD_FACTOR = "zeta"
