@@ -1,7 +1,7 @@
 """A sliding block with Coulomb's friction.
 
 A constant pressure of 10 acts on a block that lies on another one, and a traction pushes it
-sideways. The friction coefficient is 0.3, so the block slides at a traction of 3, long before it
+sideways. The coefficient of friction is 0.3, so the block slides at a traction of 3, long before it
 yields.
 
 With Coulomb's friction no limit theorem holds, because slip is not normal to the friction cone. The

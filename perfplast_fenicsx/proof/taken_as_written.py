@@ -133,14 +133,11 @@ def _cone(body: Body, number: np.int64) -> str:
 def _supports(body: Body) -> str:
     words = []
     for tag in np.unique(body.surface[body.held.any(axis=1)]):
-        here = body.on(tag)
-        axes = [
-            axis
-            for axis, held in zip("xyz", np.atleast_1d(body.held[here].any(axis=0)), strict=False)
-            if held
-        ]
-        count = int(body.held[here].any(axis=1).sum())
-        words.append(f"{', '.join(axes)} of surface {tag} ({count} facets)")
+        held = np.atleast_2d(body.held[body.on(tag)])
+        for alike, count in zip(*np.unique(held, axis=0, return_counts=True), strict=True):
+            axes = [axis for axis, one in zip("xyz", alike, strict=False) if one]
+            if axes:
+                words.append(f"{', '.join(axes)} of surface {tag} ({count} facets)")
     guided = np.flatnonzero(body.guided.any(axis=1))
     for tag in np.unique(body.surface[guided]):
         here = np.intersect1d(body.on(tag), guided)

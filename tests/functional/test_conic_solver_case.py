@@ -49,7 +49,7 @@ def test_where_it_cannot_run(
     """On several ranks, and without the package: check and run say so."""
     monkeypatch.setitem(sys.modules, "clarabel", None)
     case = case_of(comm, shared_tmp_path, BOUNDS, 'conic = "clarabel"')
-    said = "install it (pip install clarabel)" if comm.size == 1 else f"there are {comm.size}"
+    said = "install it (pip install clarabel)" if comm.size == 1 else f"the run has {comm.size}"
     for command in (["check", case], ["run", case, "-o", str(shared_tmp_path / "r")]):
         assert main(command) == BAD_INPUT
         assert said in one_line(comm, capsys)

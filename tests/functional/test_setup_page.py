@@ -172,7 +172,7 @@ def test_clicks_make_the_case_of_the_tutorial(
     page = SetupPage(browser, prop / "setup.html")
     left = page(LEFT)
     assert "[support]: nothing holds the bodies; choose a face and add a support" in left
-    assert "[load]: no load grows" in left
+    assert any(line.startswith("[load]: no load grows") for line in left)
     assert "Material of beam, young: 0 is not positive" in left
     for body in ("beam", "block"):
         page.choose(f"e-material-{body}--library", "s235")
@@ -309,7 +309,7 @@ WRONG_FIELDS = (
     ("material-beam--poisson", "30 %", "'30 %' is not a number"),
     ("material-beam--poisson", "-1", "-1 is not between −1 and 0.5"),
     ("material-beam--yield_stress", "-235", "-235 is not positive"),
-    ("material-beam--yield_stress", "235MPa", "'235MPa' is not a value"),
+    ("material-beam--yield_stress", "235MPa", "'235MPa' has a unit"),
     ("material-beam--yield_stress", "235 +", "'+' is too much"),
     ("material-beam--yield_stress", "235 * q", "'* q' is too much"),
     ("material-beam--expansion", "hot", "'hot' is not a number"),

@@ -547,6 +547,22 @@ def test_the_status_is_that_of_the_documentation(honest: Halves, tmp_path: Path)
             assert "Unbalanced forces are" in done.stdout
 
 
+def test_facets_of_a_surface_that_are_held_otherwise_are_listed_apart(
+    honest: Halves, tmp_path: Path
+) -> None:
+    lower = {name: values.copy() for name, values in honest["lower"].items()}
+    held, surface = lower["held"], lower["surface"]
+    one = np.flatnonzero(held.any(axis=1))[0]
+    before = [axis for axis, alike in zip("xyz", held[one], strict=False) if alike]
+    rest = np.count_nonzero((surface == surface[one]) & (held == held[one]).all(axis=1)) - 1
+    held[one] = True
+    words = " ".join(check(write(tmp_path / "rollers.h5", {"lower": lower}))["lower"].words)
+    axes = "xyz"[: held.shape[1]]
+    assert len(before) < len(axes)
+    assert f"{', '.join(axes)} of surface {surface[one]} (1 facets)" in words
+    assert f"{', '.join(before)} of surface {surface[one]} ({rest} facets)" in words
+
+
 def test_an_upper_half_of_stronger_bodies_is_one(honest: Halves, tmp_path: Path) -> None:
     """An upper bound of stronger bodies also holds for the bodies."""
     upper = honest["upper"]

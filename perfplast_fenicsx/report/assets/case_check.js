@@ -391,7 +391,8 @@ function fromField(key, schema, text, unit = "") {
   let toml = typed;
   const numeric = kinds.includes("number") || kinds.includes("integer");
   if (numeric && Math.abs(Number(typed)) === Infinity) return wrong(`${typed} is not finite`);
-  if (/^[[{]/.test(typed) || kinds.includes("object") || kinds.includes("boolean")) {
+  const structured = kinds.includes("object") && !numeric && !kinds.includes("string");
+  if (/^[[{]/.test(typed) || structured || kinds.includes("boolean")) {
     try {
       parseValue(typed);
     } catch (error) {
