@@ -134,8 +134,9 @@ def _supports(body: Body) -> str:
     words = []
     for tag in np.unique(body.surface[body.held.any(axis=1)]):
         held = np.atleast_2d(body.held[body.on(tag)])
-        for alike, count in zip(*np.unique(held, axis=0, return_counts=True), strict=True):
-            axes = [axis for axis, one in zip("xyz", alike, strict=False) if one]
+        patterns, counts = np.unique(held, axis=0, return_counts=True)
+        for row, count in enumerate(counts):
+            axes = [axis for axis, one in zip("xyz", patterns[row], strict=False) if one]
             if axes:
                 words.append(f"{', '.join(axes)} of surface {tag} ({count} facets)")
     guided = np.flatnonzero(body.guided.any(axis=1))
