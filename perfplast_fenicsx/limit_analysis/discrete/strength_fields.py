@@ -9,6 +9,7 @@ that no mechanism dissipates less. Both bounds are strict.
 A slope q that varies with the angle of friction is one number a cell (:mod:`varying_friction`).
 """
 
+from collections.abc import Callable
 from typing import Literal
 
 from mpi4py import MPI
@@ -19,7 +20,7 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError, place_of, raise_together
 from perfplast_fenicsx.formulas import ROUNDING
-from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, OfField, body_cones
 from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.problem.assembled.spaces import coordinates_of_points
 from perfplast_fenicsx.problem.problem import Problem
@@ -114,17 +115,11 @@ def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
         problem: The bodies.
         numbers: Index of the cone of each point.
     """
-    cones = body_cones(problem)
-    if not cones.varies:
-        return None
-    above = profiles_of_cells(problem, "above") if _are_at_vertices(problem) else None
-    if above is not None:
-        found = np.ones(len(numbers))
-        means = (above + above.sum(axis=1, keepdims=True)) / (above.shape[1] + 1)
-        found[problem.Q.dofmap.list[: len(above)]] = means
-        return found
-    x = coordinates_of_points(problem.Q)[: len(numbers)]
-    return cones.values(numbers, lambda profile, here: profile.at(x[here], PLACE))
+
+    def means(above: Floats) -> Floats:
+        return (above + above.sum(axis=1, keepdims=True)) / (above.shape[1] + 1)
+
+    return _at_points(problem, numbers, profiles_of_cells, means, BodyCones.values)
 
 
 def steepness_at_points(problem: Problem, numbers: Longs) -> Floats | None:
@@ -136,16 +131,37 @@ def steepness_at_points(problem: Problem, numbers: Longs) -> Floats | None:
         problem: The bodies.
         numbers: Number of the cone of each point.
     """
+    return _at_points(
+        problem, numbers, steepness_of_cells, lambda most: most[:, None], BodyCones.steepness
+    )
+
+
+def _at_points(
+    problem: Problem,
+    numbers: Longs,
+    of_cells: Callable[[Problem, Side], Floats | None],
+    at_vertices: Callable[[Floats], Floats],
+    values: Callable[[BodyCones, Longs, OfField], Floats | None],
+) -> Floats | None:
+    """Return a quantity of the cones at the points of this rank; None if no cone varies.
+
+    Args:
+        problem: The bodies.
+        numbers: Index of the cone of each point.
+        of_cells: Function that returns the quantity in cells, on one side.
+        at_vertices: Function of the quantity in cells, for points at the vertices of cells.
+        values: Method of the cones that evaluates the quantity by a function of their fields.
+    """
     cones = body_cones(problem)
     if not cones.varies:
         return None
-    above = steepness_of_cells(problem, "above") if _are_at_vertices(problem) else None
+    above = of_cells(problem, "above") if _are_at_vertices(problem) else None
     if above is not None:
         found = np.ones(len(numbers))
-        found[problem.Q.dofmap.list[: len(above)]] = above[:, None]
+        found[problem.Q.dofmap.list[: len(above)]] = at_vertices(above)
         return found
     x = coordinates_of_points(problem.Q)[: len(numbers)]
-    return cones.steepness(numbers, lambda sine, here: sine.at(x[here], PLACE))
+    return values(cones, numbers, lambda field, here: field.at(x[here], PLACE))
 
 
 def _are_at_vertices(problem: Problem) -> bool:
