@@ -21,12 +21,11 @@ Ask = Callable[[LowerProof | None, VelocityProof | None], Mapping[str, Checked]]
 """Asks the checker. Collective; rank 0 has the answer."""
 
 
-def proven(bounds: BodyBounds, divisor: float | None = None) -> BodyBounds:
+def proven(bounds: BodyBounds) -> BodyBounds:
     """Return bounds that are strict where the checker proves them. Collective.
 
     Args:
         bounds: As the program found them.
-        divisor: F that divides the strengths of the bodies; None without such a factor.
     """
     comm = bounds.problem.comm
 
@@ -39,7 +38,7 @@ def proven(bounds: BodyBounds, divisor: float | None = None) -> BodyBounds:
             halves[kind] |= {name: np.asarray(of) for name, of in numbers[kind].items()}
         return check_halves(halves) if comm.rank == 0 else {}
 
-    low, high = proven_part(bounds, bounds, ask, divisor)
+    low, high = proven_part(bounds, bounds, ask)
     if bounds.weaker is not None and not (low.lower.strict and high.upper.strict):
         # The water of a slope that is taken from above and from below is not one statement. A
         # factor of safety has a file of each.
@@ -47,8 +46,8 @@ def proven(bounds: BodyBounds, divisor: float | None = None) -> BodyBounds:
             replace(of, value=None, of=Scope.MESH) for of in (bounds.lower, bounds.upper)
         )
         low, high = replace(bounds, upper=upper), replace(bounds, lower=lower)
-        low = proven_part(low, low, ask, divisor)[0]
-        high = proven_part(high, high, ask, divisor)[1]
+        low = proven_part(low, low, ask)[0]
+        high = proven_part(high, high, ask)[1]
     return replace(bounds, lower=low.lower, upper=high.upper)
 
 
@@ -67,8 +66,8 @@ def proven_part(
         divisor: F that divides the strengths of the bodies; None without such a factor.
     """
     comm, claimed = low.problem.comm, (low.lower.value, high.upper.value)
-    while proofs(low, high) != (None, None):
-        refused, reached = comm.bcast(_answered(ask, *proofs(low, high, divisor)))
+    while (halves := proofs(low, high, divisor)) != (None, None):
+        refused, reached = comm.bcast(_answered(ask, *halves))
         both = (low.lower, high.upper)
         worse = {
             bound.kind: bound.proven(reached[bound.kind])
