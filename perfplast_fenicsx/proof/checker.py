@@ -317,7 +317,7 @@ def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) 
     else:  # c = 0: residuals have limits, and without τ the stress cannot be scaled
         over, words = max(left.measured.get(name, 0.0) for name in RATIOS), found.words()
         exact = not rows
-    if (body.constant or not counted) and not over <= 1:
+    if (body.constant if counted else exact) and not over <= 1:  # otherwise the rows say so
         reasons.append(f"stresses are {over:.17g} times as large as they may be")
     factor = None if reasons or not exact else _divided(factors[0], over)
     told = left.measured, left.forces, left.loads
