@@ -1,14 +1,14 @@
 """Define the iterate of a Newton-like method: gradient, tangent, line search, increments.
 
-Find the length of a Newton step, at which the derivative of the energy along it vanishes.
-The energy is convex, so that its derivative φ'(β) is nondecreasing and bisection finds the zero.
-
 ALG1 and the work-controlled methods share this module; they differ in their steps.
 
 Vectors with an entry for each unknown are of two kinds, both of type ``PETSc.Vec``. Those in nodal
 unknowns have names of u: displacements, their change δu (:attr:`quadrature_fields.Direction.du`),
 forces. Those in jump unknowns, of the jump basis, have names of y: y = M u, and ``delta_y`` with
 δu = T δy. Forces in jump unknowns are Tᵀ times the nodal ones.
+
+Find the length of a Newton step, at which the derivative of the energy along it vanishes.
+The energy is convex, so that its derivative φ'(β) is nondecreasing and bisection finds the zero.
 """
 
 from collections.abc import Callable

@@ -1,5 +1,8 @@
 """Load the bodies by a sequence of levels, and choose the next step in α or in a given motion.
 
+:func:`load_path` follows given values of ζ or α; :func:`work_path` chooses its own steps in α, from
+the elastic slope to the plateau of ζ(α).
+
 Detect gaps that close on a loading path, at which steps in α end.
 If a body has reached a limit load of its own, ζ(α) is constant until a gap closes and another body
 supports it. The line through the last two levels predicts the closing; beyond it there is another
@@ -9,9 +12,6 @@ Choose the next step in α of a loading by chosen steps.
 α grows by a factor that decreases where ζ(α) bends or a level needs many steps, and increases on
 the plateau, where a collapse mechanism may allow a longer step. Closing gaps end a step: a body
 that has reached its own limit load has a plateau too, until another body supports it.
-
-:func:`load_path` follows given values of ζ or α; :func:`work_path` chooses its own steps in α, from
-the elastic slope to the plateau of ζ(α).
 """
 
 import dataclasses

@@ -1,5 +1,10 @@
 """Integrate dual functions over the overlap of two surfaces, and form the rows of mortar contact.
 
+A node cannot carry a multiplier if almost none of it is covered or if supports hold it. The same
+holds for a vertex of quadratic facets on an axis of revolution, where ∫Ñ is 0. Such a node is
+retired: its function goes in equal parts to neighbours that can carry a multiplier, before the rows
+are divided by their weight d. So the functions still sum to 1, and forces and moments balance.
+
 Construct dual functions on partly covered facets.
 The multipliers are defined on the host's facets e. Over the covered part e' of each facet, the dual
 functions φ = D_e M_e⁻¹ Ñ are biorthogonal to the host's functions Ñ: ∫φ_i Ñ_k = δ_ik ∫Ñ_k. They sum
@@ -17,11 +22,6 @@ The module sums the integrals of all overlapping pieces by pairs of facets, and 
 each facet. Where the host has Bernstein functions and its normal n varies, there are also integrals
 with n, interpolated between the nodes. Coefficients of a displacement vector times a nodal normal
 differ by O(h²) from the coefficients of the normal component.
-
-A node cannot carry a multiplier if almost none of it is covered or if supports hold it. The same
-holds for a vertex of quadratic facets on an axis of revolution, where ∫Ñ is 0. Such a node is
-retired: its function goes in equal parts to neighbours that can carry a multiplier, before the rows
-are divided by their weight d. So the functions still sum to 1, and forces and moments balance.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Collect the interfaces of the bodies of a bound: pairs of facets, and tractions they can bear.
 
-The strength of an interface defines the tractions that it bears, for any
-kind of interface. This module defines the facets of an interface, and the unknowns of its jumps.
+The strength of an interface defines the tractions that it bears, for any kind of interface. This
+module defines the facets of an interface, and the unknowns of its jumps.
 
 Define the tractions that a contact can bear, for strict bounds: a yield set of zero thickness.
 A surface bears the tractions r = (r_n, r_t) of

@@ -9,8 +9,8 @@ pairs that pull are released and all open pairs that penetrate are held. Without
 QP is the solution.
 
 The operator is not an M-matrix. Near collapse and with quadratic elements the active sets may
-cycle. Then the changing pairs are condensed to a small dense program, which
-has an exact solution, and SNES-VI starts from its active set.
+cycle. Then the changing pairs are condensed to a small dense program, which has an exact solution,
+and SNES-VI starts from its active set.
 """
 
 from dataclasses import dataclass, replace

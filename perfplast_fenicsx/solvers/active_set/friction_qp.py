@@ -1,5 +1,12 @@
 """Solve the contact QP of one Newton step with friction.
 
+minimise ½ δᵀAδ + rᵀδ + Σ c‖s + δ_t‖  subject to  δ_s ≤ room
+
+Each linearisation of friction leaves a contact QP, in which tangential jumps are held at sticking
+places and have forces and springs at slipping ones. If the linearisations do not converge, a dense
+program decides. In space and with many places, splitting approaches the solution instead. The
+linearisations then continue from there.
+
 Linearise the friction law ‖μ‖ ≤ c, μ = c s/‖s‖: which places stick and which slip.
 Both conditions are equivalent to μ = c z/max(c, ‖z‖) with z = μ + k s for any stiffness k > 0.
 Where ‖z‖ ≤ c, the place sticks, s = 0. Elsewhere Newton's method for this equation (S. Hüeber, G.
@@ -27,13 +34,6 @@ If all pairs are closed and all places stick, z are the openings of pairs and th
 both directions. S is their stiffness, and g is the energy gained per unit of each, minus the bound
 c for a slip. Its solution is exact, where successive linearisations may cycle, as for a pin that
 rolls in its hole.
-
-minimise ½ δᵀAδ + rᵀδ + Σ c‖s + δ_t‖  subject to  δ_s ≤ room
-
-Each linearisation of friction leaves a contact QP, in which tangential jumps are held at sticking
-places and have forces and springs at slipping ones. If the linearisations do not converge, a dense
-program decides. In space and with many places, splitting approaches the solution instead. The
-linearisations then continue from there.
 """
 
 from dataclasses import dataclass, replace

@@ -1,6 +1,6 @@
 """Interpolate between levels of multigrid in single precision, by blocks of nodes, in C.
 
-Generate the C source of interpolations in single precision (:mod:`blocked_interpolation`).
+Generate the C source of interpolations in single precision.
 Coarse vectors are padded to the vector width. Entries loaded beyond a row are multiplied with zeros
 or stored in the padding.
 """

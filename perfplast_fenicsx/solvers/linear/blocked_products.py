@@ -1,14 +1,14 @@
 """Multiply with a symmetric matrix by the blocks of its upper triangle, in C.
 
-Generate the C source of products with blocks (:mod:`blocked_products`), in either precision.
-Vectors are padded to the vector width. Entries loaded beyond a row are multiplied with zeros or
-stored in the padding. A symmetric matrix is stored as the blocks of its upper triangle, with the
-diagonal block first in each row.
-
 The products are limited by memory traffic, which this halves; in single precision it is a quarter.
 Single precision is for the smoothers of multigrid, which multiply six times for each product of CG.
 It changes the preconditioner by about 1e-7. CG itself, coarse spaces and factors use double
 precision.
+
+Generate the C source of products with blocks, in either precision.
+Vectors are padded to the vector width. Entries loaded beyond a row are multiplied with zeros or
+stored in the padding. A symmetric matrix is stored as the blocks of its upper triangle, with the
+diagonal block first in each row.
 """
 
 from collections.abc import Callable

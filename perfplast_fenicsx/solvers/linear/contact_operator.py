@@ -1,11 +1,11 @@
 """Define the operator of a step in the jump basis, A = TᵀKT, with held unknowns in its matrix.
 
+Products with vectors use K and T, so that only one matrix is stored. This matrix is for linear
+solves; its rows and columns of held unknowns are those of a scaled identity.
+
 Compute the rows of A = TᵀKT that differ from those of K: contact nodes and neighbours.
 Elsewhere T is the identity. So only these few rows are multiplied, and A is K with these rows
 replaced, if K has space for their entries.
-
-Products with vectors use K and T, so that only one matrix is stored. This matrix is for linear
-solves; its rows and columns of held unknowns are those of a scaled identity.
 """
 
 from petsc4py import PETSc

@@ -1,10 +1,10 @@
 """Solve systems by a factorisation: MUMPS Cholesky, CHOLMOD, or the user's; estimate its memory.
 
-Estimate whether a factorisation fits into memory, and its cost.
-The estimate is MUMPS's analysis, which is fast.
-
 If only a few held unknowns change, the change of the matrix has low rank, and CG with the old
 factors takes a few iterations.
+
+Estimate whether a factorisation fits into memory, and its cost.
+The estimate is MUMPS's analysis, which is fast.
 
 Use CHOLMOD's factors instead of MUMPS's where they are faster: on one rank, in space.
 CHOLMOD orders by METIS, which Debian's MUMPS cannot. The lower bound's matrices in space are

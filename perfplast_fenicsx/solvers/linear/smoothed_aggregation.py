@@ -1,14 +1,5 @@
 """Create coarse spaces of multigrid: linear elements, then smoothed aggregation, body by body.
 
-Store aggregates of nodes on each level of multigrid, and the motions of each.
-The columns of a tentative interpolation Q are orthonormal motions of one aggregate each, zero
-elsewhere. PETSc's GAMG creates the aggregates for the stiffness in nodal unknowns, where bodies are
-not coupled, with the rigid motions. One more motion may be added to all of them.
-
-Use linear elements inside quadratic ones as the first coarse space of multigrid.
-The graph of quadratic elements is so dense that aggregates of its nodes become too large for one
-smoothing step. Linear functions are quadratic ones, and represent every smooth motion of a body.
-
 In the jump basis an operator couples the bodies. Aggregates that mix them would need more than the
 rigid motions of one body (the in-plane slip of frictionless contact). So the aggregates are those
 of the stiffness K in nodal unknowns, in which bodies are not coupled and 6 (in 2D 3) motions
@@ -22,6 +13,15 @@ mapped by M in the same way, and the nodes of the linear elements are aggregated
 
 Plastic flow hardly changes the volume of a body. Motions of rigid pieces do, and so have a much
 larger energy. Therefore the last Newton increment can be one more motion of every aggregate.
+
+Store aggregates of nodes on each level of multigrid, and the motions of each.
+The columns of a tentative interpolation Q are orthonormal motions of one aggregate each, zero
+elsewhere. PETSc's GAMG creates the aggregates for the stiffness in nodal unknowns, where bodies are
+not coupled, with the rigid motions. One more motion may be added to all of them.
+
+Use linear elements inside quadratic ones as the first coarse space of multigrid.
+The graph of quadratic elements is so dense that aggregates of its nodes become too large for one
+smoothing step. Linear functions are quadratic ones, and represent every smooth motion of a body.
 """
 
 from collections.abc import Callable

@@ -1,11 +1,11 @@
 """Multiply with F = B K⁺ Bᵀ on the active rows, and project on forces that balance every piece.
 
+The last row of the first rank is the border: a row with all unknowns, such as the work of the
+loads.
+
 Solve the coarse problem: which forces of the rows balance every piece, G λ = 0.
 G = RᵀBᵀ with the rigid motions R. GGᵀ couples pieces that share rows; it is small, and every rank
 stores its factors.
-
-The last row of the first rank is the border: a row with all unknowns, such as the work of the
-loads.
 """
 
 from mpi4py import MPI

@@ -1,15 +1,5 @@
 """Solve quadratic programs with bounds and equalities: SMALBE-M, with MPRGP for the bounds.
 
-Solve quadratic programs with bounds by MPRGP: CG on faces, expansion and proportioning.
-Modified proportioning with reduced gradient projections (Z. Dostál, Optimal Quadratic Programming
-Algorithms, Springer 2009, chapter 5), for
-
-    minimise ½ xᵀHx − bᵀx  where  x ≥ lower
-
-The gradient g is split into its free part φ (zero at bounds) and the chopped part β (which leaves
-bounds). CG steps on the free unknowns continue while ‖β‖² ≤ φ̃ᵀφ, where φ̃ is φ limited to a step
-of length ᾱ. A step that hits a bound stops there and continues with a projected step along −φ.
-
 Semimonotonic augmented Lagrangians (Z. Dostál, Optimal Quadratic Programming Algorithms, Springer
 2009, chapter 6), for
 
@@ -21,6 +11,16 @@ with an orthogonal projector Q; A must be PAP with P = I − Q. The bound-constr
 
 are solved by MPRGP until the projected gradient is at most M‖Qx‖; then μ grows by ρQx. ρ is
 constant; if the Lagrangian has not grown enough, M decreases.
+
+Solve quadratic programs with bounds by MPRGP: CG on faces, expansion and proportioning.
+Modified proportioning with reduced gradient projections (Z. Dostál, Optimal Quadratic Programming
+Algorithms, Springer 2009, chapter 5), for
+
+    minimise ½ xᵀHx − bᵀx  where  x ≥ lower
+
+The gradient g is split into its free part φ (zero at bounds) and the chopped part β (which leaves
+bounds). CG steps on the free unknowns continue while ‖β‖² ≤ φ̃ᵀφ, where φ̃ is φ limited to a step
+of length ᾱ. A step that hits a bound stops there and continues with a projected step along −φ.
 """
 
 from collections.abc import Callable

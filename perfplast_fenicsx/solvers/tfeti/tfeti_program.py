@@ -1,14 +1,5 @@
 """Solve the contact QP of one Newton step by Total FETI: its dual, on torn bodies.
 
-Solve one dual program of Total FETI: active rows, bounds, and δ from its multipliers.
-With F = B K⁺Bᵀ, d = B K⁺f − c, G = RᵀBᵀ and e = Rᵀf,
-
-    minimise ½ λᵀFλ − dᵀλ  where  Gλ = e,  λ ≥ lower
-
-is solved for the difference x of λ from forces that balance every piece, so that Gx = 0. The
-gradient Fλ − d is the jump of the rows apart from rigid motions Rα of the pieces, and α are the
-multipliers of Gλ = e.
-
 minimise ½ δᵀKδ + rᵀδ  subject to  B_E δ = 0,  B_I δ ≤ room  and, where asked,  ℓᵀδ = work
 
 Supports are rows too, so that the kernel of each piece's stiffness consists of its rigid motions
@@ -18,6 +9,15 @@ the multipliers: the same factors serve for any closed pairs.
 First the dual is solved on the face of the previous step: closed pairs are equalities, open ones
 are omitted. Pairs whose error exceeds the residual of jumps are opened or closed, and so on. If
 this cycles or frees a body, SMALBE-M and MPRGP find the face.
+
+Solve one dual program of Total FETI: active rows, bounds, and δ from its multipliers.
+With F = B K⁺Bᵀ, d = B K⁺f − c, G = RᵀBᵀ and e = Rᵀf,
+
+    minimise ½ λᵀFλ − dᵀλ  where  Gλ = e,  λ ≥ lower
+
+is solved for the difference x of λ from forces that balance every piece, so that Gx = 0. The
+gradient Fλ − d is the jump of the rows apart from rigid motions Rα of the pieces, and α are the
+multipliers of Gλ = e.
 """
 
 from dataclasses import dataclass
