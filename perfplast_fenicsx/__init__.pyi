@@ -17,8 +17,10 @@ from .io.results.result_folder import ResultFolder as ResultFolder
 from .io.results.result_folder import Results as Results
 from .io.results.result_writer import ResultWriter as ResultWriter
 from .limit_analysis.body.adaptation import Adaptation as Adaptation
+from .limit_analysis.body.adaptive_meshes import AdaptiveBounds as AdaptiveBounds
 from .limit_analysis.body.adaptive_meshes import adaptive_bounds as adaptive_bounds
 from .limit_analysis.body.body_bounds import BodyBounds as BodyBounds
+from .limit_analysis.body.interaction import Envelope as Envelope
 from .limit_analysis.body.interaction import envelope as envelope
 from .limit_analysis.body.limit_bounds import limit_bounds as limit_bounds
 from .limit_analysis.body.safety_factor import FactorOfSafety as FactorOfSafety
@@ -63,6 +65,7 @@ from .problem.history.loading_history import LoadingHistory as LoadingHistory
 from .problem.judged.report import Iteration as Iteration
 from .problem.judged.report import LevelReport as LevelReport
 from .problem.judged.state import Level as Level
+from .problem.judged.state import LoadingPath as LoadingPath
 from .problem.judged.state import State as State
 from .problem.problem import Problem as Problem
 from .solvers.augmented_lagrangian import AugmentedLagrangian as AugmentedLagrangian

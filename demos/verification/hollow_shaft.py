@@ -59,7 +59,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     )
     found = envelope(problem, [tension(), torsion()], 3 if coarse else 12, APART)
     rays, path = range(91), folder.file("hollow_shaft.png")
-    on_rank_0(comm, lambda: save_envelope(found.table(), ("N/N₀", "T/T₀"), TITLE, path, alone=True))
+    on_rank_0(comm, lambda: save_envelope(found.rows(), ("N/N₀", "T/T₀"), TITLE, path, alone=True))
     told = [
         ("gap in %", 100 * found.gap, 100 * APART, None if coarse else 1e-9),
         ("inner polygon/circle", max(found.inner(angle) for angle in rays), 1.0, 1e-9),

@@ -3,15 +3,12 @@
 Rows are dicts; all rows of a table have the same keys.
 """
 
-import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 from perfplast_fenicsx.io.results.limit_rows import limit_rows
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.result_reader import ResultReader
-
-Row = dict[str, Any]
+from perfplast_fenicsx.tables import Row
 
 
 def level_rows(reader: ResultReader) -> list[Row]:
@@ -28,18 +25,7 @@ def level_rows(reader: ResultReader) -> list[Row]:
     Raises:
         InputError: If a file cannot be read.
     """
-    return [{"level": number, **_flat(report)} for number, report in enumerate(reader.reports, 1)]
-
-
-def _flat(report: Any) -> Row:
-    row: Row = {}
-    for field in dataclasses.fields(report):
-        value = getattr(report, field.name)
-        if isinstance(value, Mapping):
-            row |= {f"{field.name.removesuffix('s')}_{name}": one for name, one in value.items()}
-        else:
-            row[field.name] = value
-    return row
+    return [{"level": number, **report.row()} for number, report in enumerate(reader.reports, 1)]
 
 
 def bound_rows(reader: ResultReader) -> list[Row]:

@@ -5,14 +5,15 @@ from pathlib import Path
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.export.result_rows import Row, bound_rows, level_rows, resultant_rows
+from perfplast_fenicsx.export.result_rows import bound_rows, level_rows, resultant_rows
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.page import page_of
 from perfplast_fenicsx.report.stored_summary import check_summary
 from perfplast_fenicsx.report.view_data import view_data
+from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row, data_frame
 
 
-class RunResults:
+class RunResults(NotebookResult):
     """The results of a run on file, which may still be running. Single-process.
 
     The last line of a notebook's cell shows the report, with bodies that can be rotated::
@@ -53,6 +54,40 @@ class RunResults:
             f' style="width:100%;height:{height}px;border:0" srcdoc="{page}"></iframe>'
         )
 
+    def in_words(self) -> str:
+        """Return the outcome so far."""
+        return self.verdict
+
+    def rows(self) -> list[Row]:
+        """Return the rows of ``levels``; without levels those of ``bounds``."""
+        return level_rows(self._reader) or bound_rows(self._reader)
+
+    def draw_into(self, axes: Any) -> None:
+        """Draw the load factor over the work of the loads, or the bounds over the cells.
+
+        Raises:
+            InputError: If the run has neither.
+        """
+        rows = self.rows()
+        columns = set(rows[0]) if rows else set()
+        if "alpha" in columns:
+            solved = [row for row in rows if row["converged"]]
+            axes.plot([row["alpha"] for row in solved], [row["zeta"] for row in solved], "o-")
+            axes.set(xlabel="work of the growing loads, alpha", ylabel="load factor, zeta")
+        elif "body_lower" in columns:
+            for side, colour in COLOURS.items():
+                known = [row for row in rows if row[f"body_{side}"] is not None]
+                places = [row["cells"] for row in known], [row[f"body_{side}"] for row in known]
+                axes.plot(*places, "o-", color=colour, label=f"{side} bound")
+            axes.set(xscale="log", xlabel="cells", ylabel="load factor")
+            axes.legend()
+        else:
+            raise InputError(
+                f"'{self.folder}' has neither levels nor bounds of a load factor; perfplast plot"
+                " DIR draws the pictures of this run."
+            )
+        axes.grid(alpha=0.3)
+
     @property
     def verdict(self) -> str:
         """The outcome so far, in words."""
@@ -65,35 +100,19 @@ class RunResults:
     @property
     def levels(self) -> Any:
         """A data frame with a row for each level (:func:`~result_rows.level_rows`)."""
-        return _frame(level_rows(self._reader))
+        return data_frame(level_rows(self._reader))
 
     @property
     def resultants(self) -> Any:
         """A data frame of forces and moments (:func:`~result_rows.resultant_rows`)."""
-        return _frame(resultant_rows(self._reader))
+        return data_frame(resultant_rows(self._reader))
 
     @property
     def bounds(self) -> Any:
         """A data frame of meshes with their bounds (:func:`~result_rows.bound_rows`)."""
-        return _frame(bound_rows(self._reader))
+        return data_frame(bound_rows(self._reader))
 
     @property
     def _reader(self) -> ResultReader:
         """Return a new reader each time, since the run may still be running."""
         return ResultReader(self.folder)
-
-
-def _frame(rows: list[Row]) -> Any:
-    """Return the rows as a data frame.
-
-    Raises:
-        InputError: If pandas is not installed.
-    """
-    try:
-        from pandas import DataFrame
-    except ImportError as error:
-        raise InputError(
-            "tables of RunResults need pandas, which is not installed (pip install pandas);"
-            " perfplast export DIR --csv writes the same tables without it."
-        ) from error
-    return DataFrame(rows)

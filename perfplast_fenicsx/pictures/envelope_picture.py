@@ -24,7 +24,7 @@ def save_envelope(
     """Draw the regions that are carried and not carried, with their edges.
 
     Args:
-        rows: Rows of :meth:`~perfplast_fenicsx.limit_analysis.body.interaction.Envelope.table`.
+        rows: Rows of :meth:`~perfplast_fenicsx.limit_analysis.body.interaction.Envelope.rows`.
         names: Names of the two or three loads.
         title: Heading.
         path: The PNG file.

@@ -23,5 +23,6 @@ from .judged.certificate import friction_forces as friction_forces
 from .judged.report import Iteration as Iteration
 from .judged.report import LevelReport as LevelReport
 from .judged.state import Level as Level
+from .judged.state import LoadingPath as LoadingPath
 from .judged.state import State as State
 from .problem import Problem as Problem

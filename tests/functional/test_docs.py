@@ -3,6 +3,7 @@
 import dataclasses
 import importlib.util
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -151,11 +152,16 @@ def test_the_readme_does_what_it_shows(
     assert "can be run" in capsys.readouterr().out
 
 
-SCRIPTS = re.findall(
-    r"^```python\n(.*?)^```$",
-    (DOCS / "howto" / "python.md").read_text(encoding="utf-8"),
-    re.MULTILINE | re.DOTALL,
-)
+def scripts(page: str) -> list[str]:
+    """The scripts of a page."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    return re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+SCRIPTS = [
+    *scripts("howto/python.md"),
+    scripts("api/index.md")[0].replace("size=40.0", "size=60.0"),  # a coarser mesh is as good here
+]
 
 
 @pytest.mark.parametrize("number", range(len(SCRIPTS)))
@@ -170,6 +176,7 @@ def test_a_script_of_few_lines(
     assert len([line for line in script.splitlines() if line]) <= 15
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
+    shutil.copy(DOCS / "prop.step", tmp_path)
     exec(compile(script, f"script {number}", "exec"), {"__name__": f"script_{number}"})
     out, _ = capsys.readouterr()
     drawn = [path.stat().st_size for path in tmp_path.glob("*.png")]

@@ -113,7 +113,7 @@ def fits_the_ellipse(
     is_around(found, ellipse, last)
     for angle in [*np.arange(0.0, last + 0.5, 0.5), *angles_of(found)]:
         assert found.outer(angle) / found.inner(angle) <= (1 + until) * (1 + 1e-4)
-    table = found.table()
+    table = found.rows()
     assert len(table) == last + 1
     assert table[45]["carried"] == pytest.approx(found.inner(45.0), rel=1e-12)
     save_envelope(table, ("a", "b"), "A cube", path)
@@ -200,7 +200,7 @@ def test_numbers_of_either_sign(around: tuple[bool, bool], parts: int, cube: Pro
     with pytest.raises(InputError, match="envelope needs two or three numbers"):
         envelope(cube, [[ACROSS]])
     found = envelope(cube, [[ACROSS], [ALONG]], directions=4 + parts, around=around)
-    turns = [row["angle"] for row in found.table()]
+    turns = [row["angle"] for row in found.rows()]
     assert (turns[0], turns[-1]) == (0.0, 90.0 * parts)
     is_around(found, ellipse, 90.0 * parts)
 
@@ -273,5 +273,5 @@ def test_forces_and_a_moment_on_a_rigid_footing(tmp_path: Path) -> None:
         assert found.inner(angle, 0.0) <= green(angle) * (1 + 1e-9)
         assert found.outer(angle, 0.0) >= green(angle) * (1 - 1e-9)
     assert "All triples inside one polytope" in found.in_words()
-    save_envelope(found.table(), ("V", "H", "M"), "A footing", tmp_path / "envelope.png", True)
+    save_envelope(found.rows(), ("V", "H", "M"), "A footing", tmp_path / "envelope.png", True)
     assert (tmp_path / "envelope.png").stat().st_size > 10_000

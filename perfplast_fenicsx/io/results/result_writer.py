@@ -282,7 +282,7 @@ class ResultWriter:
             "sides": found.sides.tolist(),
             "directions": found.directions,
             "gap": found.gap if math.isfinite(found.gap) else None,
-            "rows": found.table(),
+            "rows": found.rows(),
             "in_words": found.in_words(),
         }
         with self.results.timed("output"):

@@ -8,7 +8,8 @@ J. Bonet, doi:10.1002/nme.2310.
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
+from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class Round:
 
 
 @dataclass(frozen=True)
-class AdaptiveBounds:
+class AdaptiveBounds(NotebookResult):
     """Bounds on a sequence of meshes.
 
     Attributes:
@@ -106,6 +108,29 @@ class AdaptiveBounds:
             certificates=certificates,
             advice=self.high.advice,
         )
+
+    def in_words(self) -> str:
+        """Return the best bounds in one or two sentences."""
+        return self.body.in_words()
+
+    def rows(self) -> list[Row]:
+        """Return a row for each mesh with the fields of :class:`Round`."""
+        rows = [asdict(one) for one in self.rounds]
+        for row in rows:
+            row["lower, not proven"], row["upper, not proven"] = row.pop("not_proven")
+        return rows
+
+    def draw_into(self, axes: Any) -> None:
+        """Draw the strict bounds of each mesh over its number of cells."""
+        for side in ("lower", "upper"):
+            known = [(it.cells, getattr(it, side)) for it in self.rounds]
+            cells, values = zip(*known, strict=True)
+            numbers = [np.nan if value is None else value for value in values]
+            axes.plot(cells, numbers, "o-", color=COLOURS[side], label=f"{side} bound")
+        axes.set(xscale="log", xlabel="cells", ylabel="load factor")
+        axes.set_title(f"{self.lower.shown} … {self.upper.shown}")
+        axes.grid(alpha=0.3)
+        axes.legend()
 
     def __repr__(self) -> str:
         return (

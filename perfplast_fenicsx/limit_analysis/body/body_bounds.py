@@ -2,10 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
+import numpy as np
 from dolfinx import fem
+from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.blocks.block_limit import FoundForces
 from perfplast_fenicsx.limit_analysis.body.bound_words import (
     least_words,
@@ -20,7 +23,7 @@ from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.static_bound import StaticBound
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.tables import notebook_table
+from perfplast_fenicsx.tables import NotebookResult, Row
 
 NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds' computes it",))
 
@@ -76,7 +79,7 @@ class JointProof:
 
 
 @dataclass(frozen=True)
-class BodyBounds:
+class BodyBounds(NotebookResult):
     """Bounds of the limit load of a body.
 
     Attributes:
@@ -147,22 +150,66 @@ class BodyBounds:
     @property
     def why_not(self) -> list[str]:
         """Return why one of them does not hold for the body; an empty list if both hold."""
-        bounds = (self.lower, self.upper)
-        return [f"{bound.kind} bound: {why}" for bound in bounds for why in bound.why_not]
+        return [f"{bound.kind} bound: {why}" for bound in self._both for why in bound.why_not]
 
     def __repr__(self) -> str:
         return f"BodyBounds({self.lower!r}, {self.upper!r}; {self.factorisations} factorisations)"
 
-    def _repr_html_(self) -> str:
-        """Return both bounds as a table, and what they prove in words."""
-        rows: list[tuple[str, object]] = [
-            (
-                f"{bound.kind} bound",
-                f"{bound.shown}, strict" if bound.strict else f"{bound.shown}, not strict",
-            )
-            for bound in (self.lower, self.upper)
+    @property
+    def dimensions(self) -> int:
+        """Number of dimensions of the bodies."""
+        return self.problem.bodies.gdim
+
+    def rows(self) -> list[Row]:
+        """Return a row for each bound: its ``value``, whether it is ``strict``, and why not."""
+        return [
+            {
+                "bound": bound.kind,
+                "value": bound.value,
+                "strict": bound.strict,
+                "of": str(bound.of),
+                "why not": "; ".join((*bound.why_not, *bound.doubts)),
+            }
+            for bound in self._both
         ]
-        return notebook_table("Bounds", [*rows, ("in words", self.in_words())])
+
+    def draw_into(self, axes: Any) -> None:
+        """Draw the mechanism of the upper bound, coloured by speed, with both bounds above it.
+
+        Collective.
+        """
+        corners, velocity = _visible(self.mechanism)
+        speed = np.linalg.norm(velocity, axis=-1)
+        size = float(np.ptp(corners, axis=(0, 1)).max())
+        share = 0.06  # the largest motion, as a share of the size of the bodies
+        drawn = corners + velocity * (share * size / (speed.max() or 1.0))
+        speed /= speed.max() or 1.0
+        if self.dimensions == 2:
+            triangles = np.arange(drawn.shape[0] * 3).reshape(-1, 3)
+            x, y = drawn.reshape(-1, 2).T
+            axes.tripcolor(x, y, triangles, speed.ravel(), shading="gouraud", cmap="viridis")
+            axes.set_aspect("equal")
+        else:
+            from matplotlib import colormaps
+            from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+            colours = colormaps["viridis"](speed.mean(axis=1))
+            lines = {"edgecolors": "#40404060", "linewidths": 0.4}
+            axes.add_collection3d(Poly3DCollection(drawn, facecolors=colours, **lines))
+            low, high = drawn.min(axis=(0, 1)), drawn.max(axis=(0, 1))
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+            axes.set_box_aspect(high - low)
+            axes.locator_params(nbins=4)
+        factor = {
+            Question.LIMIT: "load factor",
+            Question.STANDS: "multiple of the constant loads",
+        }[self.question]
+        shown = (f"{it.shown}{'' if it.strict else ' (not strict)'}" for it in self._both)
+        axes.set_title(f"Bounds of the {factor}: {' … '.join(shown)}")
+
+    @property
+    def _both(self) -> tuple[Bound, Bound]:
+        return self.lower, self.upper
 
     def in_words(self) -> str:
         """Return the bounds in one or two sentences."""
@@ -201,3 +248,28 @@ class BodyBounds:
                 "limit load is at most the upper bound"
             )
         return ". ".join(told) or None
+
+
+def _visible(velocity: fem.Function) -> tuple[Floats, Floats]:
+    """Return the corners of the triangles that are seen, and the velocity there. Collective.
+
+    They are the cells of a plane mesh, and the outer facets of a mesh in space, those of all ranks.
+
+    Returns:
+        Two arrays of shape (count, 3, gdim).
+    """
+    mesh = velocity.function_space.mesh
+    topology, gdim = mesh.topology, mesh.geometry.dim
+    cells = np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
+    triangles: Ints = cells
+    if gdim == 3:
+        topology.create_connectivity(2, 3)
+        triangles = np.asarray(exterior_facet_indices(topology), dtype=np.int32)
+        links = topology.connectivity(2, 3)
+        cells = links.array[links.offsets[triangles]]
+    nodes = entities_to_geometry(mesh, 2, triangles)[:, :3]
+    corners = mesh.geometry.x[nodes]
+    at = np.repeat(cells, 3)
+    values = velocity.eval(corners.reshape(-1, 3), at).reshape(-1, 3, gdim)
+    parts = mesh.comm.allgather((corners[..., :gdim], values))
+    return tuple(np.concatenate(some) for some in zip(*parts, strict=True))

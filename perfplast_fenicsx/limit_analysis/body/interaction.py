@@ -16,6 +16,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,7 @@ from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
 from perfplast_fenicsx.problem.declared.loads import Load, scaled
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 Angles = tuple[float, ...]
 """A direction (degrees): the angle from the first number to the second, and for three numbers the
@@ -73,7 +75,7 @@ Proving = Callable[[BodyBounds, BodyBounds], Proven]
 
 
 @dataclass(frozen=True, eq=False)
-class Envelope:
+class Envelope(NotebookResult):
     """Two polytopes; the boundary of the set of carried loads lies between them.
 
     Attributes:
@@ -121,8 +123,8 @@ class Envelope:
             f"{len(self.directions)} directions." + sentences(self.last.taken)
         )
 
-    def table(self) -> list[dict[str, float | None]]:
-        """Return rows for a file: both distances along each ray.
+    def rows(self) -> list[Row]:
+        """Return both distances along each ray.
 
         Rays are a degree apart, for three numbers 5 degrees.
         """
@@ -137,6 +139,23 @@ class Envelope:
             {name: float(one[i]) if np.isfinite(one[i]) else None for name, one in columns.items()}
             for i in range(len(rays))
         ]
+
+    @property
+    def dimensions(self) -> int:
+        """Number of loads."""
+        return len(self.signed)
+
+    def draw_into(self, axes: Any) -> None:
+        """Draw the ends of both distances along each ray."""
+        rows = self.rows()
+        angles = [[row[name] for name in ("angle", "elevation") if name in row] for row in rows]
+        rays = rays_at(np.array(angles))
+        for column, colour in (("carried", "lower"), ("not carried from", "upper")):
+            far = np.array([np.nan if row[column] is None else row[column] for row in rows])
+            axes.plot(*(rays * far[:, None]).T, ".", color=COLOURS[colour], label=column)
+        names = [f"multiple of load {number}" for number in range(1, self.dimensions + 1)]
+        axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), names, strict=False)))
+        axes.legend()
 
     def __repr__(self) -> str:
         return (

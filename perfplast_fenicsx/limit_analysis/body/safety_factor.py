@@ -39,6 +39,7 @@ from perfplast_fenicsx.outcome_words import factor_words
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
+from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +49,7 @@ collapse."""
 
 
 @dataclass(frozen=True)
-class FactorOfSafety:
+class FactorOfSafety(NotebookResult):
     """Bounds of a factor of safety, with their proofs.
 
     Attributes:
@@ -83,15 +84,35 @@ class FactorOfSafety:
 
     def table(self) -> dict[str, Any]:
         """Return the table for ``summary.json``."""
-        curve = [dict(zip(("factor", "lower", "upper"), row, strict=True)) for row in self.curve]
         known: dict[str, Any] = {
             "lower": self.lower,
             "upper": self.upper,
             "in_words": self.in_words(),
         }
-        known |= {"curve": curve, "searches": self.searches, "estimate": self.estimate}
+        known |= {"curve": self.rows(), "searches": self.searches, "estimate": self.estimate}
         known |= {"kept": list(self.kept)}
         return known | {"path": self.path and self.path.table()}
+
+    def rows(self) -> list[Row]:
+        """Return a row for each F: strict bounds of the multiple of the loads that is carried."""
+        return [dict(zip(("factor", "lower", "upper"), row, strict=True)) for row in self.curve]
+
+    def draw_into(self, axes: Any) -> None:
+        """Draw both bounds of the multiple over F, with the two factors where they are 1."""
+        for side, factor in (("lower", self.lower), ("upper", self.upper)):
+            known = [(row["factor"], row[side]) for row in self.rows() if row[side] is not None]
+            label = {"lower": "carried for certain", "upper": "carried at most"}[side]
+            if known:
+                axes.plot(*zip(*known, strict=True), "o-", color=COLOURS[side], label=label)
+            if factor is not None:
+                shown = (rounded_down if side == "lower" else rounded_up)(factor)
+                proves = {"lower": "stands with", "upper": "falls at"}[side]
+                axes.axvline(factor, ls="--", color=COLOURS[side], label=f"{proves} F = {shown}")
+        axes.axhline(1.0, color="black", linewidth=0.8)
+        axes.set(xlabel="F, by which strengths are divided", ylabel="multiple of the loads")
+        axes.set_title("Davis' estimate" if self.estimate else "Factor of safety")
+        axes.grid(alpha=0.3)
+        axes.legend()
 
     def in_words(self) -> str:
         """Return a sentence on the proven result."""

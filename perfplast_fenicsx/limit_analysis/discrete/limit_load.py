@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
+from typing import Any
 
 from dolfinx import fem
 
@@ -17,8 +18,9 @@ from perfplast_fenicsx.limit_analysis.statements.load_factor import (
     Question,
     Standing,
 )
-from perfplast_fenicsx.problem.judged.state import Level
+from perfplast_fenicsx.problem.judged.state import Level, LoadingPath
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 
 class LimitMethod(StrEnum):
@@ -29,7 +31,7 @@ class LimitMethod(StrEnum):
 
 
 @dataclass(frozen=True)
-class LimitLoad:
+class LimitLoad(NotebookResult):
     """The result of a search for the limit load ζ_lim of a mesh.
 
     Attributes:
@@ -103,6 +105,35 @@ class LimitLoad:
         if self.question is Question.STANDS and self.standing is not None:
             known = (self.standing.upper,)
         return self.method is LimitMethod.PATH or any(value is not None for value in known)
+
+    def in_words(self) -> str:
+        """Return the result in a sentence."""
+        if self.estimate is None:
+            return f"No limit load of this mesh was found: {self.reason}."
+        words = f"The limit load of this mesh is {self.estimate:.6g}, an estimate for the bodies"
+        return f"{words}; the search ended: {self.reason}."
+
+    def rows(self) -> list[Row]:
+        """Return a row for each level of a path, or for each step of the interior point method.
+
+        Columns are those of :class:`~report.LevelReport` or of :class:`InteriorStep`.
+        """
+        if self.method is LimitMethod.PATH:
+            return LoadingPath(self.levels).rows()
+        return [asdict(step) for step in self.steps]
+
+    def draw_into(self, axes: Any) -> None:
+        """Draw the load factor over work or steps, and both sides of the mesh."""
+        if self.method is LimitMethod.PATH:
+            LoadingPath(self.levels).draw_into(axes)
+        else:
+            axes.plot([it.number for it in self.steps], [it.load for it in self.steps], "o-")
+            axes.set(xlabel="step", ylabel="load factor")
+            axes.grid(alpha=0.3)
+        for side, value in (("lower", self.lower), ("upper", self.upper)):
+            if value is not None and math.isfinite(value):
+                axes.axhline(value, ls="--", color=COLOURS[side], label=f"{side} side of the mesh")
+        axes.legend()
 
     def __repr__(self) -> str:
         numbers = {"lower": self.lower, "estimate": self.estimate, "upper": self.upper}

@@ -60,6 +60,7 @@ from perfplast_fenicsx.problem.declared.initial import Temperature
 from perfplast_fenicsx.problem.declared.stage import called
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import TINY
+from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 
 class Failure(StrEnum):
@@ -79,7 +80,7 @@ class Failure(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class ShakedownLoad:
+class ShakedownLoad(NotebookResult):
     """The largest multiple of a load domain that the bodies shake down to, on this mesh.
 
     Attributes:
@@ -134,6 +135,40 @@ class ShakedownLoad:
         if self.first_yield is not None:
             words += f". The first point yields at {self.first_yield:.5g} times it"
         return f"{words}."
+
+    def rows(self) -> list[Row]:
+        """Return a row for each corner: factors of the domain, and those at shakedown."""
+        names, found = self.domain.names, self.load if self.converged else None
+        rows: list[Row] = []
+        for corner in self.domain.corners:
+            row: Row = dict(zip(names, map(float, corner), strict=True))
+            for name in names:
+                row[f"{name} at shakedown"] = None if found is None else found * row[name]
+            rows.append(row)
+        return rows
+
+    def draw_into(self, axes: Any) -> None:
+        """Draw the load domain, and the multiple of it to which the bodies shake down.
+
+        Raises:
+            InputError: If more than two loads vary.
+        """
+        names, corners = self.domain.names, self.domain.corners
+        if len(names) > 2:
+            raise InputError(
+                f"plot draws domains of one or two loads, but {len(names)} vary; to_dataframe() has"
+                " all corners."
+            )
+        flat = np.column_stack([corners, np.zeros(len(corners))])[:, :2]
+        turn = np.arctan2(*(flat - flat.mean(axis=0)).T[::-1])
+        around = flat[np.append(np.argsort(turn), np.argmin(turn))]
+        axes.plot(*around.T, "o-", color="#555555", label="load domain")
+        if self.converged and self.load is not None:
+            label = f"shakedown: {self.load:.5g} times (estimate)"
+            axes.plot(*(self.load * around).T, "o-", color=COLOURS["lower"], label=label)
+        axes.set(**dict(zip(("xlabel", "ylabel"), (f"times {it}" for it in names), strict=False)))
+        axes.grid(alpha=0.3)
+        axes.legend()
 
     def as_limit(self) -> LimitLoad:
         """Return the result in the form of a limit load, for files and pictures."""

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
+from perfplast_fenicsx.tables import NotebookResult, Row
 
 
 class Question(StrEnum):
@@ -249,7 +250,7 @@ class PathPoint:
 
 
 @dataclass(frozen=True)
-class StrengthPath:
+class StrengthPath(NotebookResult):
     """F over work, from the first point until it has levelled off.
 
     Attributes:
@@ -280,5 +281,14 @@ class StrengthPath:
     def table(self) -> dict[str, Any]:
         """Return the table for ``summary.json``."""
         told = {"factor": self.factor, "levelled_off": self.levelled_off, "reason": self.reason}
-        points = [asdict(point) for point in self.points]
-        return told | {"in_words": self.in_words(), "points": points}
+        return told | {"in_words": self.in_words(), "points": self.rows()}
+
+    def rows(self) -> list[Row]:
+        """Return a row for each point with the fields of :class:`PathPoint`."""
+        return [asdict(point) for point in self.points]
+
+    def draw_into(self, axes: Any) -> None:
+        """Draw F over the work of the loads."""
+        axes.plot([it.work for it in self.points], [it.factor for it in self.points], "o-")
+        axes.set(xscale="log", xlabel="work of the loads", ylabel="F (estimate of the mesh)")
+        axes.grid(alpha=0.3)

@@ -4,7 +4,8 @@ Code that reads results needs only this module, so that it imports neither DOLFI
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -142,6 +143,17 @@ class LevelReport:
 
     def __repr__(self) -> str:
         return f"LevelReport({self.summary()})"
+
+    def row(self) -> dict[str, Any]:
+        """Return the numbers by name; a table is divided, as in ``factor_push`` of ``factors``."""
+        row: dict[str, Any] = {}
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if isinstance(value, Mapping):
+                row |= {f"{one.name.removesuffix('s')}_{name}": a for name, a in value.items()}
+            else:
+                row[one.name] = value
+        return row
 
     def summary(self) -> str:
         """Return a one-line summary of the level."""

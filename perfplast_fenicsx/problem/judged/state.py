@@ -1,7 +1,8 @@
 """Store a state of the bodies and the load level that ends with it; track accumulated slip."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from dolfinx import fem
 
@@ -9,7 +10,7 @@ from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.tables import notebook_table
+from perfplast_fenicsx.tables import NotebookResult, Row, notebook_table
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,49 @@ class Level:
     def _repr_html_(self) -> str:
         """Return the report of the level as a table."""
         return notebook_table("Load level", [*vars(self.report).items()])
+
+
+@dataclass(frozen=True, init=False)
+class LoadingPath(NotebookResult):
+    """Levels in the order in which they were solved, as a table and a curve.
+
+    Attributes:
+        levels: The levels.
+    """
+
+    levels: tuple[Level, ...]
+
+    def __init__(self, levels: Iterable[Level]) -> None:
+        """Take levels, such as those of :func:`load_path`, which are then solved. Collective."""
+        object.__setattr__(self, "levels", tuple(levels))
+
+    def __iter__(self) -> Iterator[Level]:
+        return iter(self.levels)
+
+    def __len__(self) -> int:
+        return len(self.levels)
+
+    def __repr__(self) -> str:
+        return f"LoadingPath({len(self.levels)} levels)"
+
+    def in_words(self) -> str:
+        """Return how many levels were solved, and why the last one was not."""
+        solved = sum(level.report.converged for level in self.levels)
+        words = f"{solved} of {len(self.levels)} levels are solved"
+        if solved == len(self.levels):
+            return f"{words}."
+        return f"{words}; the last one has no solution: {self.levels[-1].report.reason}."
+
+    def rows(self) -> list[Row]:
+        """Return a row for each level: its number ``level``, and :meth:`LevelReport.row`."""
+        return [{"level": k, **level.report.row()} for k, level in enumerate(self.levels, 1)]
+
+    def draw_into(self, axes: Any) -> None:
+        """Draw the load factor over the work of the growing loads, for the solved levels."""
+        solved = [level.report for level in self.levels if level.report.converged]
+        axes.plot([it.alpha for it in solved], [it.zeta for it in solved], "o-")
+        axes.set(xlabel="work of the growing loads, alpha", ylabel="load factor, zeta")
+        axes.grid(alpha=0.3)
 
 
 def slipped(problem: Problem, state: State) -> Floats:
