@@ -26,7 +26,9 @@ class Spaces:
 
     Strains of linear elements are constant in a cell, so S_h is DG0 there. Strains of quadratic
     elements are known at the points of a rule of degree 2 (3 in a triangle, 4 in a tetrahedron).
-    This rule integrates ε(u):ε(v) exactly in straight-sided cells.
+    This rule integrates ε(u):ε(v) exactly in straight-sided cells. All integrals of the method use
+    these points, so that the dual certificate holds for quadratic elements as for linear ones.
+    Plane strain has four Mandel components, because the out-of-plane stress is one of them.
 
     Attributes:
         degree: 1 or 2.

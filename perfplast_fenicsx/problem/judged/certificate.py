@@ -1,6 +1,8 @@
 """Measure the accuracy of a state: the certificate.
 
-It contains the duality gap, equilibrium, penetration, contact forces and complementarity.
+It contains the duality gap, penetration, the smallest contact force, complementarity and the
+unbalanced forces. At a solution inf J_ζ = −S(σ) − Σ force × gap. The duality gap is the sum of both
+sides, relative to |Ψ| + ½‖σ‖². The certificate is valid for any field, whatever algorithm found it.
 """
 
 import math

@@ -38,7 +38,7 @@ class State:
 
 @dataclass(frozen=True)
 class Level:
-    """A load level.
+    """A load level. The state of a level that has not converged starts no other level.
 
     Attributes:
         state: State at the end of the level.
