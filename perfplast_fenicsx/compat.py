@@ -4,11 +4,11 @@ The tests pass with 0.9 and 0.11; with 0.10 a part of them was run (docs/howto/i
 
 Three more differences are avoided by the form of a call, the same for all versions:
 
-- ``create_mesh(comm, cells, x=..., e=...)`` with keywords, as the order of ``x`` and ``e`` changed
-  in 0.10;
+- ``create_mesh(comm, cells, x=..., e=...)`` with keywords, because the order of ``x`` and ``e``
+  changed in 0.10;
 - ``dolfinx.graph.adjacencylist(data)`` for ``meshtags_from_entities``, a C++ object in 0.9 and a
   Python object later;
-- ``assemble_matrix(A, a, bcs, 1.0)`` with the diagonal's value by position, as its name is
+- ``assemble_matrix(A, a, bcs, 1.0)`` with the diagonal's value by position, because its name is
   ``diagonal`` in 0.9 and ``diag`` later.
 
 :mod:`tagged_mesh` distributes gmsh's arrays. ``dolfinx.io.gmshio`` is not used (``dolfinx.io.gmsh``

@@ -27,7 +27,7 @@ HAND_ON = ("__init__", "raise_together", "on_all_ranks", "on_rank0", "alone")
 """Functions of this module that raise the errors of others."""
 
 LONGEST_MESSAGE = 3000
-"""Largest number of characters of a message; the middle of a longer one is left out."""
+"""Largest number of characters of a message; a longer one is cut in the middle."""
 
 SMALLEST, LARGEST = 1e-30, 1e30
 """Magnitudes of numbers other than 0 whose squares and products can be computed with."""
@@ -235,7 +235,7 @@ def on_all_ranks(comm: "MPI.Intracomm", action: Callable[[], T]) -> T:
 
     Args:
         comm: The ranks.
-        action: A function that communicates with no other rank.
+        action: A function that does not communicate with other ranks.
 
     Returns:
         The result of the action.
@@ -258,7 +258,7 @@ def on_rank0(comm: "MPI.Intracomm", action: Callable[[], T]) -> T | None:
 
     Args:
         comm: The ranks.
-        action: A function that communicates with no other rank.
+        action: A function that does not communicate with other ranks.
 
     Returns:
         The result of the action on rank 0, None on the others.

@@ -126,8 +126,8 @@ class Triangulation:
         if apart.any():
             where = place_of(x[used[np.argmax(apart)]])
             raise InputError(
-                f"'{self.name}' has two values at the point {where}, where its field jumps; give"
-                " one there, and a body to each side of the jump."
+                f"'{self.name}' has two values at the point {where}, where its field jumps; give "
+                "one there, and a separate body on each side of the jump."
             )
 
     def _candidates(self, x: Floats) -> tuple[Longs, Longs, Floats]:
@@ -191,7 +191,7 @@ class Triangulation:
         return self._net.simplices[found], np.where((found < 0)[:, None], -1.0, shares)
 
     def _in_cells(self, x: Floats) -> tuple[Longs, Floats]:
-        """Return the same of the cells of a file."""
+        """Return the same property of the cells of a file."""
         found = np.zeros(len(x), dtype=np.int64)
         shares = np.full((len(x), x.shape[1] + 1), -1.0)
         for some in np.array_split(np.arange(len(x)), len(x) // PLACES_AT_ONCE + 1):
@@ -237,7 +237,7 @@ def _overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Floats, npt.NDA
 
     Args:
         ones: Vertices of simplices, shape (num_pairs, d + 1, d).
-        others: Vertices of the simplices beside them, of the same shape.
+        others: Vertices of the adjacent simplices, of the same shape.
 
     Returns:
         Coordinates in both simplices, each of shape (num_pairs, n, d + 1), and which places there
@@ -317,7 +317,7 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
     if values is None or len(values) != len(points):
         given = ", ".join(known) or "none"
         raise InputError(
-            f"'{path.name}' has no array '{name}' of one number a point; it has {given}."
+            f"'{path.name}' has no array '{name}' with one number for each point; it has {given}."
         )
     found = [int(kind) for kind in np.unique(kinds) if kind not in LOWER]
     if len(found) != 1 or found[0] not in SIMPLICES:
@@ -340,7 +340,7 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
 
 
 class _File:
-    """A file whose arrays are decoded when they are asked for."""
+    """A file whose arrays are decoded when they are requested."""
 
     def __init__(self, content: bytes) -> None:
         """Parse the elements.
@@ -434,5 +434,5 @@ class _File:
 
 
 def _decoded_bytes(content: bytes, count: int) -> bytes:
-    """Return the first bytes of what base64 holds."""
+    """Return the first bytes of base64 data."""
     return base64.b64decode(content[: 4 * -(-count // 3)])[:count]

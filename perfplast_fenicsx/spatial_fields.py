@@ -1,8 +1,8 @@
 """Numbers that vary in space: formulas, tables over depth, and values at scattered points.
 
-A strength that varies is taken as it is where a value at a point is asked for. Strict bounds need
-linear functions in each cell, one that is nowhere above the field and one that is nowhere below it
-(:meth:`SpatialField.between`). Both are the field itself where that is linear in the cell.
+A strength that varies is evaluated at the point. Strict bounds need linear functions in each cell,
+one that is nowhere above the field and one that is nowhere below it (:meth:`SpatialField.between`).
+Both are the field itself where that is linear in the cell.
 """
 
 import csv
@@ -52,7 +52,7 @@ class SpatialField:
 
         Args:
             x: Coordinates, shape (n, d).
-            place: What has the field, for messages.
+            place: Name of the object that has the field, for messages.
 
         Returns:
             Shape (n,).
@@ -67,7 +67,7 @@ class SpatialField:
 
         Args:
             corners: Vertices of the simplices, shape (n, k, d).
-            place: What has the field, for messages.
+            place: Name of the object that has the field, for messages.
 
         Returns:
             Values at the vertices of both functions, each of shape (n, k). The arrays are equal
@@ -127,9 +127,10 @@ class Formula(SpatialField):
         found = enclosed(self.text, corners, place)
         if found is None:
             raise InputError(
-                f"{place}: strict bounds need linear functions below and above the formula"
-                f" '{self.text}' in each cell. They are known of sums, products, abs, minimum,"
-                " maximum and where; give such a formula, or a table of [coordinate, value] pairs."
+                f"{place}: strict bounds need linear functions below and above the formula "
+                f"'{self.text}' in each cell. They are known only for sums, products, abs, "
+                "minimum, maximum and where; give such a formula, or a table of [coordinate, "
+                "value] pairs."
             )
         return found
 
@@ -163,8 +164,8 @@ class DepthTable(SpatialField):
         same = np.flatnonzero(np.diff(table[:, 0]) == 0)
         if len(same):
             raise InputError(
-                f"a table over depth has two values at the coordinate {table[same[0], 0]:g}; give"
-                " one there, or a body to each layer where the value jumps."
+                f"a table over depth has two values at the coordinate {table[same[0], 0]:g}; give "
+                "one there, or a separate body for each layer where the value jumps."
             )
         rows = tuple((float(height), float(value)) for height, value in table)
         object.__setattr__(self, "rows", rows)
@@ -186,8 +187,8 @@ class DepthTable(SpatialField):
         if outside.any():
             where = place_of(x[np.argmax(outside)])
             raise InputError(
-                f"{place}: the table over depth goes from {heights[0]:g} to {heights[-1]:g}, and"
-                f" there is material at {where}; give values for all of its depth."
+                f"{place}: the table over depth goes from {heights[0]:g} to {heights[-1]:g}, but "
+                f"there is material at {where}; give values for its whole depth."
             )
         return np.interp(s, heights, values)
 
@@ -331,9 +332,9 @@ def spatial_field(value: object, folder: Path) -> SpatialField:
     if isinstance(value, Sequence) and all(_is_pair(row) for row in value):
         return DepthTable(tuple((float(row[0]), float(row[1])) for row in value))
     raise InputError(
-        'it is no number, formula such as "20 + 1.5*(12 - y)", table of [coordinate, value] pairs'
-        ' such as [[0.0, 30.0], [10.0, 20.0]], or .csv or .vtu file such as { file = "points.csv",'
-        ' column = "c" }; give one of them.'
+        'it is not a number, a formula such as "20 + 1.5*(12 - y)", a table of [coordinate, value] '
+        "pairs such as [[0.0, 30.0], [10.0, 20.0]], or a .csv or .vtu file such as { file = "
+        '"points.csv", column = "c" }; give one of them.'
     )
 
 

@@ -80,7 +80,7 @@ def _add_sizes(mesh: argparse.ArgumentParser) -> None:
 
 
 def _add_bodies(mesh: argparse.ArgumentParser) -> None:
-    """Add the options of the bodies, and of what is between them."""
+    """Add the options of the bodies, and of their joints."""
     mesh.add_argument(
         "--without",
         metavar="BODY",
@@ -360,7 +360,7 @@ def _add_solving(commands: Any, scripts: argparse.ArgumentParser) -> None:
 
     Args:
         commands: Sub-parsers.
-        scripts: What all commands have that may run a script.
+        scripts: Options of all commands that may run a script.
     """
     run = commands.add_parser(
         "run",
@@ -529,7 +529,7 @@ def _add_pages(commands: Any) -> None:
 
 
 def _add_references(commands: Any, scripts: argparse.ArgumentParser) -> None:
-    """Add the commands that show what there is; see :func:`_add_solving` for the arguments."""
+    """Add the commands that show results and lists; see :func:`_add_solving` for the arguments."""
     materials = commands.add_parser(
         "materials",
         help="show numbers of common materials, with their sources",

@@ -62,7 +62,7 @@ class Flags:
         restart: Go on from the last level that is solved in the folder.
         report: When to write ``report.html``; at the end also where a signal ends the run.
         trust: Run a script that the mesh is made of.
-        log_level: What is in ``run.log`` beside what always is (:class:`run_log.RunLog`).
+        log_level: Level of the additional lines in ``run.log`` (:class:`run_log.RunLog`).
     """
 
     force: bool = False
@@ -79,7 +79,7 @@ class OneOfSeveral:
     Attributes:
         case: The case.
         command: The command that repeats all of them.
-        bodies: Another problem whose mesh and contact it shares; None for bodies of its own.
+        bodies: Another problem whose mesh and contact it shares; None if it has its own.
     """
 
     case: Case
@@ -163,7 +163,7 @@ def run(
                 _log_interrupt(interrupted, solver or folder.file(KNOWN).exists(), again)
                 status = interrupted.status
             finally:
-                terminal.heard = None  # what comes last is the page of the results
+                terminal.heard = None  # the page of the results comes last
             if flags.report and (page := report_on(folder)) is not None:
                 terminal.say(f"Report: {page}")
             return status
@@ -244,8 +244,8 @@ def check_conic(case: Case, problem: Problem, direct: bool) -> None:
     if not direct or are_blocks(problem):
         how = "rigid blocks" if direct else "a path"
         raise InputError(
-            f"[solve], conic = '{case.conic}' solves conic programs, but this limit load "
-            f"is that of {how}, which needs none; remove conic."
+            f"[solve], conic = '{case.conic}' selects a solver of conic programs, but a limit "
+            f"load of {how} needs no such program; remove conic."
         )
     check_solver(case.conic, problem.comm.size)
 

@@ -284,7 +284,7 @@ class _Visible(logging.Formatter):
 
 
 class _LogFile(logging.FileHandler):
-    """A handler that ignores write errors, as of a full disk; the results report them."""
+    """A handler that ignores write errors, such as a full disk, which the results report."""
 
     def handleError(self, record: logging.LogRecord) -> None:
         """Drop the record."""

@@ -34,14 +34,14 @@ log = logging.getLogger(__name__)
 def run_combined(
     comm: MPI.Intracomm, case: Case, output: str, terminal: Terminal, flags: Flags
 ) -> int:
-    """Solve each combination in a folder of its own, on one mesh and contact. Collective.
+    """Solve each combination in its own folder, with the same mesh and contact. Collective.
 
     Args:
         comm: The ranks of the run.
         case: A case with combinations.
         output: Folder for the combinations' folders and ``combinations.csv``.
         terminal: The terminal that shows the run.
-        flags: Options of the command. ``restart`` leaves out those that are solved there. Pages of
+        flags: Options of the command. ``restart`` skips those that are already solved. Pages of
             ``report`` are written at the end, with the table of all.
 
     Returns:
@@ -277,8 +277,8 @@ def sweep(
         output: Folder for the cases' folders, :data:`SWEEP_TABLE` and :data:`PICTURE`.
         terminal: The terminal that shows the run.
         vary: Varied keys and their values, as :func:`variations.read_variation` takes them.
-        flags: Options of the command. ``restart`` leaves out what is solved there, and goes on with
-            what is begun.
+        flags: Options of the command. ``restart`` skips solved cases, and continues those that have
+            begun.
 
     Returns:
         The largest exit status, or that of an interrupt, which ends the sweep.

@@ -131,7 +131,7 @@ class Terminal:
             self._write(f"{visible(text, lines=True)}\n")
 
     def status(self, text: str) -> None:
-        """Show the current activity on the live line, and hand it on to what hears it."""
+        """Show the current activity on the live line, and pass it to the listeners."""
         if self.heard is not None:
             self.heard(text)
         if self._live:

@@ -1,7 +1,7 @@
 """``perfplast mcp FOLDER``: tools for programs, by the Model Context Protocol on standard input.
 
-Each tool runs a command of this program in a process of its own, so that a fault of one ends
-nothing else. A path outside the given folders is refused; a case file may still name a mesh or a
+Each tool runs a command of this program in a separate process, so that a fault in one tool does not
+end the others. A path outside the given folders is refused; a case file may still name a mesh or a
 table that lies elsewhere. The package ``mcp`` is optional.
 """
 
@@ -41,7 +41,7 @@ class Tools:
     _running: dict[Path, subprocess.Popen[bytes]] = field(default_factory=dict, init=False)
 
     def describe(self, path: str) -> Answer:
-        """Return what a case means: bodies, and the loads that the load factor multiplies.
+        """Return the meaning of a case: bodies, and the loads that the load factor multiplies.
 
         Args:
             path: A case file.
@@ -202,7 +202,7 @@ def serve(folders: Sequence[str]) -> int:
     """
     for folder in folders:
         if not Path(folder).is_dir():
-            raise InputError(f"'{folder}' is no folder; make it, or name another one.")
+            raise InputError(f"'{folder}' is not a folder; create it, or name another one.")
     try:
         from mcp.server import MCPServer
     except ImportError as error:

@@ -1,6 +1,6 @@
 """Define the interface of a control: keys of ``[loading]``, their checks, and the computation.
 
-A control is a frozen dataclass whose fields are the keys beside ``control``. A control follows
+A control is a frozen dataclass whose fields are the other keys of the table. A control follows
 levels, as ``control = "load"`` does, or computes a limit. It hands results to the :class:`Record`
 of the run, which writes and shows them. :class:`OfLevels` and :class:`OfBody` implement the common
 methods of each kind.
@@ -375,7 +375,7 @@ def check_values(
 
     Args:
         values: Values of the levels.
-        what: What messages call the values.
+        what: Name of the values in messages.
         falling: Condition under which they may decrease, in words.
 
     Raises:
@@ -400,7 +400,7 @@ def check_rising(values: Sequence[float], what: str) -> None:
 
     Args:
         values: As :func:`check_values` takes them.
-        what: What messages call the values.
+        what: Name of the values in messages.
 
     Raises:
         InputError: If a value is negative, or if the values decrease.

@@ -30,7 +30,7 @@ FOOTER = "</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
 
 
 def vtu_of(path: Path) -> bytes:
-    """Return a file of fields, with its mesh, as a ``.vtu`` file.
+    """Return a ``.vtu`` file of the fields in a file, with its mesh.
 
     Args:
         path: A VTKHDF file of :class:`vtkhdf.FieldWriter`; its mesh file is in the same folder.

@@ -96,9 +96,9 @@ class DrawnGround:
         regions: At least one, if there are no strata.
         strata: From the surface downwards.
         lines: With names.
-        kinks: Further lines that the mesh follows, as loads have kinks there; what of them is
-            outside of the ground is left out.
-        notes: What a user should know of the drawing, a sentence each.
+        kinks: Additional lines that the mesh follows because loads have kinks there; parts outside
+            the ground are ignored.
+        notes: Remarks on the drawing, one sentence each.
 
     Raises:
         InputError: If names are missing or repeated, polygons intersect themselves, have no area,
@@ -447,7 +447,7 @@ def _check_lines(ground: DrawnGround, shapes: Sequence[Shape]) -> None:
 
 
 def _check_crack(name: str, outline: Outline, edges: Longs) -> None:
-    """Refuse cracks on the boundary of the ground, and those in a region that reach another one.
+    """Refuse cracks on the boundary of the ground, or from one region into another.
 
     Raises:
         InputError: Naming the crack and the place.

@@ -33,7 +33,7 @@ class DxfDrawing:
     Attributes:
         regions: Each closed line.
         lines: Each other line.
-        remarks: What a user should know, a sentence each.
+        remarks: Remarks for the user, one sentence each.
     """
 
     regions: list[Region]
@@ -44,8 +44,8 @@ class DxfDrawing:
 def read_dxf(path: Path) -> DxfDrawing:
     """Return regions and lines of a DXF file by the names of its layers. Not collective.
 
-    Segments of one layer that share ends are one line. Layers that are off or frozen are left out.
-    A name is that of the layer in small letters; lines of one layer are numbered if there are
+    Segments of one layer that share ends are one line. Layers that are off or frozen are ignored. A
+    name is that of the layer in small letters; lines of one layer are numbered if there are
     several.
 
     Args:
@@ -126,7 +126,7 @@ def _curves(drawing: Any, paths: Any) -> tuple[list[tuple[str, Any]], set[str]]:
 
 
 def _entities(space: Iterable[Any]) -> Iterable[Any]:
-    """Yield entities, those of blocks in their places."""
+    """Yield entities, with those of blocks at their positions."""
     for entity in space:
         if entity.dxftype() == "INSERT":
             yield from _entities(entity.virtual_entities())
@@ -140,7 +140,7 @@ def _joined(parts: Sequence[Floats], little: float, what: str) -> list[tuple[Flo
     Args:
         parts: Points of each line, shape (n, 2).
         little: Distance of ends that are one.
-        what: Whose lines they are, for messages.
+        what: Name of the object to which the lines belong, for messages.
 
     Raises:
         InputError: If more than two ends are at one place.

@@ -240,7 +240,7 @@ def drawn_in(mesh: Path) -> dict[str, float]:
 
 
 def _section(mesh: Path, head: bytes) -> bytes:
-    """Return what the last section with a head says; nothing where there is none."""
+    """Return the text of the last section with a heading; empty without one."""
     _, found, rest = mesh.read_bytes().rpartition(head)
     return rest.partition(END)[0] if found else b""
 

@@ -126,7 +126,7 @@ class MeshingOptions:
         close_gaps: Faces of bodies at a smaller distance become one, at the place of either, so
             that the bodies touch. The value must be much smaller than thicknesses and edges.
         patience: Longest time for meshing (s).
-        without: Names of bodies that are left out.
+        without: Names of bodies to leave out.
         face: Faces with names of their own.
     """
 

@@ -271,7 +271,7 @@ def _read_script(path: Path) -> Drawing:
         raise InputError(f"'{path}' cannot be read: {error}") from error
     dim = gmsh.model.getDimension()
     if dim < 2:
-        raise InputError(f"'{path}' has no volume and no surface; make the bodies in it.")
+        raise InputError(f"'{path}' has no volume and no surface; draw the bodies in it.")
     groups = _physical_groups(dim)
     grouped: dict[int, str] = {}
     for label, tags in groups.items():

@@ -39,7 +39,7 @@ class Joint:
         area: Area of the contact (in the plane its length).
         shapes: Shapes of its faces, such as "flat" or "cylindrical".
         shared: Whether the bodies share these faces in the drawing, as layers of one ground do;
-            else they touch as solids of their own.
+            otherwise they touch as separate solids.
         cad: The area in the file; None where that is not known.
     """
 

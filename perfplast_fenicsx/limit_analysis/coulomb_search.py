@@ -183,7 +183,7 @@ class _Path:
         """Try loads beyond the largest that is carried, until one is refused. Collective."""
         search, rtol = self.search, self.rtol
         direct = Newton(self.solver.problem, self.solver.options, lender=self.solver)
-        # ζ below this counts as zero, as the given loads have a realistic size.
+        # ζ below this counts as zero, because the given loads have a realistic size.
         least_load = 1e-8
         low = search.lower if search.lower > least_load else 0.0
         # Relative increase of the next load, if ζ has not levelled off.

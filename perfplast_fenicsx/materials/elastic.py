@@ -147,8 +147,8 @@ class ElasticSheet(Elastic):
 class Rigid:
     """A rigid block, such as a block of masonry: it moves as a whole and bears any stress.
 
-    Bounds of limit loads and factors of safety support it. Levels support it beside bodies that
-    deform. Where no body can yield, only the joints limit the load.
+    Bounds of limit loads and factors of safety support it. Levels support it together with bodies
+    that deform. Where no body can yield, only the joints limit the load.
     """
 
     @property
@@ -177,7 +177,7 @@ def with_stand_ins(materials: Mapping[str, Material]) -> dict[str, Material]:
     """Return materials with an elastic one in the place of each rigid one.
 
     Its stiffness does not matter where bodies do not strain, but springs that hold free motions are
-    as stiff. So it is that of the stiffest body beside.
+    as stiff. So it is that of the stiffest adjacent body.
     """
     known = (of.parameters().get("shear") for of in materials.values() if not isinstance(of, Rigid))
     shear = max((float(it) for it in known if isinstance(it, int | float)), default=1.0)

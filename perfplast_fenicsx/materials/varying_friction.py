@@ -1,4 +1,4 @@
-"""Angles of friction that vary in space, and what Mohr and Coulomb's condition takes of them.
+"""Friction angles that vary in space, in the Mohr–Coulomb condition.
 
 In the plane the set of a point x is ‖dev σ‖ ≤ √2 s(x)(a(x) − p), with s = sin φ, the mean stress p
 and the apex a = c cot φ. A linear stress in a cell makes s(x) p(x) quadratic, so that vertices do
@@ -8,8 +8,9 @@ not suffice for a slope that varies. Strict bounds take one slope a cell:
   b − s p ≥ 0, p ≤ b/s ≤ a, so that b − s p ≤ s(x)(a(x) − p): the set is inside that of each point.
 - From above the largest s, and a linear function b ≥ s a. So the set has that of each point inside.
 
-The linear functions follow from φ between linear functions, as the cotangent is convex: it is above
-its tangent, and below its chord. Both bounds converge to the same number as cells become smaller.
+The linear functions follow from φ between linear functions, because the cotangent is convex: it is
+above its tangent, and below its chord. Both bounds converge to the same number as cells become
+smaller.
 """
 
 from dataclasses import dataclass
@@ -58,34 +59,34 @@ class FrictionAngle(SpatialField):
         if wrong.any():
             worst = int(np.argmax(np.where(wrong, np.abs(angles - 45), -np.inf)))
             raise InputError(
-                f"{place}: friction_angle, {self.angle}, is {angles[worst]:.6g} degrees at"
-                f" {place_of(x[worst])}; an angle of friction that varies must be between 0 and 90"
-                " degrees in the whole body, so give such values there, or a body with law ="
-                " 'tresca' to ground without friction."
+                f"{place}: friction_angle, {self.angle}, is {angles[worst]:.6g} degrees at "
+                f"{place_of(x[worst])}; an angle of friction that varies must be between 0 and 90 "
+                "degrees in the whole body, so give such values there, or give ground without "
+                "friction a separate body with law = 'tresca'."
             )
         return np.asarray(np.tan(np.radians(angles)) / self.divisor)
 
     def angles_between(self, corners: Floats, place: str) -> Pair:
-        """Return linear functions beside the angle before the division (radians), in simplices.
+        """Return linear bounds of the angle before the division (radians), in simplices.
 
         Args:
             corners: Vertices of the simplices, shape (n, k, d).
-            place: What has the field, for messages.
+            place: Name of the object that has the field, for messages.
 
         Returns:
             Values at the vertices, each of shape (n, k).
 
         Raises:
-            InputError: If a linear function beside the angle leaves the range of angles.
+            InputError: If a linear bound of the angle leaves the range of angles.
         """
         low, high = self.angle.between(corners, place)
         wrong = ~((low > 0) & (high < 90)).all(axis=1)
         if wrong.any():
             where = place_of(corners[int(np.argmax(wrong))].mean(axis=0))
             raise InputError(
-                f"{place}: friction_angle, {self.angle}, varies so steeply in the cell at {where}"
-                " that no linear functions between 0 and 90 degrees are known beside it; refine the"
-                " mesh there, or give it lines where the slope of the angle changes."
+                f"{place}: friction_angle, {self.angle}, varies so steeply in the cell at {where} "
+                "that no linear bounds between 0 and 90 degrees are known for it; refine the "
+                "mesh there, or draw lines where the slope of the angle changes."
             )
         return np.radians(low), np.radians(high)
 
@@ -97,7 +98,7 @@ class FrictionAngle(SpatialField):
 
 @dataclass(frozen=True)
 class FrictionSine(SpatialField):
-    """sin φ, one number a cell where it is taken from one side.
+    """sin φ; one value for each cell if it is a bound from one side.
 
     Args:
         friction: φ.
@@ -120,7 +121,7 @@ class FrictionSine(SpatialField):
 
 @dataclass(frozen=True)
 class FrictionStrength(SpatialField):
-    """2c cos φ; beside it in a cell linear functions for the slope of :class:`FrictionSine`.
+    """2c cos φ, with linear bounds in a cell for the slope of :class:`FrictionSine`.
 
     Args:
         cohesion: c > 0 (stress).
@@ -179,5 +180,5 @@ def _sine(tangent: Floats) -> Floats:
 
 
 def _even(values: Floats, corners: Floats) -> Floats:
-    """Return one number a simplex at each of its vertices."""
+    """Return one number for each simplex, at each of its vertices."""
     return np.repeat(values[:, None], corners.shape[1], axis=1)

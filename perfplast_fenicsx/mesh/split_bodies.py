@@ -52,7 +52,7 @@ def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> Non
     function supports first and second order and any kind of element. It is not collective and runs
     on one process.
 
-    Open cracks are curves inside plane bodies. Their nodes are doubled, but for tips inside the
+    Open cracks are curves inside plane bodies. Their nodes are doubled, except for tips inside the
     body.
 
     Args:

@@ -48,7 +48,7 @@ class TaggedMesh:
         remarks: Remarks on the mesh for the user, a sentence each.
         glued: Pairs of surfaces of bodies that share faces in the drawing: they are tied where
             neither a contact nor a tie of theirs is given.
-        taken: By what its bodies differ from those of the mesh that was given, in clauses.
+        taken: Differences between its bodies and those of the given mesh, in clauses.
         drawn: The area that each surface has in the drawing, in the plane its length, where that is
             known.
     """

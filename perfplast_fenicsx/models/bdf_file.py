@@ -71,7 +71,7 @@ def read_bdf(path: Path) -> ForeignModel:
 def _mesh(text: str) -> GroupedMesh:
     cards = _cards(text)
     if "GRID" not in cards:
-        raise InputError("there are no nodes (GRID), so it is no bulk data file of Nastran.")
+        raise InputError("there are no nodes (GRID), so this is not a bulk data file of Nastran.")
     ids = _whole(cards["GRID"], 1, 2)[:, 0]
     systems = {row[2] for row in cards["GRID"] if len(row) > 2} - {"", "0"}
     if systems:
@@ -123,7 +123,9 @@ def _cards(text: str) -> Cards:
             break
         if first[:1] in ("", "+", "*"):
             if row is None:
-                raise InputError(f"the line '{line[:30]}' continues nothing; the file is damaged.")
+                raise InputError(
+                    f"the line '{line[:30]}' continues no line before it; the file is damaged."
+                )
             row += fields
         else:
             row = [name, *fields]
@@ -205,7 +207,7 @@ def _whole(rows: list[list[str]], first: int, last: int) -> Longs:
         table = [[int(cell or 0) for cell in row[first:last]] for row in rows]
         return np.array(table, dtype=np.int64).reshape(len(rows), last - first)
     except ValueError as error:
-        raise InputError(f"{rows[0][0]} has fields that are no numbers ({error}).") from error
+        raise InputError(f"{rows[0][0]} has fields that are not numbers ({error}).") from error
 
 
 def _real(rows: list[list[str]], first: int, last: int) -> Floats:
@@ -213,7 +215,7 @@ def _real(rows: list[list[str]], first: int, last: int) -> Floats:
     try:
         table = [[_number(cell) for cell in (row + [""] * last)[first:last]] for row in rows]
     except ValueError as error:
-        raise InputError(f"{rows[0][0]} has fields that are no numbers ({error}).") from error
+        raise InputError(f"{rows[0][0]} has fields that are not numbers ({error}).") from error
     found = np.array(table)
     if not np.isfinite(found).all():
         raise InputError(f"{rows[0][0]} has numbers that are not finite.")

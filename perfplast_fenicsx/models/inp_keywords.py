@@ -73,7 +73,7 @@ def read_keywords(path: Path) -> list[Keyword]:
     """
     found = list(_keywords(path, _Included(path.resolve().parent, [path.resolve()])))
     if not found:
-        raise InputError(f"'{path}' has no keywords (lines with *); it is no .inp file.")
+        raise InputError(f"'{path}' has no keywords (lines with *), so it is not an .inp file.")
     return found
 
 
@@ -112,8 +112,8 @@ def _keywords(path: Path, so_far: _Included) -> Iterator[Keyword]:
         if not line.startswith("*"):
             if now is None:
                 raise InputError(
-                    f"'{path}', line {number} ('{line[:30]}'): there are data before the first"
-                    " keyword; it is no .inp file."
+                    f"'{path}', line {number} ('{line[:30]}'): there are data before the first "
+                    "keyword, so this is not an .inp file."
                 )
             now.lines.append(line)
             continue

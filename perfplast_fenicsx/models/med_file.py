@@ -54,7 +54,9 @@ def read_med(path: Path) -> ForeignModel:
         check_regular(path)
         with path.open("rb") as opened:
             if opened.read(len(SIGNATURE)) != SIGNATURE:
-                raise InputError(f"'{path}' is no MED file, which is HDF5; export the mesh again.")
+                raise InputError(
+                    f"'{path}' is not a MED file, which is an HDF5 file; export the mesh again."
+                )
         with stored_file(path) as file:
             return model_of(_mesh(file))
     except InputError as error:

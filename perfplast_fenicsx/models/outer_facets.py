@@ -206,8 +206,8 @@ def with_flat_ends(model: ForeignModel) -> ForeignModel:
 class NamedSurfaces:
     """Surfaces by name, which are divided where they overlap.
 
-    A facet has one physical name in a mesh. Facets of several surfaces become surfaces of their
-    own. A name then represents several of these.
+    A facet has one physical name in a mesh. Facets that several surfaces share become separate
+    surfaces. A name then represents several of these.
     """
 
     def __init__(self) -> None:

@@ -124,8 +124,9 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
     if not (full.all() and len(every)):
         place = points[every[~full][0]].mean(axis=0) if len(every) else points[0]
         raise InputError(
-            f"{len(np.unique(parent[~full]))} elements have no volume, one of them at"
-            f" ({', '.join(f'{x:.6g}' for x in place)}); mend the mesh where it was made."
+            f"{len(np.unique(parent[~full]))} elements have no volume, one of them at "
+            f"({', '.join(f'{x:.6g}' for x in place)}); repair the mesh in the program that made "
+            "it."
         )
     remarks = _told(points, solids, left_out, len(every))
     return SolidCells(dim, solids, _oriented(points, every, dim), parent, remarks)

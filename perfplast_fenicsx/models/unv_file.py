@@ -83,13 +83,13 @@ def _mesh(text: str) -> GroupedMesh:
     nodes = [lines for number, lines in datasets if number in NODES]
     if not nodes:
         raise InputError(
-            "there are no nodes (dataset 2411 or 781), so it is no mesh in the UNV format, or a"
-            " very old one; export the mesh again."
+            "there are no nodes (dataset 2411 or 781), so this is not a mesh in the UNV format, "
+            "or in a very old version of it; export the mesh again."
         )
     heads = np.concatenate([whole_numbers(lines[::2], "nodes") for lines in nodes])
     places = np.concatenate([real_numbers(lines[1::2], "nodes") for lines in nodes])
     if len(heads) % 4 or len(places) % 3 or len(heads) // 4 != len(places) // 3:
-        raise InputError("nodes have no 3 coordinates each; the file is cut off or damaged.")
+        raise InputError("some nodes do not have 3 coordinates; the file is cut off or damaged.")
     points = NumberIndex(heads[::4], 0, "node")
     found = GroupedMesh(places.reshape(-1, 3), [])
     ids = [NOBODY]
@@ -118,7 +118,7 @@ def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[L
     ids, at = [], 0
     # Count of numbers before the nodes of an element; the last one is the number of nodes.
     before_nodes = 6
-    # Line elements with additional numbers, and the count of these.
+    # Line elements with additional numbers, and the count of these numbers.
     beams, of_beams = (11, 21, 22, 23, 24), 3
     while at + before_nodes <= len(numbers):
         kind, nodes = int(numbers[at + 1]), int(numbers[at + before_nodes - 1])

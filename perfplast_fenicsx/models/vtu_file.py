@@ -103,7 +103,7 @@ def _mesh(arrays: Any) -> GroupedMesh:
                 found.left_out[f"VTK {number}"] = len(mine)
             continue
         if not (np.diff(offsets)[mine] == kind.nodes).all():
-            raise InputError(f"cells of VTK's type {number} have no {kind.nodes} nodes each.")
+            raise InputError(f"cells of VTK's type {number} do not have {kind.nodes} nodes each.")
         table = nodes[offsets[mine][:, None] + np.arange(kind.nodes)]
         if table.size and not 0 <= table.min() <= table.max() < len(found.points):
             raise InputError("cells refer to points that do not exist; the file is damaged.")

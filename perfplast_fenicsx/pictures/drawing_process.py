@@ -185,7 +185,7 @@ def _cause(status: int, complaints: IO[str], waited: float | None, screen: bool)
 def display() -> Iterator[dict[str, str]]:
     """Return an environment to draw in, with its own X server if Xvfb is installed.
 
-    The variables of MPI launchers are left out, so that the child is no rank.
+    The variables of MPI launchers are removed, so that the child process is not a rank.
     """
     environment = environment_with_package() | {"PYTHONIOENCODING": "utf-8:backslashreplace"}
     program = shutil.which("Xvfb")

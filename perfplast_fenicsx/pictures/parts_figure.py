@@ -91,7 +91,7 @@ def shared_out(views: Sequence[Room]) -> list[Room]:
 
 
 def labels(room: Room, pixels: tuple[int, int]) -> list[Label]:
-    """Return the positions of the numbers; small faces have theirs beside them, without overlaps.
+    """Return the positions of the numbers, next to the face if it is small; no overlaps.
 
     Args:
         room: Space of the faces in a view.

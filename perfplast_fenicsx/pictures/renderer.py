@@ -190,9 +190,9 @@ def _without_black(name: str) -> Colormap:
 
 def _logarithmic(shares: Floats, areas: Floats) -> LogNorm:
     last = shares[-1]
-    # The colours of dissipation leave out this share (``singular``) of the area that dissipates
-    # more than the share ``dissipates`` of the largest value, which is infinite at corners. They
-    # span ``decades`` powers of ten.
+    # The colours of dissipation ignore this share (``singular``) of the area that dissipates more
+    # than the share ``dissipates`` of the largest value, which is infinite at corners. They span
+    # ``decades`` powers of ten.
     dissipates, singular, decades = 1e-3, 0.01, 2.0
     order = np.argsort(last)[np.count_nonzero(last < dissipates) :]
     below = np.cumsum(areas[order])
@@ -524,7 +524,7 @@ class Renderer:
 
 
 def _axis(skin: Surface) -> pv.PolyData:
-    """Return the axis of revolution beside the bodies as a dash-dotted line."""
+    """Return the axis of revolution next to the bodies as a dash-dotted line."""
     low, high = skin.points[:, 1].min(), skin.points[:, 1].max()
     # Number of dashes of an axis of revolution, and its extension beyond the bodies relative to
     # their height.

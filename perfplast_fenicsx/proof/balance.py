@@ -486,7 +486,7 @@ HELD = "neither supports nor contact pressure can balance the residual forces on
 
 
 def _closed(rows: Flags, touched: Flags) -> Flags:
-    """Return the rows that matter: those of forces that act on one of them, and so on."""
+    """Return the relevant rows: those of forces that act on one of them, and so on."""
     while True:
         more = touched[:, touched[rows].any(axis=0)].any(axis=1) | rows
         if (more == rows).all():

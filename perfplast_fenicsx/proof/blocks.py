@@ -49,7 +49,7 @@ Factors = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class JointForces:
-    """Forces on joints, as they are on file.
+    """Forces on joints, as the file has them.
 
     Attributes:
         forces: Forces on the cells at the vertices of outer facets, shape (num_facets, d, d).
@@ -504,7 +504,8 @@ class _Anchors:
     def room(self, joints: _Joints, parts: _Parts, size: float) -> Floats:
         """Return the largest forces that spots can carry.
 
-        For supports it is the largest of these, so that small numbers are not lost next to it.
+        For supports it is the largest of these sizes, so that small numbers are not lost next to
+        it.
         """
         found = np.zeros(self.count)
         for kind, room in enumerate(joints.rooms(parts)):

@@ -459,4 +459,4 @@ JUDGES: Mapping[str, Callable[[Mapping[str, npt.NDArray], _Half | None], _Half]]
     "lower": _lower,
     "upper": _upper,
 }
-"""Judges of each half, beside the one before it."""
+"""Judges of each half, in addition to the one before it."""

@@ -67,7 +67,7 @@ class Cones:
         matrix: M, of rank m or m − 1, rows of zeros allowed; shape (num_cones, m, m).
         sine: s of bounds of principal stresses, whose M and q are zero; NaN for others; shape
             (num_cones,).
-        tension: Tensile strength f of these, NaN without one and for others.
+        tension: Tensile strength f of these cones; NaN without one, and for other cones.
     """
 
     bound: Floats

@@ -147,7 +147,7 @@ class Overstress:
             ∞ if no τ is known.
         lacks: The largest f(σ) + f(τ) of cones with c = 0, a stress. If it is at most zero, σ + τ
             lies in these cones; otherwise it lies in cones with this c. −∞ without such cones.
-        pressure: The pressure on all surfaces that does the same as c = ``lacks``.
+        pressure: The pressure on all surfaces that has the same effect as c = ``lacks``.
         reason: Why no τ is known, or None.
     """
 

@@ -425,10 +425,10 @@ class _Units:
 
 
 def _hinges(x: Floats, held: Flags, first: Floats) -> Iterator[Floats]:
-    """Return places about which a body may turn, beside supports.
+    """Return points about which a body may rotate, in addition to supports.
 
-    A rotation moves what is held along an axis by an arm along another one. It may do so where all
-    of that has the same coordinate as the place.
+    A rotation moves a point that is held along one axis if its arm is along another axis. It may do
+    so where all of that has the same coordinate as the place.
 
     Args:
         x: Vertices that are held, shape (n, d).

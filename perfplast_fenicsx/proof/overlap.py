@@ -28,8 +28,8 @@ def overlapping(body: Body) -> int:
 
 def _slices(body: Body) -> Floats:
     """Return flat simplices just inside outer facets, each in its own cell."""
-    # Their depth and thickness, as a share of their cell's height. Touching bodies overlap only by
-    # rounding, which is less.
+    # Their depth and thickness, relative to the height of their cell. Touching bodies overlap only
+    # by rounding, which is less.
     depth = 1e-3
     cells = body.outer // (body.dim + 1)
     opposite = body.vertices[body.cells[cells, body.outer % (body.dim + 1)]][:, None]

@@ -13,7 +13,7 @@ AT_ONCE = 2_000_000
 
 @dataclass(frozen=True)
 class Touching:
-    """Facets of one surface and those of the other that differ only by a shift along n.
+    """Facets of one surface and of the other surface that differ only by a shift along n.
 
     For bodies of revolution the shift preserves radii.
 

@@ -253,7 +253,7 @@ class CaseWords:
 
 
 def folded(rows: Sequence[Row], what: str) -> list[Row]:
-    """Return rows, with those that say the same merged into one row with all names.
+    """Return rows; rows with the same content are merged into one row with all names.
 
     Args:
         rows: Names and their descriptions.

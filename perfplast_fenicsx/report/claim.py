@@ -26,7 +26,7 @@ class Claim:
         upper: The number from which on they collapse for certain; None if none is proven.
         proofs: Of each half the file, its SHA-256 and the command that checks it.
         taken_as_written: Bodies, strengths, supports and loads of which the proof holds.
-        assumptions: What the results take for granted.
+        assumptions: Assumptions of the results.
         not_proven: Why a bound is missing.
         units: Units of the case's numbers by kind; empty if the case names none.
         version: Version of the program.
@@ -70,13 +70,13 @@ def claim_of(folder: str | Path) -> Claim:
     strength, body = limit.get("strength"), limit.get("body") or {}
     if limit.get("envelope"):
         raise InputError(
-            f"'{folder}' has an envelope, which is no single claim; check each direction with"
-            " python3 -m perfplast_fenicsx.proof."
+            f"'{folder}' has an envelope, which is not a single claim; check each direction with "
+            "python3 -m perfplast_fenicsx.proof."
         )
     if strength and strength.get("estimate"):
         raise InputError(
-            f"'{folder}' has Davis' estimate of a factor of safety, which proves nothing of ground"
-            " that dilates by less; there is no claim."
+            f"'{folder}' has Davis' estimate of a factor of safety, which proves nothing about "
+            "ground that dilates less, so there is no claim."
         )
     names = {"lower": STANDS, "upper": FALLS} if strength else {"lower": PROOF, "upper": PROOF}
     found = {kind: proofs.get(name, {}).get(kind) for kind, name in names.items()}

@@ -48,7 +48,7 @@ def page_of(reader: ResultReader, view: View, running: str = "") -> str:
 
     Args:
         reader: The results.
-        view: What is shown of the bodies.
+        view: View of the bodies.
         running: HTML above the verdict, on a run that goes on.
 
     Raises:

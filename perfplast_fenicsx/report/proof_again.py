@@ -115,7 +115,7 @@ def packed_proof(path: Path) -> dict[str, Packed]:
 
 
 def _number(name: str, half: dict[str, npt.NDArray]) -> float | None:
-    """Return an attribute, None of what is not one finite real number."""
+    """Return an attribute; None if it is not one finite real number."""
     try:
         return number_of(name, half[name])
     except ProofError:

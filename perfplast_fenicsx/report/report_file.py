@@ -99,12 +99,12 @@ class LiveReport:
         self._folder.comm.Barrier()
 
     def say(self, words: str) -> None:
-        """Put what the run is doing on the page. Not collective: the other ranks do nothing.
+        """Put the current activity on the page. Not collective: the other ranks do nothing.
 
         Args:
             words: As on the live line of the terminal.
         """
-        period = 5.0  # shortest time between two pages (s), as a page may have 20 MB
+        period = 5.0  # shortest time between two pages (s), because a page may have 20 MB
         self._words = words
         if self._page and time.monotonic() - self._written > period:
             try:

@@ -18,7 +18,7 @@ TIGHT = 1e-6
 
 @dataclass(frozen=True)
 class Grade:
-    """How well a condition is satisfied: a sign, a word, and the CSS class of its colour."""
+    """A rating of a condition: a sign, a word, and the CSS class of its colour."""
 
     sign: str
     word: str

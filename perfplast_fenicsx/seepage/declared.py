@@ -39,7 +39,8 @@ class Head:
             )
         if self.drawdown is not None and not self.presses:
             raise InputError(
-                "drawdown is of water that presses on the ground; leave it out, or presses = false."
+                "drawdown applies only to water that presses on the ground; remove drawdown, or "
+                "presses = false."
             )
 
     @property
@@ -58,13 +59,14 @@ class Seepage:
 
     Args:
         conductivity: Hydraulic conductivity of each body that water flows through (length per
-            time): a number, or one a direction, such as ``{sand = 1e-4, clay = [1e-6, 1e-7]}``.
+            time): a number, or one for each direction, such as
+            ``{sand = 1e-4, clay = [1e-6, 1e-7]}``.
         head: Surfaces at which the water's level is known.
         outlet: Seepage faces and drains: surfaces through which water may leave the ground, into
             air.
         up: The coordinate that points upwards.
-        unit_weight: Unit weight of water (force per volume). Where it is missing, a case takes
-            9.81 kN/m³ in the system of [units].
+        unit_weight: Unit weight of water (force per volume). If it is missing, a case uses 9.81
+            kN/m³ in the system of [units].
     """
 
     conductivity: dict[str, float | list[float]]

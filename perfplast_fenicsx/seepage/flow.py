@@ -200,7 +200,7 @@ def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
         raise InputError("unit_weight is missing; give that of water, 9.81 with kN and m.")
     dim = tagged_mesh.mesh.geometry.dim
     if seepage.axis >= dim:
-        raise InputError(f"up = '{seepage.up}' is no coordinate of {dim} dimensions; give 'y'.")
+        raise InputError(f"up = '{seepage.up}' is not a coordinate in {dim} dimensions; give 'y'.")
     copy, comm = whole_mesh(tagged_mesh), tagged_mesh.mesh.comm
     owner = _Options()
     prefix = own_prefix(owner, SEEPAGE, PRESET)  # on all ranks, which number prefixes alike
@@ -295,7 +295,7 @@ class Network:
         for number, body in enumerate(seepage.conductivity):
             if body not in mesh.volumes:
                 hint = nearest(body, list(mesh.volumes))
-                raise InputError(f"conductivity names '{body}', no body; {hint}")
+                raise InputError(f"conductivity names '{body}', which is not a body; {hint}")
             there = mesh.cells(body)
             self.bodies[body] = slice(begin, begin + len(there))
             begin += len(there)
@@ -356,7 +356,7 @@ class Network:
             InputError: If the mesh is in space.
         """
         if self.points.shape[1] != 2:
-            raise InputError("drawdown is known in the plane only; leave it out.")
+            raise InputError("drawdown is available only in plane strain; remove it.")
         along, up = 1 - self.axis, self.axis
         little = COINCIDE * self.height
         start, end = np.swapaxes(self.points[self._facets(mesh, surface)], 0, 1)

@@ -182,8 +182,8 @@ class AugmentedLagrangian(LevelSolver):
         for on in problem.laws:
             if not on.law.projects:
                 raise InputError(
-                    f"{type(on.law).__name__} is not a projection on a yield set, which ALG2"
-                    f' (method = "{self.method}") is built on; take method = "newton".'
+                    f"{type(on.law).__name__} is not a projection on a yield set, as ALG2 "
+                    f'(method = "{self.method}") requires; give method = "newton".'
                 )
         self.options = options or AugmentedLagrangianOptions()
         criterion = "primal and dual residual met"

@@ -32,7 +32,7 @@ from perfplast_fenicsx.solvers.tightening import tighten
 from perfplast_fenicsx.solvers.verdicts import no_convergence
 
 MOST_DOUBTS = 60
-"""How often a level continues after small steps at a state that is not a solution."""
+"""Number of times that a level continues after small steps at a state that is not a solution."""
 
 
 class Stepper(Protocol):
@@ -186,8 +186,8 @@ class LevelSolver(Stepper, ABC):
         check_deforms(problem.given.materials)
         if problem.has_rigid and problem.rigid_bodies is None:
             raise InputError(
-                "a body of the problem is rigid, and levels need its motions; give the algorithm"
-                " problem.with_rigid_motions() in the place of the problem."
+                "a body of the problem is rigid, and levels need its motions; give the algorithm "
+                "problem.with_rigid_motions() instead of the problem."
             )
         check_slip_is_true(problem)
         check_flows(problem.given.materials)

@@ -17,7 +17,7 @@ CONTACT_SOLVERS = ("snes-vi", "tfeti")
 
 @dataclass(frozen=True)
 class Subdivision:
-    """How many subdomains Total FETI has.
+    """Number of subdomains of Total FETI.
 
     Args:
         asked: Number that the user gives, on all ranks; None for an automatic number.

@@ -171,7 +171,7 @@ def test_a_run_by_tools(place: Path) -> None:
 
 def test_without_the_package(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mcp.server", None)
-    for folder, words in ((str(place), "perfplast_fenicsx[mcp]"), ("nowhere", "is no folder")):
+    for folder, words in ((str(place), "perfplast_fenicsx[mcp]"), ("nowhere", "is not a folder")):
         with pytest.raises(tool_server.InputError, match=words.replace("[", r"\[")):
             tool_server.serve([folder])
 

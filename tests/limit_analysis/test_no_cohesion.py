@@ -196,7 +196,7 @@ def test_loads_of_one_kind_are_refused(read: Read) -> None:
     for constant in (False, True):
         load = Pressure("footing", 1.0, constant=constant)
         sand = MohrCoulomb(1e4, 0.3, 0.0, 30.0)
-        with pytest.raises(InputError, match="one load that grows"):
+        with pytest.raises(InputError, match="one that grows"):
             limit_bounds(Problem(tagged_mesh, {"ground": sand}, supports, [load], degree=2))
 
 

@@ -210,7 +210,7 @@ def test_what_an_angle_that_varies_does_not_go_with() -> None:
             MohrCoulomb(1e4, 0.3, 10.0, angle, **given)
     supports = [Support(f"{axis}0", axis) for axis in "xyz"]
     ground = {"block": MohrCoulomb(1e4, 0.3, 10.0, Formula("30 - 8*z"))}
-    with pytest.raises(InputError, match="need plane strain"):
+    with pytest.raises(InputError, match="only in plane strain"):
         limit_bounds(Problem(cube(1), ground, supports, [Pressure("z1", 1.0)], degree=2))
 
 

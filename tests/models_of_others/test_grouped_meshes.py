@@ -182,10 +182,10 @@ def test_broken_unv_is_one_sentence(tmp_path: Path, fault: str) -> None:
     ("change", "says"),
     [
         (("CHEXA ", "CHEXB "), "surfaces in space"),
-        (("GRID    11              0.0", "GRID    11              zero"), "no numbers"),
+        (("GRID    11              0.0", "GRID    11              zero"), "not numbers"),
         (("GRID    11              0.0", "GRID    11      7       0.0"), "coordinate system 7"),
         (("CHEXA   1       1       11", "CHEXA   1       1       99"), "no node 99"),
-        (("BEGIN BULK\n", "BEGIN BULK\n+       1\n"), "continues nothing"),
+        (("BEGIN BULK\n", "BEGIN BULK\n+       1\n"), "continues no line"),
         (("GRID ", "DIRG "), "no nodes"),
     ],
 )

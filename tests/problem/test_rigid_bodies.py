@@ -237,7 +237,7 @@ def test_refusals() -> None:
     guide = Support("upper_x0", "normal")
     refused(["'normal'", "'upper_x0'", "letters"], supports=[guide])
     bent = Support("top", "y", value="0.001*x*x", constant=False)
-    refused(["rigid", "otherwise"], supports=[bent], loads=[])
+    refused(["rigid", "rigid motion"], supports=[bent], loads=[])
     held = [Support("lower_top")]
     refused(["contact 1", "supports or ties hold"], supports=held)
     even = blocks_apart(COMM, (3, 2), (3, 2), moved_by=0.0)

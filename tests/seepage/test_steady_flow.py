@@ -319,7 +319,7 @@ def small(**given: object) -> SteadyFlow:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"conductivity": {"clay": 1.0}}, "'clay', no body"),
+        ({"conductivity": {"clay": 1.0}}, "'clay', which is not a body"),
         ({"conductivity": {"ground": [1.0]}}, "each of the 2 directions"),
         ({"conductivity": {"ground": -1.0}}, "positive"),
         ({"conductivity": {}}, "conductivity is empty"),
@@ -332,7 +332,7 @@ def small(**given: object) -> SteadyFlow:
             {"head": [Head("left", 3.0, drawdown=2.5)]},
             r"level 2.5 .* crosses a facet near \(0, 2.5\)",
         ),
-        ({"up": "z"}, "no coordinate of 2"),
+        ({"up": "z"}, "not a coordinate in 2"),
     ],
 )
 def test_what_cannot_be_is_refused(given: dict[str, object], words: str) -> None:
@@ -343,7 +343,7 @@ def test_what_cannot_be_is_refused(given: dict[str, object], words: str) -> None
 def test_drawdowns_that_cannot_be() -> None:
     with pytest.raises(InputError, match=r"drawdown = 3\.0 is not below level = 3\.0"):
         Head("left", 3.0, drawdown=3.0)
-    with pytest.raises(InputError, match="is of water that presses"):
+    with pytest.raises(InputError, match="water that presses"):
         Head("left", 3.0, presses=False, drawdown=1.0)
 
 

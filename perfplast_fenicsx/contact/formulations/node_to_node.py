@@ -34,8 +34,8 @@ class NodeToNode:
     """The rows (u_a − u_b)·n ≤ g for each primary node a and its opposite secondary node b.
 
     The normal n is the mean of both surfaces' normals, so that it does not depend on their order.
-    The host is a, unless supports leave a no freedom along n, or rows of other contacts have taken
-    more directions of a than of b. Where three bodies meet along a curve, two normals at a node may
+    The host is a, unless supports hold a along n, or rows of other contacts have taken more
+    directions of a than of b. Where three bodies meet along a curve, two normals at a node may
     coincide. If supports leave b no freedom along n either, there is no row.
 
     Attributes:

@@ -17,11 +17,11 @@ There the functions are Ñ_v = N_v + α Σ N_m over the midsides m next to v, an
 they are Bernstein polynomials, which are nowhere negative. The weights d are then positive whatever
 part is covered.
 
-Integrate over the overlap of two surfaces with dual functions: the rows of mortar contact.
-The module sums the integrals of all overlapping pieces by pairs of facets, and makes them dual for
-each facet. Where the host has Bernstein functions and its normal n varies, there are also integrals
-with n, interpolated between the nodes. Coefficients of a displacement vector times a nodal normal
-differ by O(h²) from the coefficients of the normal component.
+Integrate over the overlap of two surfaces with dual functions: the rows of mortar contact. The
+module sums the integrals of all overlapping pieces by pairs of facets, and makes them dual for each
+facet. If the host has Bernstein functions and its normal n varies, there are also integrals with n,
+interpolated between the nodes. Coefficients of a displacement vector times a nodal normal differ by
+O(h²) from the coefficients of the normal component.
 """
 
 import math

@@ -110,9 +110,9 @@ def loose_motions(
         constraints: The rows of B.
         free: Motions that nothing resists, which the function excludes: orthonormal columns of
             coefficients of all bodies' rigid motions; None if there are none.
-        flat: Number of this rank's last rows that are of flat supports. Like supports along axes,
-            they count as resisting however small their share is. The planes of a narrow sector and
-            the ends of a thin ring are examples.
+        flat: Number of this rank's last rows that belong to flat supports. Like supports along
+            axes, they count as resisting however small their share is. The planes of a narrow
+            sector and the ends of a thin ring are examples.
     """
     nodes = V.tabulate_dof_coordinates()
     supported, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])

@@ -23,7 +23,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 
 
 def _kept(comm: MPI.Intracomm, mesh: Path, keep: Callable[[], object]) -> TaggedMesh:
-    """Return a mesh that rank 0 makes unless it is there, and what it says of it. Collective.
+    """Return a mesh that rank 0 makes unless it exists, and its remarks. Collective.
 
     That is, which surfaces are glued, and their areas in the drawing.
     """
@@ -123,11 +123,11 @@ def read_ground(top: Document, case: Path) -> DrawnGround | None:
 
     Args:
         top: The case.
-        case: The case file, beside which a DXF file is.
+        case: The case file; paths of DXF files are relative to its folder.
 
     Raises:
-        InputError: If keys are wrong, a DXF file cannot be read, or the ground cannot be what is
-            drawn.
+        InputError: If keys are wrong, a DXF file cannot be read, or the drawing is not a valid
+            ground.
     """
     name, geometry = case.name, top.geometry or {}
     regions, strata, lines = top.region, top.stratum, top.line

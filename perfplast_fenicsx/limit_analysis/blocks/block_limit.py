@@ -30,7 +30,7 @@ NOTHING = 1e-9
 """Load factors below this value count as zero, in units in which loads are one."""
 
 ROUNDING = 1e-15
-"""Load factors, in the same units, that are zero but for rounding."""
+"""Load factors, in the same units, that are zero except for rounding."""
 
 ENOUGH = 2.0
 """Required multiple of the loads if all loads are permanent. Joints without adhesion that carry the
@@ -133,7 +133,7 @@ class _OnJoints:
         aside: Factor of the loads of any factor.
         forces: At the vertices of facets on the first side, shape (n, d, d).
         tractions: The same by adhesion.
-        reactions: What supports exert on blocks.
+        reactions: Forces of supports on blocks.
     """
 
     factor: float
@@ -151,7 +151,7 @@ class _Solution:
         facets: Facets of joints.
         sets: The best forces, and inner ones if there are any.
         motion: Motions of the blocks.
-        limits: What else all ranks get.
+        limits: Other values that all ranks get.
     """
 
     facets: JointFacets
@@ -286,7 +286,7 @@ class _Placed:
     loads: tuple[Floats, Floats, Floats]
 
     def of(self, given: JointForces) -> _OnJoints:
-        """Return forces with what supports exert besides."""
+        """Return forces with the additional forces of supports."""
         facets, jumps, sticky = self.facets, self.jumps, self.sticky
         d, unit = self.blocks.corners.shape[2], self.units[0]
         shape = (len(facets.rows), d, d)

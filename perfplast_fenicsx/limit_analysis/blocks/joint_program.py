@@ -78,7 +78,7 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class JointProgram:
-    """Joints and loads of blocks, in units of their own.
+    """Joints and loads of blocks, in units that scale the program.
 
     Attributes:
         cones: Points with contact and friction forces.

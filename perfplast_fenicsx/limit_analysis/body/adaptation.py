@@ -50,9 +50,8 @@ class Adaptation:
         """
         if self.until == DECIDED and design is None:
             raise InputError(
-                'until = "decided" needs a design load; give design, its load factor, '
-                "often design = 1.0 under [loading] with control = 'bounds', or a gap "
-                "such as until = 0.01."
+                'until = "decided" needs a design load; give design, often design = 1.0, '
+                "under [loading] with control = 'bounds', or a gap such as until = 0.01."
             )
 
     def ends(self, lower: Bound, upper: Bound, design: float | None) -> str | None:

@@ -58,7 +58,7 @@ def check_blocks(problem: Problem) -> None:
     """
     if (why := why_no_blocks(problem)) is not None:
         raise InputError(
-            f"none of the bodies can yield, so that only their joints limit the load, but {why}."
+            f"none of the bodies can yield, so only their joints limit the load, but {why}."
         )
 
 

@@ -230,7 +230,7 @@ class BodyBounds(NotebookResult):
 
     @property
     def least_in_words(self) -> str:
-        """Return the bounds of the least load factor in sentences; empty if not sought."""
+        """Return the bounds of the least load factor in sentences; empty if not computed."""
         if self.least is None:
             return ""
         lower = self.lower.value if self.lower.strict else None

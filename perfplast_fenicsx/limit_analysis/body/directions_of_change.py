@@ -71,7 +71,7 @@ def _around_vertices(
         tagged_mesh: The mesh.
         cells: Vertices of the owned cells, shape (num_cells, 4).
         places: Coordinates of these vertices, shape (num_cells, 4, 3).
-        values: Values at corners of cells, shape (num_cells, 4, m), as the result.
+        values: Values at corners of cells, shape (num_cells, 4, m), as in the result.
     """
     vertices = tagged_mesh.mesh.topology.index_map(0)
     volumes = np.abs(np.linalg.det(places[:, 1:] - places[:, :1]))

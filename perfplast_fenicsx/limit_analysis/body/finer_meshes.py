@@ -147,8 +147,8 @@ def refined(
     if problem.comm.allreduce(len(points)):
         finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
     fields = varying_of(problem)
-    # A field of a file has kinks everywhere. Vertices on them move, since bounds that take linear
-    # functions beside the field lose less by it than by lines that cross.
+    # A field of a file has kinks everywhere. Vertices on them move, because linear bounds of the
+    # field then lose less than with lines that cross.
     strengths = [
         (name, field)
         for name, each in fields.items()

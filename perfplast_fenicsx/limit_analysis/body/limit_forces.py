@@ -99,7 +99,7 @@ def _form_of_cells(problem: Problem, stress: Floats) -> ufl.Form:
 
 
 def _form_of_rings(problem: Problem, stress: Floats) -> ufl.Form:
-    """Return ⟨σ, ε(u)⟩ of stresses around an axis. Collective.
+    """Return ⟨σ, ε(u)⟩ of stresses in axisymmetry. Collective.
 
     The product 2πrσ:ε(u) of quadratic rσ and u is cubic, with σ_θ linear (:mod:`stress_cells`).
     Points of a rule for cubic functions are therefore enough.

@@ -51,8 +51,8 @@ def lower_bound(
 
     Args:
         problem: See :func:`limit_bounds.limit_bounds`.
-        beside: Bounds of the same loads, with nearly the same strengths. Its mechanism measures the
-            residuals of the stress, and remains the reported one; its question is used.
+        beside: Bounds for the same loads, with nearly the same strengths. Its mechanism measures
+            the residuals of the stress, and remains the reported one; its question is used.
         rtol: Relative distance to the best lower bound on its mesh.
         steps: Called after each step.
 

@@ -20,8 +20,7 @@ from perfplast_fenicsx.problem.problem import Problem
 def cones_on_file(problem: Problem, of_cells: Ordering, side: Side) -> dict[str, Block]:
     """Return the cones of the bodies, the cone of each cell, and its factor if it varies.
 
-    Collective. Where the angle of friction varies, cells with unlike angles have cones of their
-    own.
+    Collective. If the friction angle varies, each cell has its own cone.
 
     Args:
         problem: The bodies.

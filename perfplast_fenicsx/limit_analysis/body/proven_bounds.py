@@ -40,7 +40,7 @@ def proven(bounds: BodyBounds) -> BodyBounds:
 
     low, high = proven_part(bounds, bounds, ask)
     if bounds.weaker is not None and not (low.lower.strict and high.upper.strict):
-        # The water of a slope that is taken from above and from below is not one statement. A
+        # The water of a slope that has an upper and a lower substitute is not one statement. A
         # factor of safety has a file of each.
         lower, upper = (
             replace(of, value=None, of=Scope.MESH) for of in (bounds.lower, bounds.upper)

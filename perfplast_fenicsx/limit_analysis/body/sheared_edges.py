@@ -1,8 +1,8 @@
 """Refine edges in space at which a shear traction ends and too few cells carry it.
 
 Stresses are symmetric: for one stress at an edge, the traction on either side has the same
-component along the normal of the other side. If the given tractions violate this, as a shear beside
-a free side does, the stress changes from one side to the other, in as many steps as there are
+component along the normal of the other side. If the given tractions violate this, as a shear next
+to a free side does, the stress changes from one side to the other, in as many steps as there are
 cells. One or two cells carry a small part of the body's load. Finer meshes by bisection carry no
 more, since they keep these cells.
 """

@@ -1,7 +1,7 @@
 """Find cells of the plane that are too wide where loads, supports or contacts end.
 
 At such points principal stresses rotate (:mod:`singular_points`). A lower bound needs directions
-out to the same distance, that is long and thin cells. Beside a side with known traction the stress
+out to the same distance, that is long and thin cells. Next to a side with known traction the stress
 is uniform at first. Long cells improve nothing there and worsen the mechanism.
 """
 

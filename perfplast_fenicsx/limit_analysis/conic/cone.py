@@ -41,7 +41,7 @@ Places: TypeAlias = Longs | slice
 """Indices of points; a slice of all of them avoids a copy."""
 
 NO_OWN: Floats = np.zeros(0)
-"""Unknowns of a block without unknowns of its own."""
+"""Empty unknowns, of a block that has none."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,8 +62,8 @@ Stress: TypeAlias = tuple[Floats, Floats]
 """Pressure and deviator at the points, shapes (count,) and (count, m)."""
 
 SOFTEST = 1e-10
-"""Least modulus of points. Weak points that flow beside strong ones, which bear the loads, would
-have almost none. Without it K is singular in double precision beside bulk moduli of 1e5.
+"""Least modulus of points. Weak points that flow beside strong ones, which carry the loads, would
+have almost none. Without it K is singular in double precision with bulk moduli of 1e5.
 """
 
 CONTRAST = 1e4

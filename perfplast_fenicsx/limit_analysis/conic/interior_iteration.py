@@ -214,7 +214,7 @@ class NewtonDirections:
         return Direction(unknowns, work.change.array_r.copy())
 
     def _proximal(self, trace: Floats, deviator: Floats) -> Borne:
-        """Return the stress of the proximal point method; blocks overwrite what they bound."""
+        """Return the stress of the proximal point method, of which blocks overwrite parts."""
         none = np.zeros(len(self._program.jumps))
         return Borne(self._free * trace, self._free[:, None] * deviator, none)
 
@@ -294,8 +294,8 @@ class InteriorIteration:
     def unbalanced_work(self) -> float:
         """Return the work of the unbalanced forces on the velocity. Collective.
 
-        To first order, they change the load by this work, as the velocity is that of collapse with
-        L(v) = 1.
+        To first order, they change the load by this work, because the velocity is that of collapse
+        with L(v) = 1.
         """
         return float(self.balance().dot(self.velocity))
 
@@ -358,7 +358,7 @@ class InteriorIteration:
         if not self.unbalanced() < left:
             self.now = before
 
-    @np.errstate(over="ignore", invalid="ignore")  # a direction without end is not taken
+    @np.errstate(over="ignore", invalid="ignore")  # an unbounded direction is not used
     def step(self, onwards: bool = True) -> float:
         """Perform a step. Collective.
 

@@ -245,9 +245,9 @@ def _cones(problem: Problem, flat: bool) -> BodyCones:
         cone = _cone_of(materials[name], size, flat, tagged_mesh.is_thin)
         if cone is None and getattr(materials[name], "cohesion", None) == 0:
             raise InputError(
-                f"cohesion = 0 in volume '{name}': in space and around an axis the interior point"
-                " method needs a cohesion with Mohr and Coulomb's law; give one, such as a"
-                " thousandth of the constant pressures, or of the weight times the height."
+                f"cohesion = 0 in volume '{name}': in space and in axisymmetry the interior point "
+                "method needs a cohesion for law = 'mohr-coulomb'; give one, such as a "
+                "thousandth of the constant pressures, or of the weight times the height."
             )
         if cone is None:
             raise InputError(
@@ -292,15 +292,15 @@ def check_whole_cones(problem: Problem) -> None:
     for name, material in sorted(materials_of(problem).items()):
         if any(isinstance(one, SpatialField) for one in material.parameters().values()):
             raise InputError(
-                f"a strength of '{name}' varies in space, and shakedown needs numbers; give a body"
-                " to each layer, or a limit load in place of shakedown."
+                f"a strength of '{name}' varies in space, but shakedown needs numbers; give a "
+                "separate body for each layer, or compute a limit load instead."
             )
         if _cone_of(material, size, False, problem.tagged_mesh.is_thin) is not None:
             continue
         if getattr(material, "cohesion", None) == 0:
             raise InputError(
-                f"cohesion = 0 in volume '{name}': shakedown needs a cohesion with Mohr and"
-                " Coulomb's law; give one, such as a thousandth of the constant pressures."
+                f"cohesion = 0 in volume '{name}': shakedown needs a cohesion for law = "
+                "'mohr-coulomb'; give one, such as a thousandth of the constant pressures."
             )
         raise InputError(
             "shakedown needs a yield set that is one cone of stresses, which is not true of"
@@ -356,9 +356,9 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
     found = _of_numbers(material.law, plain, (size, flat, thin))
     if sines and (found is None or found.plain is None or not flat):
         raise InputError(
-            f"friction_angle of {type(material).__name__}, {sines[0].friction}, varies in space:"
-            " limit loads by the interior point method and strict bounds need plane strain for"
-            " that; give a number, and a body to each layer."
+            f"friction_angle of {type(material).__name__}, {sines[0].friction}, varies in space, "
+            "which limit loads by the interior point method and strict bounds support only in "
+            "plane strain; give a number, and a separate body for each layer."
         )
     if found is None or not (profiles or sines):
         return found
@@ -369,9 +369,9 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
     larger = _of_numbers(material.law, twice, (size, flat, thin))
     if len(profiles) > 1 or not _is_twice(larger, found):
         raise InputError(
-            f"a number of {type(material).__name__} varies in space, and its yield set is not in"
-            " proportion to one such number; limit loads by the interior point method and strict"
-            " bounds need that. Give numbers, and a body to each layer."
+            f"a number of {type(material).__name__} varies in space, but its yield set is not "
+            "proportional to this number, as limit loads by the interior point method and strict "
+            "bounds require; give numbers, and a separate body for each layer."
         )
     return replace(found, profile=profiles.pop(), friction=friction)
 
@@ -432,10 +432,10 @@ def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
     )
     if not plain.is_cone:
         raise InputError(
-            f"zero stress must lie inside the cone of {type(law).__name__}: bound ="
-            f" {plain.bound:.6g} must be positive, or 0 with a slope, and the matrix must have"
-            f" full row rank, with a column for each of {size} components of stress; mend what its"
-            " yields.cones returns."
+            f"zero stress must lie inside the cone of {type(law).__name__}: bound = "
+            f"{plain.bound:.6g} must be positive, or 0 with a slope, and the matrix must have "
+            f"full row rank, with a column for each of {size} components of stress; correct what "
+            "its yields.cones returns."
         )
     return plain
 
@@ -448,9 +448,9 @@ def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:
     within = 2 * found.sine * tension < found.bound or tension == np.inf
     if not (found.bound >= least and 0 <= found.sine < 1 and tension > 0 and within):
         raise InputError(
-            f"the set of {type(law).__name__} has bound = {found.bound:.6g}, which has to be"
-            f" positive, or 0 with a sine, sine = {found.sine:.6g}, which has to be in [0, 1), and"
-            f" tension = {tension:.6g}, which has to be positive and below the apex; mend what its"
-            " yields.cones returns."
+            f"the set of {type(law).__name__} has bound = {found.bound:.6g}, sine = "
+            f"{found.sine:.6g} and tension = {tension:.6g}, but bound must be positive (or 0 with "
+            "a sine), sine in [0, 1), and tension positive and below the apex; correct what its "
+            "yields.cones returns."
         )
     return found

@@ -4,9 +4,9 @@ Static and kinematic limit load converge to each other in 5 to 30 factorisations
 bounds are those of the *discrete* problem: equilibrium of the finite elements, with yield and
 dissipation at the quadrature points.
 
-Identify bodies that lock: those that prevent a velocity of the mesh from keeping volumes.
-A quadratic velocity on arbitrary tetrahedra has few ways to keep the volume at all points. The
-volume changes of the nearest velocity show the bodies whose mesh is too coarse for a mechanism.
+Identify bodies that lock: those that prevent a velocity of the mesh from preserving volume. A
+quadratic velocity on arbitrary tetrahedra has few ways to keep the volume at all points. The volume
+changes of the nearest velocity show the bodies whose mesh is too coarse for a mechanism.
 
 Compute Drucker's bounds of the load that bodies with Coulomb's friction carry.
 No limit theorem holds for Coulomb's friction, as slip does not follow the normal of the friction

@@ -165,5 +165,5 @@ def resisted(found: LimitLoad) -> LimitLoad:
         InputError: If no stress can carry them.
     """
     if found.verdict is Verdict.NO_RESISTANCE:
-        raise InputError(f"{found.reason}; turn the loads around, or hold the bodies there.")
+        raise InputError(f"{found.reason}; reverse the loads, or support the bodies there.")
     return found

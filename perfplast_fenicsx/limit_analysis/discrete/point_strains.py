@@ -157,7 +157,7 @@ class PointStrains:
         Collective.
 
         If the coordinates are trace and deviator, the volume change of volume-preserving bodies is
-        left out; it is rounding.
+        ignored, because it is rounding.
 
         Args:
             v: Admissible velocity with updated ghosts.

@@ -1,4 +1,4 @@
-"""Evaluate strain rates of v = ru around an axis by Bernstein coefficients, for dilating ground.
+"""Evaluate strain rates of v = ru in axisymmetry by Bernstein coefficients, for dilating ground.
 
 For the strain rates ε of u, r²ε is quadratic in a cell of the section
 (:func:`~perfplast_fenicsx.mesh.ring_polynomials.ring_rates`). The admissible rates of a yield set

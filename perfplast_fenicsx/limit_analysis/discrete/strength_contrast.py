@@ -90,7 +90,7 @@ def held_bodies(problem: Problem) -> tuple[str, ...]:
 def _radii(problem: Problem, least: float = np.finfo(float).tiny) -> dict[str, float]:
     """Return the least yield radius of each body that can yield. Collective.
 
-    Cohesionless sand has a radius of 0, as its strength depends on the pressure.
+    Cohesionless sand has a radius of 0, because its strength depends on the pressure.
 
     Args:
         problem: The bodies.

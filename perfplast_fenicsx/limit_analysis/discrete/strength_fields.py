@@ -6,7 +6,8 @@ the coordinates, and the right side linear. So a linear stress is within yield i
 it is at the vertices. An upper bound takes a linear function that is nowhere below the profile, so
 that no mechanism dissipates less. Both bounds are strict.
 
-A slope q that varies with the angle of friction is one number a cell (:mod:`varying_friction`).
+A slope q that varies with the angle of friction has one value for each cell
+(:mod:`varying_friction`).
 """
 
 from collections.abc import Callable
@@ -63,7 +64,7 @@ def steepness_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side
         cones: Cones of the bodies.
         numbers: Number of the cone of each simplex, shape (n,).
         simplices: Their vertices, shape (n, k, d).
-        side: Whether the least or the most is wanted.
+        side: Whether the least or the largest is requested.
 
     Returns:
         Shape (n,), 1 where the slope does not vary; None where no slope does.
@@ -83,7 +84,7 @@ def steepness_of_cells(problem: Problem, side: Side) -> Floats | None:
 
     Args:
         problem: The bodies, on straight cells.
-        side: Whether the least or the most is wanted.
+        side: Whether the least or the largest is requested.
     """
     vertices, places = corners(problem.tagged_mesh.mesh)
     cones = body_cones(problem)
@@ -176,17 +177,17 @@ def check_profiles(problem: Problem) -> None:
     """Refuse strengths whose variation strict bounds do not support. Collective.
 
     Raises:
-        InputError: If bodies are of revolution, if no linear functions beside a profile are known
-            in each cell, or if the one below is not positive.
+        InputError: If bodies are of revolution, if no linear bounds of a profile are known in each
+            cell, or if the one below is not positive.
     """
     if not body_cones(problem).varies or has_curved_cells(problem.tagged_mesh.mesh):
         return
     if problem.tagged_mesh.axisymmetric:
         name, fields = next(iter(varying_of(problem).items()))
         raise InputError(
-            f"{' and '.join(fields)} of '{name}' varies in space, and strict bounds around an axis"
-            " need numbers; give a body to each layer, or control = 'work' with until = 'limit' for"
-            " an estimate of the limit load."
+            f"{' and '.join(fields)} of '{name}' varies in space, but strict bounds in "
+            "axisymmetry need numbers; give a separate body for each layer, or control = 'work' "
+            "with until = 'limit' for an estimate of the limit load."
         )
     message = None
     try:
@@ -199,9 +200,9 @@ def check_profiles(problem: Problem) -> None:
             tagged_mesh = problem.tagged_mesh
             named = (name for name in tagged_mesh.volumes if cell in tagged_mesh.cells(name))
             message = (
-                f"the strength of '{next(named)}' varies so steeply in the cell at {where} that no"
-                " positive linear function below it is known there; refine the mesh there, or give"
-                " it lines where the slope of the strength changes."
+                f"the strength of '{next(named)}' varies so steeply in the cell at {where} that "
+                "no positive linear function below it is known there; refine the mesh there, or "
+                "draw lines where the slope of the strength changes."
             )
     except InputError as error:
         message = str(error)

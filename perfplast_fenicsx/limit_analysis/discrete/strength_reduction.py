@@ -57,13 +57,13 @@ class Weakening:
         check_stands(given.loads, given.materials, rubbing)
         if all_elastic(given.materials.values()):
             raise InputError(
-                "no body can yield, and blocks have no curve of F over work, as they do"
-                " not deform; remove path."
+                "no body can yield, and blocks have no curve of F over work, because they do not "
+                "deform; remove path."
             )
         if pair_of(given.materials) is not None:
             raise InputError(
-                "ground with nonassociated = 'radenkovic' has no curve of F over work, as only"
-                " bounds are known for it; remove path, or give nonassociated = 'davis-b'."
+                "ground with nonassociated = 'radenkovic' has no curve of F over work, because "
+                "only bounds are known for it; remove path, or give nonassociated = 'davis-b'."
             )
         self._materials = given.materials
         self.problem = variant(
@@ -92,9 +92,9 @@ class Weakening:
             on = laws.get(material.law)
             if on is None:
                 raise InputError(
-                    f"the tensile strength of '{name}' is below the apex of its cone with strengths"
-                    f" divided by {factor:.6g}, and not before; give a smaller one, or leave it out"
-                    " for this curve."
+                    f"the tensile strength of '{name}' is below the apex of its cone only after "
+                    f"strengths are divided by {factor:.6g}; give a smaller one, or remove it for "
+                    "this curve."
                 )
             set_parameters(mesh, {name: material}, on.numbers)
         friction = problem.friction
@@ -199,19 +199,19 @@ def check_stands(
     rubs = any(it.rubs and is_divided(it) for it in rubbing)
     if all_elastic(materials.values()) and not rubs:
         raise InputError(
-            "all bodies are elastic or rigid, and no friction that F divides is between them: there"
-            " is no strength that could fall. Give those that may yield another law, or contacts"
-            " coulomb or tresca."
+            "all bodies are elastic or rigid, and no contact has friction that F divides, so "
+            "there is no strength to reduce; give another law to bodies that may yield, or give "
+            "contacts coulomb or tresca."
         )
     falls = [it for it in materials.values() if is_divided(it) and not all_elastic([it])]
     if not falls and not rubs:
         raise InputError(
-            "reduced = false leaves no strength that a factor of safety could divide; leave it out"
-            " of the bodies and contacts that may fall."
+            "reduced = false leaves no strength that a factor of safety could divide; remove it "
+            "from the bodies and contacts that may fail."
         )
     for load in loads:
         if not load.constant:
             raise InputError(
-                f"the load on '{load.on}' grows, and a factor of safety is that of loads that stay;"
-                " make it constant, or seek its limit load."
+                f"the load on '{load.on}' grows, but a factor of safety needs constant loads; "
+                "give it constant = true, or compute its limit load."
             )

@@ -42,7 +42,8 @@ def with_strict_contact(problem: Problem) -> Problem:
 def with_associated_slip(problem: Problem) -> Problem:
     """Return a problem whose slip is associated where friction is Coulomb's. Collective.
 
-    Only :func:`discrete_limit.interior_point` accepts this problem, as its unknowns are different.
+    Only :func:`discrete_limit.interior_point` accepts this problem, because its unknowns are
+    different.
 
     Args:
         problem: The bodies and their contact; the problem of

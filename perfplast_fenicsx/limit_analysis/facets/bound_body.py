@@ -68,7 +68,7 @@ class RigidFacets:
         free: 1 for existing unknowns and 0 for others, shape (num_surfaces, 3 or 6).
         middle: Centre c, shape (num_surfaces, d).
         extent: Length by which rotations are scaled.
-        area: Area of each surface; around an axis that of the full turn.
+        area: Area of each surface; in axisymmetry that of the full turn.
     """
 
     names: tuple[str, ...]
@@ -116,7 +116,7 @@ class RigidFacets:
             comm: The ranks.
             numbers: Numbers of the facets.
             vertices: Vertices of the owned cells, shape (num_cells, d + 1, d).
-            nodes: Nodes of a facet; more than its vertices around an axis, where no surface
+            nodes: Nodes of a facet; more than its vertices in axisymmetry, where no surface
                 rotates.
         """
         d, (count, unknowns) = vertices.shape[2], self.free.shape

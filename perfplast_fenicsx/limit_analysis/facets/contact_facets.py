@@ -36,7 +36,7 @@ class ContactFacets:
             shape (num_facets, num_edges); no columns for linear elements.
         cells: Cells of the facets.
         sides: Local vertex opposite to each facet.
-        areas: Areas, around an axis those of the full turn of the facets' midpoints; 0 where
+        areas: Areas; in axisymmetry those of the full turn of the facets' midpoints; 0 where
             another rank owns the cell.
         normals: Unit normals out of the cells, shape (num_facets, d).
         tags: Tags of the surfaces.
@@ -337,7 +337,7 @@ class MatchedFacets:
 def matched_facets(
     problem: Problem, displacement: fem.Function | None = None
 ) -> list[MatchedFacets] | None:
-    """Return the matched facets of each contact, as its surfaces are declared. Collective.
+    """Return the matched facets of each contact, in the order of its declared surfaces. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.

@@ -1,7 +1,7 @@
 """Compute coordinates and normals of a rank's outer facets, and number velocities on them.
 
-Number velocities of the facets' vertices over all ranks, d per vertex and d² per facet.
-Around an axis a facet has three nodes, its ends and a point between them (:mod:`stress_cells`).
+Number velocities of the facets' vertices over all ranks, d per vertex and d² per facet. In
+axisymmetry a facet has three nodes, its ends and a point between them (:mod:`stress_cells`).
 
 Facets have DOLFINx's numbers, and their vertices are in the order of their global numbers. Where
 two bodies touch, the jump along the normal replaces the velocity of one side as unknown. The

@@ -1,8 +1,8 @@
 """Find vertices that bear no stress, and divide corners whose single cell cannot bear its loads.
 
-At the corner its stress has three components, and the tractions on both sides prescribe up to
-four. For example a pressure beside a free side does, unless the sides are at right angles. Then no
-load is carried at all. Beside contact three are prescribed, and they determine the pressure in the
+At the corner its stress has three components, and the tractions on both sides prescribe up to four.
+For example a pressure next to a free side does, unless the sides are at right angles. Then no load
+is carried at all. Next to contact three are prescribed, and they determine the pressure in the
 corner, often as zero. If a surface has friction, a free side prescribes two; then shear and
 pressure are proportional, whatever the adhesion. Two cells that meet in the corner have six
 components, of which at most six are prescribed.
@@ -12,12 +12,11 @@ stresses have 18 components. The tractions of three facets, and continuity at th
 the parts, are as many conditions. They are regular for one tetrahedron, and so for all, since
 Piola's transformation maps symmetric stresses to symmetric stresses, and tractions to tractions.
 
-Find vertices at which unconfined, cohesionless ground bears no stress.
-On a free facet σn = 0. Without cohesion, the other principal stress then bounds a principal stress
-of zero, so all of σ is zero. The tractions of all other facets of the cell at that vertex are then
-zero too, and so is σ in its neighbours. This does not hold with water, since effective stresses
-depend on its pressure. Such stresses are no unknowns of a lower bound, as their set has no
-interior.
+Find vertices at which unconfined, cohesionless ground bears no stress. On a free facet σn = 0.
+Without cohesion, the other principal stress then bounds a principal stress of zero, so all of σ is
+zero. The tractions of all other facets of the cell at that vertex are then zero too, and so is σ in
+its neighbours. This does not hold with water, since effective stresses depend on its pressure. Such
+stresses are not unknowns of a lower bound, because their set has no interior.
 """
 
 import logging

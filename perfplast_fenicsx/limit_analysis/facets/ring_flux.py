@@ -31,7 +31,7 @@ def by_flux(problem: Problem) -> Problem:
     Bodies, loads and contact are the same.
 
     Args:
-        problem: Problem around an axis, quadratic, on straight cells.
+        problem: Axisymmetric problem with quadratic elements on straight cells.
 
     Raises:
         InputError: If surfaces in contact have a distance across the axis.
@@ -77,9 +77,9 @@ def _check_rings_meet(problem: Problem) -> None:
     rounding = 1e-9  # relative to the bodies
     if largest > rounding * problem.bodies.size:
         raise InputError(
-            f"surfaces in contact are {largest:.3g} apart across the axis, and rings of different"
-            " radii have different areas; gaps play no part in limit loads, so that bodies may be"
-            " meshed without: close it, or give control = 'work' and until = 'limit'."
+            f"surfaces in contact are {largest:.3g} apart across the axis, and rings of different "
+            "radii have different areas; mesh the bodies without this gap, which does not change "
+            "limit loads, or give control = 'work' and until = 'limit'."
         )
 
 
@@ -101,9 +101,9 @@ def without_pores(problem: Problem, dilates: bool) -> Problem:
         return problem
     if dilates:
         raise InputError(
-            "strict bounds around an axis do not support pore pressure in ground that dilates;"
-            " remove the pressure, or give control = 'work' and until = 'limit', for the limit"
-            " load of the mesh."
+            "in axisymmetry strict bounds do not support pore pressure in ground that dilates; "
+            "remove the pressure, or give control = 'work' and until = 'limit', for the limit "
+            "load of the mesh."
         )
     return Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
 

@@ -11,8 +11,8 @@ cell is split at its barycentre into four. A single tetrahedron does not carry a
 tractions, but the split one does (C. Johnson, B. Mercier, Numer. Math. 30 (1978), 103; M. Křížek,
 Apl. Mat. 27 (1982), 46).
 
-Formulate cells of bodies of revolution: equilibrium of S = rσ, quadratic in the section.
-Times r, the equations of equilibrium around an axis with a force b per volume are
+Formulate cells of bodies of revolution: equilibrium of S = rσ, quadratic in the section. The
+axisymmetric equations of equilibrium with a force b per volume, multiplied by r, are
 
     σ_θ = ∂_r S_rr + ∂_z S_rz + r b_r,   ∂_r S_rz + ∂_z S_zz + r b_z = 0.
 

@@ -5,7 +5,7 @@ yield set are a convex cone. So rates that are admissible at the vertices are ad
 Where a body dilates, tr ε ≥ α‖dev ε‖, it dissipates (γ/α) tr ε, which the mean of the vertices
 integrates exactly.
 
-Around an axis r²ε is quadratic. There the points are at vertices and edges, one for each of its
+In axisymmetry r²ε is quadratic. There the points are at vertices and edges, one for each of its
 Bernstein coefficients (:mod:`~perfplast_fenicsx.limit_analysis.discrete.ring_strains`).
 """
 
@@ -27,12 +27,12 @@ from perfplast_fenicsx.problem.variant import variant
 def with_points_at_vertices(problem: Problem) -> Problem:
     """Return the problem with the vertices of each cell as its points. Collective.
 
-    Around an axis the midpoints of edges are points, too. The new problem shares everything but the
+    In axisymmetry the midpoints of edges are points, too. The new problem shares everything but the
     spaces and laws at the points with the given one.
 
     Args:
-        problem: Problem with quadratic elements on straight cells, in the plane, in space, or
-            around an axis in v = ru (:mod:`ring_flux`), and laws without a history.
+        problem: Problem with quadratic elements on straight cells, in the plane, in space, or in
+            axisymmetry for v = ru (:mod:`ring_flux`), and laws without a history.
     """
     mesh = problem.tagged_mesh.mesh
     cell, gdim = mesh.basix_cell(), mesh.geometry.dim

@@ -195,7 +195,7 @@ class Judge:
         return Leap(reached.rest + far, self._ahead)
 
     def stop(self, before: State | None, last: State | None, why: str) -> None:
-        """Conclude from the present levels, as the next one cannot be solved. Collective."""
+        """Conclude from the present levels, because the next one cannot be solved. Collective."""
         search, problem = self._search, self._problem
         if last is not None:
             self._conclude(collapse_mechanism(problem, before, last), last)

@@ -65,8 +65,8 @@ class StressPoints:
 def stress_points(problem: Problem) -> StressPoints:
     """Return the points of a problem. Collective.
 
-    They are the quadrature points if strains are not linear in a cell: for linear elements, around
-    an axis and in curved cells.
+    They are the quadrature points if strains are not linear in a cell: for linear elements, in
+    axisymmetry and in curved cells.
     """
     mesh = problem.tagged_mesh.mesh
     linear = problem.degree == 2 and not problem.tagged_mesh.axisymmetric
@@ -279,8 +279,8 @@ class LoadDomain:
             if len(given) != 2 or not all(map(math.isfinite, given)) or not given[0] < given[1]:
                 shown = ", ".join(f"{value:g}" for value in given)
                 raise InputError(
-                    f"[{shown}] is not a valid range for '{name}'; give two different factors, the"
-                    " smaller one first. For what does not vary set constant = true."
+                    f"[{shown}] is not a valid range for '{name}'; give two different factors, "
+                    "the smaller one first. For a load that does not vary set constant = true."
                 )
         corners = np.array(list(itertools.product(*ranges.values())), dtype=np.float64)
         return LoadDomain(tuple(ranges), corners)
@@ -289,7 +289,7 @@ class LoadDomain:
     def of_corners(corners: Sequence[Mapping[str, float]]) -> "LoadDomain":
         """Return the convex hull of given corners.
 
-        Names that a corner leaves out have the factor 0.
+        Names that a corner does not contain have the factor 0.
 
         Raises:
             InputError: If fewer than two corners differ, or a factor is not finite.
@@ -301,8 +301,8 @@ class LoadDomain:
         different = sorted(set(map(tuple, rows)))
         if len(different) < 2:
             raise InputError(
-                f"corners has {len(different)} corner{'s' * (not different)} that"
-                f" differ{'s' if different else ''}, so that nothing varies; give two at least, or"
-                " control = 'bounds' for loads that grow once."
+                f"corners has {len(different)} corner{'s' * (not different)} that "
+                f"differ{'s' if different else ''}, so nothing varies; give at least two, or "
+                "control = 'bounds' for loads that grow once."
             )
         return LoadDomain(names, np.array(different))

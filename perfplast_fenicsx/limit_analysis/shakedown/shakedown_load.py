@@ -289,7 +289,9 @@ def _check_bonds(problem: Problem) -> None:
             " single loads are added up; make contacts that stay closed [[tie]] tables."
         )
     if problem.motion.moves_supports or problem.motion.driven:
-        raise InputError("shakedown is for loads and temperatures; let supports rest.")
+        raise InputError(
+            "shakedown supports only loads and temperatures; remove the motions of supports."
+        )
 
 
 @dataclass(frozen=True, eq=False)

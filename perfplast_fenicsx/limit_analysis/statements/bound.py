@@ -68,7 +68,7 @@ class Bound:
         return self.value is not None and self.of is Scope.BODY
 
     def proven(self, value: float | None = None) -> "Bound":
-        """Return it as the checker has proven it, with another value if that is what it proves."""
+        """Return the bound as the checker has proven it, with the value that the checker proves."""
         return replace(self, value=self.value if value is None else value, doubts=())
 
     def refused(self, why: str) -> "Bound":

@@ -31,7 +31,7 @@ class MultiplierStrains:
         layout: Layout of a cell.
         facets: The facets' unknowns.
         num_cells: Number of owned cells.
-        matrices: Matrices of :func:`stress_cells.strain_matrices`, or around an axis of
+        matrices: Matrices of :func:`stress_cells.strain_matrices`, or in axisymmetry of
             :func:`stress_cells.ring_matrices`, in the coordinates of the cones. They are zero at
             bare vertices, whose stress is zero and no unknown (:mod:`lone_corners`).
         idle: Flags of unknowns that belong only to such vertices, shape (num_cells, num_rows).

@@ -22,8 +22,8 @@ class StaticBound:
         stress: Stress σ at the bound, Mandel vectors in the user's units, linear between vertices,
             shape (num_owned_cells, num_points, m). In the plane the points are the vertices in the
             order of the mesh's geometry (that of its topology). In space they are the vertices of
-            four parts, one part after the other; in part a the barycentre replaces vertex a. Around
-            an axis these are Bernstein's coefficients of rσ, which is quadratic
+            four parts, one part after the other; in part a the barycentre replaces vertex a. In
+            axisymmetry these are Bernstein's coefficients of rσ, which is quadratic
             (:mod:`stress_cells`).
         aside: Factor of the loads of any factor, if there are any.
         dissipation: Dissipation (γ − αp)‖dev ε‖ of the multipliers, for each owned cell, with L =

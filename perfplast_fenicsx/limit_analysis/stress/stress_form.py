@@ -1,7 +1,7 @@
 """Compute areas of facets and cells in the balance of a stress, and loads on multipliers.
 
 In the plane and in space stresses are linear in the cells, with as many nodes on a facet as it has
-vertices. Around an axis rσ is quadratic, with one more node (:mod:`stress_cells`).
+vertices. In axisymmetry rσ is quadratic, with one more node (:mod:`stress_cells`).
 """
 
 import math
@@ -30,12 +30,12 @@ class StressForm:
         turned: Whether the cells are sections of rings.
         nodes: Number of nodes of a facet, its vertices first.
         twins: Twins of the facets' unknowns, shape (num_facets, nodes, d).
-        areas: Area of each node, around an axis for the full turn, shape (num_facets, nodes).
+        areas: Area of each node, in axisymmetry for the full turn, shape (num_facets, nodes).
         measures: The same, with a value other than zero on an axis.
-        sections: V^((d − 1)/d), around an axis times 2πr.
+        sections: V^((d − 1)/d), in axisymmetry times 2πr.
         slopes: Gradients of barycentric coordinates, shape (num_cells, d + 1, d).
         shares: Area of each facet of each cell over d, shape (num_cells, d + 1).
-        volumes: Volumes of the cells, around an axis areas of their sections.
+        volumes: Volumes of the cells; in axisymmetry areas of their sections.
     """
 
     vertices: Floats
@@ -86,7 +86,7 @@ class StressForm:
 
         Args:
             tractions: Tractions of the loads at their vertices, shape (num_cells, d + 1, d, d).
-            loads: The loads; without pore pressure around an axis.
+            loads: The loads; in axisymmetry without pore pressure.
 
         Returns:
             Shape (num_cells, d + 1, nodes, d).
@@ -102,7 +102,7 @@ class StressForm:
         """Return the loads of the cells' multipliers, shape (num_cells, inner).
 
         Args:
-            loads: The loads; without pore pressure around an axis.
+            loads: The loads; in axisymmetry without pore pressure.
         """
         if self.turned:
             return ring_forces(self.vertices, loads.forces)

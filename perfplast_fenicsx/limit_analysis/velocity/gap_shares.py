@@ -44,7 +44,7 @@ def gap_shares(
         problem: The bodies and their loads, on straight cells.
         mechanism: Admissible mechanism with L(v) = 1 and updated ghosts.
         stress: Mandel vectors at the vertices of these cells, linear between them, shape
-            (num_cells, d + 1, 4 or 6); around an axis coefficients of rσ (:mod:`stress_cells`),
+            (num_cells, d + 1, 4 or 6); in axisymmetry coefficients of rσ (:mod:`stress_cells`),
             shape (num_cells, 6, 4).
         rates: Rates of the mechanism; evaluated by default.
 
@@ -69,7 +69,7 @@ def gap_shares(
 def _of_rings(
     problem: Problem, rates: MechanismRates, mechanism: fem.Function, stress: Floats
 ) -> Floats:
-    """Return the shares around an axis, with the work of the stress by a quadrature rule."""
+    """Return the shares in axisymmetry, with the work of the stress by a quadrature rule."""
     points = points_of_cells(problem)
     vertices, places = corners(problem.tagged_mesh.mesh)
     x = places[vertices]

@@ -204,9 +204,9 @@ def _ends(
     Where live loads act on bodies at rest, all motion is rounding. Therefore velocities count at
     least as the mean velocity with which the permanent loads do their work.
     """
-    # Work that counts as zero, relative to what live loads do at all nodes without regard to signs:
-    # half of a checker's limit. It would matter at load factors some million times as large as
-    # those that bodies bear.
+    # Work that counts as zero, relative to the sum of the absolute works of live loads at all
+    # nodes: half of a checker's limit. It would matter at load factors some million times as large
+    # as those that bodies carry.
     least_parting = 5e-7
     comm = problem.comm
     sought = problem.loads.live if question is Question.LIMIT else problem.loads.dead

@@ -2,8 +2,8 @@
 
 The motions q of a body are few: three in the plane, six in space. Some components that supports
 hold, and directions at up to three nodes, determine q. All other components are linear in these.
-The rows do no work on rigid motions, so that their forces balance on each body, and what loads it
-arrives at its supports, its contacts and its glued surfaces.
+The rows do no work on rigid motions, so that their forces balance on each body, and the loads
+arrive at its supports, contacts and glued surfaces.
 """
 
 from collections.abc import Mapping, Sequence
@@ -76,15 +76,16 @@ def rigid_bodies(
         V: Displacement space.
         tagged_mesh: Mesh with names.
         materials: Materials of each volume.
-        supported: What supports hold.
+        supported: Components that supports hold, with their displacement.
 
     Raises:
-        InputError: If bodies are of revolution, or supports move one otherwise than as a rigid one.
+        InputError: If bodies are of revolution, or supports move a body in a way that is not a
+            rigid motion.
     """
     if tagged_mesh.axisymmetric:
         raise InputError(
-            "a body of revolution has law = 'rigid', which levels do not know; give law ="
-            " 'elastic' with a young that is 1e5 times as large as that of the bodies beside it."
+            "a body of revolution has law = 'rigid', which levels do not support; give law = "
+            "'elastic' with a young that is 1e5 times as large as that of the bodies beside it."
         )
     count, of_node = _find(V, tagged_mesh, materials)
     rows = []
@@ -103,7 +104,7 @@ def check_touching(
 ) -> None:
     """Refuse rigid bodies that touch each other or obstacles, or that are guided. Collective.
 
-    A row of contact or of a tie has a node of its own, which deforms.
+    A row of contact or of a tie has a node on a body that deforms.
 
     Raises:
         InputError: Naming the surfaces.
@@ -128,14 +129,14 @@ def check_touching(
     for obstacle in given.obstacles:
         if moves(obstacle.on):
             raise InputError(
-                f"the obstacle on '{obstacle.on}' touches a body with law = 'rigid', which levels"
-                f" do not know; {remedy}."
+                f"the obstacle on '{obstacle.on}' touches a body with law = 'rigid', which levels "
+                f"do not support; {remedy}."
             )
     for support in given.supports:
         if support.guides and moves(support.on):
             raise InputError(
-                f"components = 'normal' of the support on '{support.on}' is not for bodies with"
-                " law = 'rigid' at levels; give letters of axes."
+                f"components = 'normal' of the support on '{support.on}' is not supported in "
+                "levels of bodies with law = 'rigid'; give letters of axes."
             )
 
 
@@ -210,8 +211,8 @@ class _Body:
         message = None
         if comm.allreduce(apart, MPI.MAX) > rounding * most:
             message = (
-                "supports move nodes of a body with law = 'rigid' otherwise than as a rigid body;"
-                " give them values of a translation and a rotation, or leave all but one out."
+                "supports move nodes of a body with law = 'rigid' in a way that is not a rigid "
+                "motion; give them values of a translation and a rotation, or remove all but one."
             )
         raise_together(comm, message)
         holder = supported.holder[nodes]

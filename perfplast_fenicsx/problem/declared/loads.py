@@ -437,7 +437,7 @@ def kind_of(load: Load) -> str:
 
 
 def is_known(load: Load) -> bool:
-    """Return whether a load is of one of the program's own kinds."""
+    """Return whether the program defines the kind of a load."""
     return type(load) in (*load_kinds().values(), *ON_SURFACES, FieldPores, EnclosedPores)
 
 
@@ -469,7 +469,7 @@ def scaled(load: Load, factor: float) -> Load:
     """Return the load with all its values multiplied by a factor.
 
     Args:
-        load: A dataclass, as all loads are; numbers are multiplied, and so are formulas.
+        load: A load, which is a dataclass; its numbers and formulas are multiplied.
         factor: Factor of any sign. A negative factor changes where the pressure of a pin in its
             bore acts.
     """

@@ -58,7 +58,7 @@ def rows_source(precision: type[np.floating]) -> str:
     """Return functions ``pattern`` and ``fill`` for blocks with n rows and m columns.
 
     Args:
-        precision: Precision of what is kept, float32 or float64.
+        precision: Precision of the stored values, float32 or float64.
     """
     return own_types(_kernels() + for_size("n") + _row_calls(), precision)
 
